@@ -1,0 +1,46 @@
+# `make study` (the main job) and `make test` create what they need; nothing but Python 3.11+ and make is assumed.
+PYTHON ?= python3
+BIN := .venv/bin
+ENVIRONMENT := .venv/.complete
+
+.PHONY: help study test check benchmark lock clean
+
+help:
+	@echo 'make study      design the deadbeat feedforward for the default machine, validate it, write its report'
+	@echo 'make test       format, lint, types and all tests'
+	@echo 'make benchmark  time and error of the simulator beside what one would use instead'
+	@echo 'make lock       pin the newest dependencies of requirements.in in requirements.lock'
+	@echo 'make clean      remove the environment, caches and generated reports'
+
+study: $(ENVIRONMENT)
+	$(BIN)/python -m studies.deadbeat_design
+
+test: check
+	$(BIN)/python -m pytest
+
+check: $(ENVIRONMENT)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+benchmark: $(ENVIRONMENT)
+	$(BIN)/python -m tests.benchmark
+
+# Made in one piece or not at all: the mark is set last, and a broken environment is begun anew.
+$(ENVIRONMENT): requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo 'error: $(PYTHON) is older than Python 3.11; run make PYTHON=/path/to/a/newer/python'; exit 2; }
+	rm -rf .venv
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: \
+	    -r requirements.lock
+	touch $@
+
+lock: $(ENVIRONMENT)
+	$(BIN)/python -m pip install --quiet uv
+	$(BIN)/python -m uv pip compile --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+	    --custom-compile-command 'make lock' requirements.in --output-file requirements.lock
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis reports/out
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
