@@ -1,0 +1,115 @@
+"""A report is the readable face of a study's results: figures, a web page and a PDF.
+
+Nothing is computed here. A study hands over its results, plain data as JSON holds it, and a `Report` that says
+how they are drawn and told. `render` writes
+
+    figures/NAME.svg    one file per figure
+    report.html         one self-contained page: no script, no request to anywhere
+    report.pdf          the same text for A4 paper
+
+and the same results give the same bytes, on every run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure as Drawing
+
+from reports import pages, style, text
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of a report.
+
+    `name` is its file name and its label, `caption` is Markdown and may hold LaTeX maths, `keys` are the dotted
+    keys of the results that it is drawn from, and `draw` gets the results cut down to these keys: what a figure
+    says it shows is what it can show.
+    """
+
+    name: str
+    caption: str
+    keys: tuple[str, ...]
+    draw: Callable[[Mapping[str, Any]], Drawing]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a report asks and how it is told: a Jinja2 Markdown `template` with `figures` placed in it.
+
+    `title` and `question` (one sentence) are Markdown; `filters` are the study's own Jinja2 filters, such as the
+    rounding of its numbers.
+    """
+
+    title: str
+    question: str
+    template: Path
+    figures: tuple[Figure, ...]
+    filters: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+
+
+def render(
+    report: Report, results: Mapping[str, Any], folder: Path, *, progress: Progress | None = None
+) -> tuple[Path, ...]:
+    """Writes the report on `results` below `folder` and returns the written paths, sorted.
+
+    `progress` is called with a line per step. Raises `ValueError` or `KeyError` naming the figure, the key or the
+    variable at fault when figures, template and results do not fit together, and `pages.PageError` with the
+    converter's message when the Markdown can not be set; what was written by then is left behind in `folder`.
+    """
+    tell = progress or (lambda _: None)
+    drawn_from = {figure.name: select(results, figure) for figure in report.figures}
+    captions = {figure.name: figure.caption for figure in report.figures}
+    if len(captions) != len(report.figures):
+        raise ValueError(f"two figures of one name: {sorted(figure.name for figure in report.figures)}")
+    body = text.fill(report.template, results, captions, report.filters)
+    markdown = text.head(report.title, report.question) + body
+    drawings = folder / "figures"
+    drawings.mkdir(parents=True, exist_ok=True)
+    # Pandoc is a process of its own: it sets the text for paper while this one still draws.
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        source = pool.submit(pages.to_typst, markdown)
+        written = [draw(figure, drawn_from[figure.name], drawings, tell) for figure in report.figures]
+        tell("setting report.html and report.pdf")
+        html = pool.submit(pages.write_html, markdown, folder)
+        written.append(pages.write_pdf(source.result(), folder))
+        written.append(html.result())
+    return tuple(sorted(written))
+
+
+def draw(figure: Figure, results: Mapping[str, Any], folder: Path, tell: Progress) -> Path:
+    """Draws one figure to `folder`/NAME.svg. Raises `KeyError` if it reads results that it does not declare."""
+    tell(f"drawing {figure.name}")
+    path = folder / f"{figure.name}.svg"
+    try:
+        style.save(figure.draw, results, path)
+    except KeyError as error:
+        raise KeyError(f"figure {figure.name!r} reads {error}, which is none of its keys {figure.keys}") from error
+    return path
+
+
+def select(results: Mapping[str, Any], figure: Figure) -> dict[str, Any]:
+    """The part of `results` that `figure.keys` name, nested as in `results`. Raises `KeyError` for a missing key."""
+    part: dict[str, Any] = {}
+    for key in figure.keys:
+        *parents, last = key.split(".")
+        source: Any = results
+        target = part
+        for parent in parents:
+            source = _step(source, parent, key, figure)
+            target = target.setdefault(parent, {})
+        target[last] = _step(source, last, key, figure)
+    return part
+
+
+def _step(source: Any, name: str, key: str, figure: Figure) -> Any:
+    if not isinstance(source, Mapping) or name not in source:
+        raise KeyError(f"figure {figure.name!r} is drawn from {key!r}, which the results do not have")
+    return source[name]

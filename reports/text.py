@@ -1,0 +1,84 @@
+"""The Markdown of a report: the study's template filled with its results."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+
+def fill(
+    template: Path,
+    results: Mapping[str, Any],
+    captions: Mapping[str, str],
+    filters: Mapping[str, Callable[..., Any]],
+) -> str:
+    """The template's Markdown with `results` and every figure of `captions` (name to caption) in its place.
+
+    Raises `ValueError` for a figure that is unknown, placed twice or not placed and for a printed None, and
+    `jinja2.UndefinedError` for a variable that the results do not have.
+    """
+    placed: list[str] = []
+
+    def figure(name: str) -> str:
+        if name not in captions:
+            raise ValueError(f"the template places figure {name!r}, which the report does not have")
+        if name in placed:
+            raise ValueError(f"the template places figure {name!r} twice")
+        placed.append(name)
+        caption = " ".join(captions[name].split())
+        return f"\n![{caption}](figures/{name}.svg){{#fig:{name}}}\n"
+
+    environment = Environment(
+        loader=FileSystemLoader(template.parent),
+        undefined=StrictUndefined,
+        finalize=_printable,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        # Jinja2's own '{#' is how Markdown writes a label: '{#fig:step}'.
+        comment_start_string="<!--",
+        comment_end_string="-->",
+        keep_trailing_newline=True,
+        autoescape=False,  # it is Markdown, not HTML
+    )
+    environment.filters.update({"verdict": verdict, **filters})
+    body = environment.get_template(template.name).render(results=results, figure=figure)
+    if unplaced := sorted(set(captions) - set(placed)):
+        raise ValueError(f"the template does not place these figures of the report: {unplaced}")
+    _check_tables(body)
+    return body
+
+
+def head(title: str, question: str) -> str:
+    """The metadata block that opens the Markdown of a report."""
+    # A JSON string is a YAML string, so whatever the title holds is quoted right.
+    return f"---\ntitle: {json.dumps(title)}\nquestion: {json.dumps(question)}\n---\n\n"
+
+
+def verdict(holds: bool) -> str:
+    """The mark of a check, to be told without colour: '✓ holds' or '✗ MISSED'. Raises `TypeError` for a non-bool."""
+    if not isinstance(holds, bool):
+        raise TypeError(f"a verdict is on True or False, not on {holds!r}")
+    return "[✓ holds]{.holds}" if holds else "[✗ MISSED]{.missed}"
+
+
+def _printable(value: Any) -> Any:
+    # Jinja2 would print the word None into the report, where it reads like a result.
+    if value is None:
+        raise ValueError("the template prints a value that is None")
+    return value
+
+
+def _check_tables(markdown: str) -> None:
+    """Raises `ValueError` for a row of a pipe table with more or fewer cells than the row above it."""
+    # Pandoc drops the cells that are too many without a word: '|S|' outside of maths in a cell is enough.
+    previous = 0
+    for line in markdown.splitlines():
+        bars = len(re.findall(r"\|", re.sub(r"\\.|\$[^$]*\$|`[^`]*`", "", line))) if line.startswith("|") else 0
+        if previous and bars and bars != previous:
+            raise ValueError(f"a row of a table has {bars - 1} cells and the one above it {previous - 1}: {line}")
+        previous = bars
