@@ -1,0 +1,1 @@
+"""What we decide for the machine: feedforward and friction compensation."""

@@ -1,0 +1,361 @@
+"""The deadbeat feedforward: N_ff(z) = N(z) Q(z) and D_ff(z) = D(z) Q(z) with P_l(z) = z^-d N(z) / D(z).
+
+A step r gives x_T* = N_ff r and u_ff = D_ff r; after n = T / T_s samples x_T* rests on r and u_ff on 0. Every sequence
+u[0 .. n-1] that brings the plant's state to rest on the target belongs to one Q and the other way round, so the design
+chooses the sequence: its conditions are linear and well scaled in the modes' states, while D has 2m roots near z = 1.
+
+Symbols: n samples of thrust u [N]; s states; S (s, n) state reached after n samples; G (n, n) x_T* at samples 1 .. n.
+At rest between the samples too: the whole state rests, not only its output.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, Literal, get_args
+
+import control
+import numpy as np
+import osqp
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.optimize import linprog
+
+from models.plant import Mode, Plant, delay_split, sampled
+from models.quantity import show
+
+Array = NDArray[np.float64]
+Objective = Literal["thrust", "thrust_difference", "peak_thrust", "mode_robustness"]
+
+OBJECTIVES: Final[dict[Objective, str]] = {
+    "thrust": "least sum of squares of the thrust",
+    "thrust_difference": "least sum of squares of the thrust's differences",
+    "peak_thrust": "least peak thrust",
+    "mode_robustness": "least vibration left when a mode's frequency is off by up to 5 %",
+}
+MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # relative errors of a frequency that "mode_robustness" looks at
+ROUGHNESS: Final = 1e-5  # weight of the thrust's differences beside the vibration left, for a smooth thrust
+LONGEST: Final = 4096  # samples; a search for the shortest settling time gives up beyond
+
+
+class InfeasibleError(ValueError):
+    """A design that can't be; the message says why and what could."""
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """What u_ff and x_T* must keep to besides the deadbeat: |thrust| [N], overshoot [1, of the stroke]; None: free."""
+
+    thrust: float | None = None
+    overshoot: float | None = None
+    monotone: bool = False
+
+
+@dataclass(frozen=True)
+class Deadbeat:
+    """One feedforward for steps of any height, designed for `stroke` [m] in `settling_time` [s].
+
+    thrust (n,) [N] and position (n + 1,) [m] are u_ff and x_T* for the stroke. n_ff [m/m] and d_ff [N/m] are the
+    coefficients of z^0, z^-1, ... of N_ff and D_ff; numerator, denominator and free those of N, D and Q.
+    """
+
+    sample_time: float
+    stroke: float
+    settling_time: float
+    thrust: Array
+    position: Array
+    n_ff: tuple[float, ...]
+    d_ff: tuple[float, ...]
+    numerator: Array
+    denominator: Array
+    free: Array
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """The conditions on w = u / scale: reach w = goal (rest on the target), x_T* / stroke at samples 1 .. n = path w."""
+
+    scale: float
+    reach: Array
+    goal: Array
+    path: Array
+    vibration: Array  # rows whose sum of squares is what wrong mode frequencies leave, relative to the stroke
+
+
+def synthesise(
+    plant: Plant,
+    sample_time: float,
+    settling_time: float,
+    stroke: float,
+    objective: Objective = "thrust_difference",
+    constraints: Constraints = Constraints(),  # noqa: B008: frozen
+) -> Deadbeat:
+    """The deadbeat feedforward that is best by `objective` within `constraints`; times [s], stroke [m].
+
+    Raises ValueError for arguments that mean nothing, InfeasibleError, with the shortest settling time that can be met,
+    where there is none.
+    """
+    count = _samples(settling_time, sample_time)
+    if not (math.isfinite(stroke) and stroke > 0):
+        raise ValueError(f"the stroke is {show(stroke, 'm')}; give one above 0, such as 20 um")
+    if objective not in get_args(Objective):
+        raise ValueError(f"objective {objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
+    problem = _problem(plant, sample_time, count, stroke)
+    solution = (
+        _least_peak(problem, constraints)
+        if objective == "peak_thrust"
+        else _least_squares(problem, objective, constraints)
+    )
+    if solution is None:
+        raise InfeasibleError(_why_not(plant, sample_time, settling_time, stroke, constraints))
+    return _deadbeat(plant, sample_time, stroke, settling_time, problem.scale * solution)
+
+
+def least_peak_thrust(
+    plant: Plant, sample_time: float, settling_time: float, stroke: float, *, monotone: bool = False
+) -> float:
+    """The least peak of |u_ff| [N] with which the stroke [m] can be done in settling_time [s]; inf if none can."""
+    problem = _problem(plant, sample_time, _samples(settling_time, sample_time), stroke)
+    solution = _least_peak(problem, Constraints(monotone=monotone))
+    return math.inf if solution is None else float(problem.scale * np.max(np.abs(solution)))
+
+
+def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, constraints: Constraints) -> float:
+    """The shortest settling time [s], a whole number of samples, that the constraints allow; inf if none up to LONGEST.
+
+    What can be done in n samples can be done in n + 1, so that halving the interval finds it.
+    """
+
+    def possible(count: int) -> bool:
+        return _least_peak(_problem(plant, sample_time, count, stroke), constraints) is not None
+
+    low, high = 0, 8
+    while not possible(high):
+        low, high = high, 2 * high
+        if high > LONGEST:
+            return math.inf
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if possible(middle) else (middle, high)
+    return high * sample_time
+
+
+def with_frequency_error(plant: Plant, index: int, error: float) -> Plant:
+    """The plant whose mode `index` has its frequency off by the relative `error`."""
+    modes = list(plant.modes)
+    modes[index] = replace(modes[index], frequency=modes[index].frequency * (1 + error))
+    return replace(plant, modes=tuple(modes))
+
+
+def vibrating(plant: Plant) -> tuple[int, ...]:
+    """The indices of the modes that vibrate, the rigid body left out."""
+    return tuple(i for i, mode in enumerate(plant.modes) if mode.frequency > 0)
+
+
+def _samples(settling_time: float, sample_time: float) -> int:
+    if not (math.isfinite(settling_time) and settling_time > 0):
+        raise ValueError(f"the settling time is {show(settling_time, 's')}; give one above 0, such as 20 ms")
+    count = round(settling_time / sample_time)
+    if count < 1 or abs(settling_time / sample_time - count) > 1e-6:
+        nearest = max(count, 1) * sample_time
+        raise ValueError(
+            f"the settling time {show(settling_time, 's')} is no whole number of samples of {show(sample_time, 's')}; "
+            f"take {show(nearest, 's')}"
+        )
+    return count
+
+
+def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Problem:
+    model = sampled(plant, sample_time, whole_delay=False)
+    powers = _reach(model, count)
+    goal = np.zeros(model.nstates)
+    goal[2 * _rigid(plant)] = 1.0
+    rigid = plant.modes[_rigid(plant)]
+    scale = stroke / (rigid.gain * plant.thrust_constant * (count * sample_time) ** 2)
+    units = np.ones(model.nstates)  # of the states: strokes, strokes per rad, and the thrust under way
+    for j, mode in enumerate(plant.modes):
+        units[2 * j : 2 * j + 2] = stroke, stroke * _rate(mode, count * sample_time)
+    units[2 * len(plant.modes) :] = scale
+    path = np.zeros((count, count))
+    impulse = (model.C @ powers)[0, ::-1]
+    for k in range(count):
+        path[k, : k + 1] = impulse[: k + 1][::-1]
+    vibration = [
+        (
+            _reach(sampled(with_frequency_error(plant, j, error), sample_time, whole_delay=False), count)
+            / units[:, None]
+        )[2 * j : 2 * j + 2]
+        for j in vibrating(plant)
+        for error in MODE_ERRORS
+    ]
+    rows = np.vstack(vibration) if vibration else np.zeros((0, count))
+    # The same conditions with orthonormal rows: the vibrating states are 400 times less in reach than the rigid body's.
+    orthonormal, mixing = np.linalg.qr((scale * powers / units[:, None]).T)
+    return _Problem(scale, orthonormal.T, np.linalg.solve(mixing.T, goal), scale / stroke * path, scale * rows)
+
+
+def _reach(model: control.StateSpace, count: int) -> Array:
+    """S (s, n): column k is what a unit thrust at sample k leaves in the state at sample n."""
+    columns = np.empty((model.nstates, count))
+    column = np.asarray(model.B)[:, 0]
+    for k in range(count - 1, -1, -1):
+        columns[:, k] = column
+        column = model.A @ column
+    return columns
+
+
+def _rigid(plant: Plant) -> int:
+    return next(i for i, mode in enumerate(plant.modes) if mode.frequency == 0)
+
+
+def _rate(mode: Mode, duration: float) -> float:
+    """What the mode's velocity is measured in, per unit of its displacement [1/s]."""
+    return 2 * math.pi * mode.frequency if mode.frequency > 0 else 1 / duration
+
+
+def _bounds(problem: _Problem, constraints: Constraints) -> tuple[Array, Array, Array]:
+    """(A, lower, upper) of the constraints lower <= A w <= upper, the deadbeat itself first."""
+    count = problem.reach.shape[1]
+    rows, lower, upper = [problem.reach], [problem.goal], [problem.goal]
+    if constraints.thrust is not None:
+        rows.append(np.eye(count))
+        lower.append(np.full(count, -constraints.thrust / problem.scale))
+        upper.append(np.full(count, constraints.thrust / problem.scale))
+    if constraints.overshoot is not None:
+        rows.append(problem.path)
+        lower.append(np.full(count, -np.inf))
+        upper.append(np.full(count, 1 + constraints.overshoot))
+    if constraints.monotone:
+        rows.append(np.diff(problem.path, axis=0, prepend=0.0))
+        lower.append(np.zeros(count))
+        upper.append(np.full(count, np.inf))
+    return np.vstack(rows), np.concatenate(lower), np.concatenate(upper)
+
+
+def _least_squares(problem: _Problem, objective: Objective, constraints: Constraints) -> Array | None:
+    """w with the least |F w|^2 within the constraints, F by objective; None if there is none. A QP, by OSQP."""
+    a, lower, upper = _bounds(problem, constraints)
+    count = a.shape[1]
+    difference = np.diff(np.eye(count), axis=0, prepend=0.0, append=0.0)
+    factor = {
+        "thrust": np.eye(count),
+        "thrust_difference": difference,
+        "mode_robustness": np.vstack([problem.vibration, ROUGHNESS * difference]),
+    }[objective]
+    hessian = factor.T @ factor
+    solver = osqp.OSQP()
+    solver.setup(
+        sparse.csc_matrix(np.triu(hessian / np.max(np.abs(hessian)))),
+        np.zeros(count),
+        sparse.csc_matrix(a),
+        lower,
+        upper,
+        eps_abs=1e-8,
+        eps_rel=1e-8,
+        max_iter=200_000,
+        adaptive_rho_interval=50,  # not by time, so that two runs take the same steps
+        polishing=True,
+        verbose=False,
+    )
+    result = solver.solve(raise_error=False)
+    return _refined(np.asarray(result.x), a, lower, upper) if result.info.status == "solved" else None
+
+
+def _least_peak(problem: _Problem, constraints: Constraints) -> Array | None:
+    """w with the least max |w| within the constraints; None if there is none. A linear program, by HiGHS."""
+    a, lower, upper = _bounds(problem, replace(constraints, thrust=None))
+    count, conditions = a.shape[1], problem.goal.size
+    peak = np.hstack([np.vstack([np.eye(count), -np.eye(count)]), -np.ones((2 * count, 1))])
+    above, below = np.isfinite(upper[conditions:]), np.isfinite(lower[conditions:])
+    rows = np.vstack([a[conditions:][above], -a[conditions:][below]])
+    limits = np.concatenate([upper[conditions:][above], -lower[conditions:][below]])
+    result = linprog(
+        np.append(np.zeros(count), 1.0),
+        A_ub=np.vstack([peak, np.hstack([rows, np.zeros((len(rows), 1))])]),
+        b_ub=np.concatenate([np.zeros(2 * count), limits]),
+        A_eq=np.hstack([problem.reach, np.zeros((conditions, 1))]),
+        b_eq=problem.goal,
+        bounds=[(None, None)] * count + [(0, None)],
+    )
+    if not result.success:
+        return None
+    if constraints.thrust is not None and result.x[-1] * problem.scale > constraints.thrust * (1 + 1e-9):
+        return None
+    return _refined(result.x[:-1], a, lower, upper)
+
+
+def _refined(solution: Array, a: Array, lower: Array, upper: Array) -> Array | None:
+    """The nearest w that meets the deadbeat, and the constraints that are active, to round-off; None if that is far off."""
+    refined = solution
+    near = 1e-6
+    active = (a @ refined - lower < near) | (upper - a @ refined < near)
+    bound = np.where(a @ refined - lower < near, lower, upper)
+    for _ in range(3):  # each pass takes off what round-off left of the one before
+        refined = refined + np.linalg.lstsq(a[active], (bound - a @ refined)[active], rcond=1e-12)[0]
+    missed = np.max(np.maximum(lower - a @ refined, a @ refined - upper), initial=0.0)
+    return refined if missed < near else None
+
+
+def _why_not(plant: Plant, sample_time: float, settling_time: float, stroke: float, constraints: Constraints) -> str:
+    shortest = shortest_settling_time(plant, sample_time, stroke, constraints)
+    limit = "" if constraints.thrust is None else f" within {show(constraints.thrust, 'N')}"
+    shape = " with a monotone x_T*" if constraints.monotone else ""
+    shape += "" if constraints.overshoot is None else f" with at most {constraints.overshoot:.0%} overshoot"
+    needed = least_peak_thrust(plant, sample_time, settling_time, stroke, monotone=constraints.monotone)
+    need = f"it takes {show(needed, 'N', 3)}" if math.isfinite(needed) else "no thrust does it"
+    advice = (
+        f"the shortest that can is {show(shortest, 's')}" if math.isfinite(shortest) else "no longer time helps either"
+    )
+    return (
+        f"a stroke of {show(stroke, 'm')} cannot settle in {show(settling_time, 's')}{limit}{shape} ({need}); {advice}"
+    )
+
+
+def _deadbeat(plant: Plant, sample_time: float, stroke: float, settling_time: float, thrust: Array) -> Deadbeat:
+    """N_ff and D_ff from the thrust's samples, and the polynomials N, D, Q behind them."""
+    model = sampled(plant, sample_time, whole_delay=False)
+    state, position = np.zeros(model.nstates), np.zeros(thrust.size + 1)
+    for k, u in enumerate(thrust):
+        state = model.A @ state + np.asarray(model.B)[:, 0] * u
+        position[k + 1] = float(np.asarray(model.C)[0] @ state)
+    position[-1] = stroke  # met to round-off; exact here, so that N_ff(1) = 1
+    n_ff = np.diff(position, prepend=0.0) / stroke
+    d_ff = np.diff(thrust, prepend=0.0, append=0.0) / stroke
+    numerator, denominator = polynomials(plant, sample_time)
+    order = denominator.size - 1
+    convolution = np.zeros((d_ff.size, d_ff.size - order))
+    for k in range(convolution.shape[1]):
+        convolution[k : k + order + 1, k] = denominator
+    free = np.linalg.lstsq(convolution, d_ff, rcond=None)[0]
+    return Deadbeat(
+        sample_time,
+        stroke,
+        settling_time,
+        thrust,
+        position,
+        tuple(n_ff.tolist()),
+        tuple(d_ff.tolist()),
+        numerator,
+        denominator,
+        free,
+    )
+
+
+def polynomials(plant: Plant, sample_time: float) -> tuple[Array, Array]:
+    """(N, D) of P_l(z) = z^-d N(z) / D(z), coefficients of z^0, z^-1, ...; D has the sampled poles, D[0] = 1.
+
+    A dead time that is no whole number of samples gives N one coefficient more. For reading: designs use the states.
+    """
+    poles = np.exp(sample_time * np.concatenate([_poles(mode) for mode in plant.modes]))
+    denominator = np.real(np.poly(poles))
+    model = sampled(plant, sample_time, whole_delay=False)
+    impulse = np.append(0.0, (model.C @ _reach(model, model.nstates + 1))[0, ::-1])
+    _, rest = delay_split(plant.dead_time, sample_time)
+    numerator = np.convolve(denominator, impulse)[: denominator.size + (rest > 0)]
+    return numerator, denominator
+
+
+def _poles(mode: Mode) -> NDArray[np.complex128]:
+    omega = 2 * math.pi * mode.frequency
+    root = np.emath.sqrt(mode.damping**2 - 1.0)
+    return np.asarray(omega * np.array([-mode.damping + root, -mode.damping - root]), complex)

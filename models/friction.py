@@ -1,0 +1,92 @@
+"""Rolling friction with presliding hysteresis: N stop elements in parallel, eqs. (3)-(8) of the paper.
+
+Symbols: x displacement [m]; z_i element displacement (the paper's x_i) [m]; X_i its limit (X_mi) [m]; K_i stiffness [N/m];
+D_i damping [N s/m]; F_i = K_i X_i (F_mi) [N]; f = sum f_i.
+
+The stop operator is the family's nonsmooth law: an element moves with x until |z_i| = X_i and slips from there on. Without
+damping the force depends on the path of x only, not on its speed (rate independence).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
+
+from models.compiled import compiled
+from models.quantity import value
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Parameters of N elements (tuples of length N), each slipping at K_i X_i; eqs. (3)-(8)."""
+
+    stiffness: tuple[float, ...] = value("N/m", "element stiffness K_i", at_least=0)
+    limit: tuple[float, ...] = value("m", "largest element displacement X_mi", above=0)
+    damping: tuple[float, ...] = value("N s/m", "element damping D_i", at_least=0)
+
+    def __post_init__(self) -> None:
+        counts = {len(self.stiffness), len(self.limit), len(self.damping)}
+        if len(counts) != 1 or 0 in counts:
+            raise ValueError("a friction needs as many stiffnesses as limits and dampings, and at least one of each")
+
+    @property
+    def coulomb_force(self) -> float:
+        """T_fc = sum K_i X_mi [N]: the force when every element slips."""
+        return sum(k * x for k, x in zip(self.stiffness, self.limit, strict=True))
+
+
+def elements(stiffness: ArrayLike, limit: ArrayLike, damping: ArrayLike = 0.0) -> Friction:
+    """A Friction from arrays of shape (N,) [N/m], [m], [N s/m]; a scalar damping goes for every element."""
+    k, x = np.asarray(stiffness, float), np.asarray(limit, float)
+    d = np.broadcast_to(np.asarray(damping, float), k.shape)
+    return Friction(tuple(k.tolist()), tuple(x.tolist()), tuple(d.tolist()))
+
+
+def branch(friction: Friction, distance: ArrayLike) -> Array:
+    """Force climbed [N] at `distance` [m] behind a reversal from full slip: sum K_i min(s, 2 X_i).
+
+    This is Masing's rule: the virgin curve sum K_i min(s, X_i), doubled in both directions.
+    """
+    s = np.asarray(distance, float)[..., None]
+    climbed: Array = np.minimum(s, 2 * np.asarray(friction.limit)) @ np.asarray(friction.stiffness)
+    return climbed
+
+
+def follow(friction: Friction, path: ArrayLike, state: ArrayLike | None = None) -> tuple[Array, Array]:
+    """Force (n,) [N] at each point of the displacement `path` (n,) [m], and the elements' state (N,) [m] at its end.
+
+    Exact for any path that is monotone between its points; `state` is z at the path's first point (default: zero, the
+    virgin state). Quasi-static: the damping D_i, which needs a speed, does not act.
+    """
+    z = np.zeros(len(friction.stiffness)) if state is None else np.array(state, float)
+    force = np.empty(len(np.asarray(path)))
+    _follow(np.asarray(path, float), np.asarray(friction.stiffness), np.asarray(friction.limit), z, force)
+    return force, z
+
+
+def fit_elements(limit: ArrayLike, distance: ArrayLike, force: ArrayLike, coulomb_force: float) -> Friction:
+    """Elements with given limits (N,) [m] whose `branch` follows force (n,) [N] over distance (n,) [m].
+
+    Non-negative least squares on the stiffnesses, so convex; T_fc = coulomb_force is then met exactly by a common factor.
+    """
+    x, s = np.asarray(limit, float), np.asarray(distance, float)
+    stiffness, _ = nnls(np.minimum(s[:, None], 2 * x), np.asarray(force, float))
+    if not np.any(stiffness > 0):
+        raise ValueError("no element follows this curve: its force does not rise with the distance")
+    return elements(stiffness * (coulomb_force / float(stiffness @ x)), x)
+
+
+@compiled
+def _follow(path: Array, stiffness: Array, limit: Array, z: Array, force: Array) -> None:
+    for k in range(path.size):
+        step = path[k] - path[k - 1] if k > 0 else 0.0
+        total = 0.0
+        for i in range(z.size):
+            z[i] = min(max(z[i] + step, -limit[i]), limit[i])
+            total += stiffness[i] * z[i]
+        force[k] = total

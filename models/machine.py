@@ -1,0 +1,291 @@
+"""Machine: all that is nominally known of one positioning axis, read from a file; every value with its source.
+
+A machine file is TOML. A value is text with a unit, `"16.5 N"`, or a table `{ value = "16.5 N", source = "paper: II.A",
+note = "..." }`; a source begins with one of SOURCES. A value without one counts as assumed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
+
+from models.controller import PID
+from models.friction import Friction
+from models.plant import Plant
+from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, value
+
+SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
+DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
+
+Part = TypeVar("Part")
+
+
+class MachineError(ValueError):
+    """A machine file that can't be used; the message is one sentence: what, where, what to do."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Motor and amplifier."""
+
+    rated_thrust: float = value("N", "largest thrust reference the drive follows", above=0)
+    rated_power: float = value("W", "rated power", above=0)
+    rated_speed: float = value("m/s", "rated speed", above=0)
+    current_loop_bandwidth: float = value("Hz", "bandwidth of the current control (contained in L)", above=0)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The position measurement."""
+
+    resolution: float = value("m", "resolution", at_least=0)
+    noise: float = value("m", "noise before rounding, one standard deviation", at_least=0)
+
+
+@dataclass(frozen=True)
+class Presliding:
+    """Published facts of the hysteresis curve, which the friction elements have to agree with (Fig. 3)."""
+
+    coulomb_force: float = value("N", "rolling friction T_fc when every element slips", above=0)
+    stiffness_1: float = value("N/m", "comprehensive slope K_e1 of Region 1, behind a reversal", above=0)
+    stiffness_2: float = value("N/m", "comprehensive slope K_e2 of Region 2", above=0)
+    boundary: float = value("m", "distance behind a reversal at which Region 2 begins", above=0)
+    extent: float = value("m", "presliding region", above=0)
+
+
+@dataclass(frozen=True)
+class Control:
+    """What is fixed of the controller before a feedforward is designed."""
+
+    sample_time: float = value("s", "sample time T_s", above=0)
+    reference_delay: int = value("1", "samples by which the PID's reference waits, z^-d", at_least=0)
+    compensator_elements: int = value("1", "elements N of the friction compensator RFM", at_least=1)
+    pid: PID = dataclasses.field(kw_only=True)
+
+
+@dataclass(frozen=True)
+class Specification:
+    """The motions and what they must achieve (section II.D)."""
+
+    stroke: float = value("m", "stroke of a motion", above=0)
+    tolerance: float = value("m", "settling accuracy (+-)", above=0)
+    settling_time: float = value("s", "settling time", above=0)
+    reference_settling_time: float = value("s", "time by which x_T* is settled", above=0)
+    interval: float = value("s", "time from one motion to the next", above=0)
+    motions: int = value("1", "motions in one direction before the reversal", at_least=1)
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a value comes from: `kind` is one of SOURCES, `detail` says which section, rule, record or assumption."""
+
+    kind: str
+    detail: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """One positioning axis. `sources` maps the dotted name of every value ("plant.dead_time") to its Provenance."""
+
+    name: str
+    drive: Drive
+    scale: Scale
+    plant: Plant
+    friction: Friction
+    presliding: Presliding
+    control: Control
+    specification: Specification
+    sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
+
+    @property
+    def sample_time(self) -> float:
+        """T_s [s]."""
+        return self.control.sample_time
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One value of a machine for a table of parameters; `number` is an SI float, or a tuple of them."""
+
+    name: str
+    meaning: str
+    unit: str
+    number: float | tuple[float, ...]
+    provenance: Provenance
+
+
+def load(path: Path = DEFAULT) -> Machine:
+    """The machine in a TOML file. Raises MachineError with a sentence for anything that is missing, unknown or impossible."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise MachineError(f"{path}: can't be read ({error.strerror}); give an existing machine file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MachineError(f"{path}: is no TOML ({error}); mend that line") from error
+    sources: dict[str, Provenance] = {}
+    try:
+        name = table.pop("name", path.stem)
+        if not isinstance(name, str):
+            raise MachineError(f"name: {name!r} is no text; write it in quotes")
+        machine = _read(Machine, {"name": name, **table}, "", sources)
+        machine = dataclasses.replace(machine, sources=sources)
+        _check(machine)
+    except ValueError as error:
+        raise MachineError(f"{path}: {error}") from error
+    return machine
+
+
+def parameters(machine: Machine) -> tuple[Parameter, ...]:
+    """Every value of the machine with its meaning, unit and source, in the order of the declarations."""
+    return tuple(_parameters(machine, "", machine.sources))
+
+
+def to_json(machine: Machine) -> dict[str, Any]:
+    """The machine as it stands in results.json: SI numbers, units in the names, no sources."""
+    plain = _plain(machine)
+    assert isinstance(plain, dict)
+    return {"name": machine.name, "sample_time_s": machine.sample_time, **plain}
+
+
+def _read(kind: type[Part], table: object, where: str, sources: dict[str, Provenance]) -> Part:
+    """An instance of the dataclass `kind` from a TOML table; fields with a `value` declaration are quantities."""
+    if not isinstance(table, dict):
+        raise MachineError(f"{where}: is no table; write [{where}] with its values below")
+    fields = {field.name: field for field in dataclasses.fields(kind) if field.name != "sources"}  # type: ignore[arg-type]
+    for key in table:
+        if key not in fields:
+            raise MachineError(f"{_join(where, key)}: unknown; {_nearest(key, list(fields))}")
+    hints, arguments = get_type_hints(kind), {}
+    for name, field in fields.items():
+        path = _join(where, name)
+        if name not in table:
+            raise MachineError(f"{path}: missing; add it{_unit_hint(declaration(field))}")
+        arguments[name] = _entry(hints[name], declaration(field), table[name], path, sources)
+    return kind(**arguments)
+
+
+def _entry(
+    hint: Any, declared: Declaration | None, entry: object, where: str, sources: dict[str, Provenance]
+) -> object:
+    if declared is not None:
+        return _quantity(hint, declared, entry, where, sources)
+    if hint is str:
+        return entry
+    if get_origin(hint) is tuple:
+        if not isinstance(entry, list) or not entry:
+            raise MachineError(f"{where}: needs one table or more; write [[{where}]] with its values below")
+        return tuple(_read(get_args(hint)[0], item, f"{where}.{i + 1}", sources) for i, item in enumerate(entry))
+    return _read(hint, entry, where, sources)
+
+
+def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
+    """The float, the tuple of floats or the int at `where`, its source put into `sources`."""
+    text, sources[where] = _provenance(entry, where)
+    try:
+        if hint is int:
+            if not isinstance(text, int) or isinstance(text, bool):
+                raise QuantityError(f"{text!r} is no whole number; write one without a unit, such as 2")
+            check(text, declared)
+            return text
+        if hint is float:
+            return _number(text, declared)
+        if not isinstance(text, list) or not text:
+            raise QuantityError(f"{text!r} is no list; write one value an element, in brackets")
+        return tuple(_number(item, declared) for item in text)
+    except QuantityError as error:
+        raise MachineError(f"{where}: {error}") from error
+
+
+def _number(text: object, declared: Declaration) -> float:
+    if declared.unit == "1" and isinstance(text, int | float) and not isinstance(text, bool):
+        text = str(text)  # a plain TOML number has no unit, and none is wanted
+    number = parse(text, declared.unit)
+    check(number, declared)
+    return number
+
+
+def _provenance(entry: object, where: str) -> tuple[object, Provenance]:
+    if not isinstance(entry, dict):
+        return entry, Provenance("assumed", "no source given")
+    for key in entry:
+        if key not in {"value", "source", "note"}:
+            raise MachineError(f"{where}.{key}: unknown; {_nearest(key, ['value', 'source', 'note'])}")
+    if "value" not in entry:
+        raise MachineError(f'{where}: has no value; write {{ value = "...", source = "..." }}')
+    kind, _, detail = str(entry.get("source", "assumed: no source given")).partition(":")
+    if kind.strip() not in SOURCES:
+        raise MachineError(f"{where}: source {kind.strip()!r} is unknown; begin it with one of {', '.join(SOURCES)}")
+    return entry["value"], Provenance(kind.strip(), detail.strip(), str(entry.get("note", "")).strip())
+
+
+def _check(machine: Machine) -> None:
+    """What no single value shows."""
+    nyquist = 0.5 / machine.sample_time
+    for i, mode in enumerate(machine.plant.modes):
+        if mode.frequency >= nyquist:
+            raise MachineError(
+                f"plant.modes.{i + 1}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency {nyquist:g} Hz "
+                "of control.sample_time; shorten the sample time or leave the mode out"
+            )
+    rigid = sum(mode.frequency == 0 and mode.damping == 0 for mode in machine.plant.modes)
+    if rigid != 1:
+        raise MachineError(
+            f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz" and damping = "0"'
+        )
+    gap = machine.friction.coulomb_force / machine.presliding.coulomb_force - 1
+    if abs(gap) > 1e-3:
+        raise MachineError(
+            f"friction: the elements slip at {machine.friction.coulomb_force:.5g} N together, presliding.coulomb_force says "
+            f"{machine.presliding.coulomb_force:.5g} N; scale stiffness or limit so that sum(stiffness x limit) agrees"
+        )
+
+
+def _parameters(part: Any, where: str, sources: Mapping[str, Provenance]) -> Iterator[Parameter]:
+    for field in dataclasses.fields(part):
+        item, path, declared = getattr(part, field.name), _join(where, field.name), declaration(field)
+        if declared is not None:
+            provenance = sources.get(path, Provenance("assumed", "set in a program"))
+            yield Parameter(path, declared.meaning, declared.unit, item, provenance)
+        elif dataclasses.is_dataclass(item):
+            yield from _parameters(item, path, sources)
+        elif isinstance(item, tuple):
+            for i, member in enumerate(item):
+                yield from _parameters(member, f"{path}.{i + 1}", sources)
+
+
+def _plain(part: Any) -> object:
+    if not dataclasses.is_dataclass(part):
+        return list(part) if isinstance(part, tuple) else part
+    plain: dict[str, object] = {}
+    for field in dataclasses.fields(part):
+        if field.name == "sources":
+            continue
+        item, declared = getattr(part, field.name), declaration(field)
+        if declared is not None:
+            plain[json_name(field.name, declared.unit)] = list(item) if isinstance(item, tuple) else item
+        elif isinstance(item, tuple):
+            plain[field.name] = [_plain(member) for member in item]
+        else:
+            plain[field.name] = _plain(item)
+    return plain
+
+
+def _join(where: str, name: str) -> str:
+    return f"{where}.{name}" if where else name
+
+
+def _nearest(key: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
+
+
+def _unit_hint(declared: Declaration | None) -> str:
+    if declared is None:
+        return ""
+    return f", {declared.meaning}" + (f", in {declared.unit}" if declared.unit != "1" else "")

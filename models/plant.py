@@ -1,0 +1,141 @@
+"""The linear plant P_l(s) of eq. (1), once, as a CasADi expression, and what follows from it.
+
+    P_l(s) = exp(-L s) P'(s),   P'(s) = K_t sum_i k_i / (s^2 + 2 zeta_i w_i s + w_i^2)
+
+    P_e(s) = exp(-L s) P'(s) / (1 + K_e P'(s))                                                            (2)
+
+The rigid body is the mode with w = 0. States: (q_1, q_1', q_2, q_2', ...), with x = sum q_i [m]; input: the thrust less the
+friction [N of thrust reference], because friction acts at the thrust's input, as K_e does in eq. (2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from models.quantity import value
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One term k / (s^2 + 2 zeta w s + w^2) of eq. (1); the rigid body is the one with frequency 0."""
+
+    gain: float = value("1/kg", "modal gain k_t")
+    frequency: float = value("Hz", "natural frequency w / 2 pi (0: rigid body)", at_least=0)
+    damping: float = value("1", "damping ratio zeta", at_least=0)
+
+
+@dataclass(frozen=True)
+class Plant:
+    """P_l(s) of eq. (1)."""
+
+    dead_time: float = value("s", "equivalent dead time L", at_least=0)
+    thrust_constant: float = value("1", "thrust per thrust reference K_t", above=0)
+    modes: tuple[Mode, ...] = ()
+
+
+@cache
+def equations(count: int) -> ca.Function:
+    """CasADi function (state (2m,), thrust, gain (m,), omega (m,) [rad/s], zeta (m,), K_t) -> (state', x) for m = count modes.
+
+    Eq. (1) without its dead time; `thrust` is what acts at the input, friction already taken off.
+    """
+    state, thrust, constant = ca.SX.sym("state", 2 * count), ca.SX.sym("thrust"), ca.SX.sym("K_t")
+    gain, omega, zeta = (ca.SX.sym(name, count) for name in ("gain", "omega", "zeta"))
+    q, rate = state[0::2], state[1::2]
+    acceleration = gain * constant * thrust - 2 * zeta * omega * rate - omega**2 * q
+    derivative = ca.reshape(ca.horzcat(rate, acceleration).T, -1, 1)
+    inputs = [state, thrust, gain, omega, zeta, constant]
+    names = ["state", "thrust", "gain", "omega", "zeta", "K_t"]
+    return ca.Function("plant", inputs, [derivative, ca.sum1(q)], names, ["derivative", "position"])
+
+
+def state_space(plant: Plant, stiffness: float = 0.0) -> control.StateSpace:
+    """P'(s) of eq. (1), or with `stiffness` = K_e [N/m] the delay-free part of P_e(s), eq. (2).
+
+    Continuous control.StateSpace from thrust [N] to position [m], states as in the module's head.
+    """
+    a, b, c = _matrices(plant)
+    return control.StateSpace(a - stiffness * b @ c, b, c, np.zeros((1, 1)), inputs=["u_M"], outputs=["x_T"])
+
+
+def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> NDArray[np.complex128]:
+    """P_l(j omega), or P_e(j omega) for a stiffness K_e [N/m], at omega (n,) [rad/s], dead time included; shape (n,) [m/N]."""
+    w = np.asarray(omega, float)
+    rational = state_space(plant, stiffness)(1j * w)
+    delayed: NDArray[np.complex128] = np.atleast_1d(rational) * np.exp(-1j * w * plant.dead_time)
+    return delayed
+
+
+def delay_split(dead_time: float, sample_time: float) -> tuple[int, float]:
+    """(d, rest): dead_time = d sample_time + rest, 0 <= rest < sample_time; a rest of round-off size counts as none."""
+    whole = math.floor(dead_time / sample_time + 1e-9)
+    rest = dead_time - whole * sample_time
+    return whole, rest if rest > 1e-9 * sample_time else 0.0
+
+
+def transition(system: control.StateSpace, duration: float) -> tuple[Array, Array]:
+    """(Phi (n, n), Gamma (n, 1)): exact response of the state over `duration` [s] to itself and to a held input."""
+    n = system.nstates
+    exponent = np.zeros((n + 1, n + 1))
+    exponent[:n, :n], exponent[:n, n:] = system.A, system.B
+    both = expm(exponent * duration)
+    return both[:n, :n], both[:n, n:]
+
+
+def sampled(
+    plant: Plant, sample_time: float, stiffness: float = 0.0, *, whole_delay: bool = True
+) -> control.StateSpace:
+    """Exact model, at the samples, of the plant behind a zero-order hold, for any dead time; control.StateSpace with dt.
+
+    The thrust changes in the midst of a sample when L is no multiple of sample_time; the inputs under way are states
+    behind those of `state_space`: (..., u[k-1], u[k-2], ...). `whole_delay=False` leaves out the d whole samples of delay
+    (L = d T_s + rest) and keeps the rest.
+    """
+    whole, rest = delay_split(plant.dead_time, sample_time)
+    continuous = state_space(plant, stiffness)
+    n, memory = continuous.nstates, (whole if whole_delay else 0) + (rest > 0)
+    phi, _ = transition(continuous, sample_time)
+    behind, late = transition(continuous, sample_time - rest)  # the newer command acts for sample_time - rest
+    _, early = transition(continuous, rest)
+    inputs = np.zeros((n, memory + 1))  # what u[k], u[k-1], ... contribute to the next state
+    inputs[:, memory - (rest > 0)] += late[:, 0]
+    if rest > 0:
+        inputs[:, memory] += (behind @ early)[:, 0]
+    a = np.zeros((n + memory, n + memory))
+    a[:n, :n], a[:n, n:] = phi, inputs[:, 1:]
+    a[n + 1 :, n:-1] = np.eye(max(memory - 1, 0))
+    b = np.zeros((n + memory, 1))
+    b[:n, 0] = inputs[:, 0]
+    if memory:
+        b[n, 0] = 1.0
+    c = np.hstack([continuous.C, np.zeros((1, memory))])
+    return control.StateSpace(a, b, c, np.zeros((1, 1)), sample_time, inputs=["u_M"], outputs=["x_T"])
+
+
+def _matrices(plant: Plant) -> tuple[Array, Array, Array]:
+    """A (2m, 2m), B (2m, 1), C (1, 2m) at the plant's parameters."""
+    gain = [mode.gain for mode in plant.modes]
+    omega = [2 * math.pi * mode.frequency for mode in plant.modes]
+    zeta = [mode.damping for mode in plant.modes]
+    a, b, c = _jacobians(len(plant.modes))(gain, omega, zeta, plant.thrust_constant)
+    return np.array(a), np.array(b), np.array(c)
+
+
+@cache
+def _jacobians(count: int) -> ca.Function:
+    """CasADi function (gain, omega, zeta, K_t) -> (A, B, C) of `equations`, which are linear in state and thrust."""
+    state, thrust, constant = ca.SX.sym("state", 2 * count), ca.SX.sym("thrust"), ca.SX.sym("K_t")
+    parameters = [ca.SX.sym(name, count) for name in ("gain", "omega", "zeta")] + [constant]
+    derivative, position = equations(count)(state, thrust, *parameters)
+    jacobians = [ca.jacobian(derivative, state), ca.jacobian(derivative, thrust), ca.jacobian(position, state)]
+    return ca.Function("matrices", parameters, [ca.densify(jacobian) for jacobian in jacobians])

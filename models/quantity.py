@@ -1,0 +1,138 @@
+"""Text with a unit to an SI float and back; the only place that knows units as text.
+
+A physical field of a dataclass is declared with `value(unit, ...)`. From that declaration follow the reading of machine
+files, the names in results.json and the parameter tables of the reports, so that a unit is written down once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from decimal import Decimal, InvalidOperation
+from functools import cache
+from typing import Any, Final
+
+import pint
+
+_NUMBER: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*(.*)", re.IGNORECASE)
+_ANGLES: Final = ("radian", "degree", "revolution", "turn", "rpm", "rps")
+_PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+class QuantityError(ValueError):
+    """A text that is no such quantity; the message is one sentence that says what to write instead."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Declaration:
+    """What a physical field is: its SI unit, what it means, and the range it must lie in (SI, ends as named)."""
+
+    unit: str
+    meaning: str
+    above: float | None
+    at_least: float | None
+
+
+def value(
+    unit: str, meaning: str, *, above: float | None = None, at_least: float | None = None, **field_options: Any
+) -> Any:
+    """A dataclass field (a float, or a tuple of them) in the SI unit `unit`; "1" is dimensionless."""
+    declaration = Declaration(unit, meaning, above, at_least)
+    return dataclasses.field(metadata={"declaration": declaration}, **field_options)
+
+
+def declaration(field: dataclasses.Field[Any]) -> Declaration | None:
+    """The declaration that `value` attached to a field, or None for a field that is no physical quantity."""
+    found = field.metadata.get("declaration")
+    return found if isinstance(found, Declaration) else None
+
+
+def parse(text: object, unit: str) -> float:
+    """The number of `unit`s in `text`: parse("800 N/mm", "N/m") = 8e5; correctly rounded.
+
+    Raises QuantityError for a missing or unknown unit, another dimension, or a value that is not finite.
+    """
+    if not isinstance(text, str):
+        raise QuantityError(f"{text!r} has no unit; write it as text with one, such as {_example(unit)!r}")
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise QuantityError(f"{text!r} is no number with a unit; write it like {_example(unit)!r}")
+    number, unit_text = match.groups()
+    magnitude = _finite(number, text)
+    if not unit_text and unit != "1":
+        raise QuantityError(f"{text!r} has no unit; write it like {_example(unit)!r}")
+    return float(magnitude * _factor(unit_text.strip() or "1", unit, text))
+
+
+def check(number: float, declared: Declaration) -> None:
+    """Raises QuantityError if `number` (SI) lies outside the declared range."""
+    if declared.above is not None and not number > declared.above:
+        raise QuantityError(f"{show(number, declared.unit)} must be above {show(declared.above, declared.unit)}")
+    if declared.at_least is not None and not number >= declared.at_least:
+        raise QuantityError(f"{show(number, declared.unit)} must be at least {show(declared.at_least, declared.unit)}")
+
+
+def show(number: float, unit: str, digits: int = 4) -> str:
+    """`number` (SI, in `unit`) for a reader, with a prefix where the unit takes one: show(2e-5, "m") = "20 µm"."""
+    if unit == "1":
+        return f"{number:.{digits}g}"
+    if unit == "N/m" and abs(number) >= 1e3:
+        return f"{_plain(number / 1e3, digits)} N/mm"
+    if unit in {"m", "s", "Hz", "W"} and number != 0 and math.isfinite(number):
+        scale, prefix = next(((s, p) for s, p in _PREFIXES if abs(number) >= 0.9999999 * s), _PREFIXES[-1])
+        return f"{_plain(number / scale, digits)} {prefix}{unit}"
+    return f"{_plain(number, digits)} {unit}"
+
+
+def json_name(name: str, unit: str) -> str:
+    """The field's name in results.json, with its unit: json_name("kp", "N/m") = "kp_N_per_m"."""
+    suffix = unit.replace(" ", "").replace("(", "").replace(")", "")
+    if suffix == "1":
+        return name
+    return f"{name}_" + (f"per_{suffix[2:]}" if suffix.startswith("1/") else suffix.replace("/", "_per_"))
+
+
+def _plain(number: float, digits: int) -> str:
+    """Rounded to `digits` significant digits; without an exponent where a reader would write none."""
+    text = f"{number:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e6 else text
+
+
+def _finite(number: str, text: str) -> Decimal:
+    try:
+        magnitude = Decimal(number)
+    except InvalidOperation:
+        magnitude = Decimal("nan")
+    if not magnitude.is_finite():
+        raise QuantityError(f"{text!r} is not a finite number")
+    return magnitude
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Any]:
+    # Decimal, so that "20 um" is the float nearest to 2e-5 and not 1.9999999999999998e-05.
+    return pint.UnitRegistry(non_int_type=Decimal)
+
+
+@cache
+def _factor(unit_text: str, unit: str, text: str) -> Decimal:
+    """How many `unit`s one `unit_text` is."""
+    registry = _registry()
+    try:
+        given = registry.Quantity(Decimal(1), registry.parse_units(unit_text))
+    except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
+        raise QuantityError(f"{text!r} has an unknown unit {unit_text!r}; write it like {_example(unit)!r}") from error
+    if any(angle in str(given.units) for angle in _ANGLES):
+        raise QuantityError(f"{text!r} is in an angle; give frequencies in Hz and damping as a ratio")
+    try:
+        return Decimal(given.to("" if unit == "1" else unit).magnitude)
+    except pint.DimensionalityError as error:
+        expected = "a plain number" if unit == "1" else f"a quantity in {unit}"
+        raise QuantityError(
+            f"{text!r} is in {unit_text}, but this is {expected}, such as {_example(unit)!r}"
+        ) from error
+
+
+def _example(unit: str) -> str:
+    return {"1": "0.02", "m": "20 um", "s": "20 ms", "N/m": "800 N/mm", "1/kg": "0.02 1/kg"}.get(unit, f"1.5 {unit}")

@@ -1,0 +1,63 @@
+"""The signals of one experiment, measured or simulated, one row a sample; cut into motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Record:
+    """Equally spaced samples, each signal of shape (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], reading [m]."""
+
+    sample_time: float
+    target: Array
+    reference: Array
+    feedforward: Array
+    command: Array
+    position: Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Samples start .. stop of a record, in which the target steps from `origin` to `target` [m] and stays there.
+
+    A motion is a reversal if the one before it went the other way, else an inching motion.
+    """
+
+    start: int
+    stop: int
+    origin: float
+    target: float
+    reversal: bool
+
+    @property
+    def direction(self) -> int:
+        """+1 or -1."""
+        return 1 if self.target > self.origin else -1
+
+
+def motions(target: Array, initial: float = 0.0) -> tuple[Motion, ...]:
+    """The motions that a target r (n,) [m] commands, coming from `initial` [m] at rest before its first sample.
+
+    The first motion counts as a reversal: nothing is known of a motion before it.
+    """
+    before = np.concatenate([[initial], target[:-1]])
+    starts = np.flatnonzero(target != before)
+    found: list[Motion] = []
+    for start, stop in zip(starts, [*starts[1:], len(target)], strict=True):
+        origin, goal = float(before[start]), float(target[start])
+        reversal = not found or (goal > origin) != (found[-1].target > found[-1].origin)
+        found.append(Motion(int(start), int(stop), origin, goal, reversal))
+    return tuple(found)
+
+
+def feeding_sequence(stroke: float, count: int, interval: float, sample_time: float, repeats: int = 1) -> Array:
+    """The target r (n,) [m] of Fig. 5, `repeats` times: `count` steps of `stroke` up, as many down, `interval` [s] apart."""
+    samples = round(interval / sample_time)
+    levels = np.concatenate([np.arange(1, count + 1), np.arange(count - 1, -1, -1)]) * stroke
+    return np.tile(np.repeat(levels, samples), repeats)

@@ -1,0 +1,34 @@
+"""What a motion achieved: settling time, overshoot and the dispersion over motions, as the paper measures them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def settling_time(error: ArrayLike, tolerance: float, sample_time: float) -> float:
+    """Time [s] from the step at error[0] until |error| (n,) stays within `tolerance` [m] to the end; inf if it does not.
+
+    The first sample after which every sample is within: late by less than a sample.
+    """
+    outside = np.flatnonzero(np.abs(np.asarray(error)) > tolerance)
+    if outside.size == 0:
+        return 0.0
+    if outside[-1] == np.size(error) - 1:
+        return float("inf")
+    return float((outside[-1] + 1) * sample_time)
+
+
+def overshoot(travelled: ArrayLike, stroke: float) -> float:
+    """How far [m] the travelled distance (n,) [m], positive towards the target, goes beyond the stroke [m]; at least 0."""
+    return max(0.0, float(np.max(np.asarray(travelled) - stroke)))
+
+
+def dispersion(errors: ArrayLike) -> Array:
+    """3 sigma (n,) [m] over motions, at each time, of their errors (motions, n) [m]; section V.B of the paper.
+
+    sigma is the standard deviation of the sample (divisor: motions - 1), as five trials stand for all that follow.
+    """
+    return 3 * np.std(np.asarray(errors, float), axis=0, ddof=1)

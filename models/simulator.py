@@ -1,0 +1,172 @@
+"""The sampled loop of Figs. 6 and 13 around the nonsmooth machine; plain numpy, compiled where hot (kernel.py).
+
+Within a sample the modes move exactly under a held input, in substeps of length h. Over a substep the friction is that of the
+predicted mid-step position x + v h / 2, up to which every element has moved and slipped: second order in h, as a midpoint rule
+is, at one evaluation a substep. The thrust changes where it does: L after the sample that put it out, also within a sample.
+
+`simulate` runs one machine; `simulate_many` runs variations side by side in one call, equal to `simulate` bit for bit.
+"""
+
+from __future__ import annotations
+
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.controller import Controller, references
+from models.kernel import Loop, Run, run_many, run_one
+from models.machine import Machine
+from models.plant import delay_split, state_space, transition
+from models.record import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Response:
+    """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples, each (n,)."""
+
+    record: Record
+    position: Array
+    friction: Array
+
+
+def simulate(
+    machine: Machine,
+    controller: Controller,
+    target: ArrayLike,
+    *,
+    substeps: int = 10,
+    seed: int = 0,
+    initial_friction: ArrayLike | None = None,
+) -> Response:
+    """Response to a target r (n,) [m], from rest at r = 0 with the PID's integral holding the friction's force.
+
+    substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements, default 0.
+    Raises ValueError if machine and controller have different sample times.
+    """
+    r = np.asarray(target, float)
+    loop, run = _prepare(machine, controller, r, substeps, seed, initial_friction)
+    run_one(loop, run)
+    return _response(machine, r, run)
+
+
+def simulate_many(
+    machines: Sequence[Machine],
+    controllers: Sequence[Controller],
+    target: ArrayLike,
+    *,
+    substeps: int = 10,
+    seed: int = 0,
+    initial_friction: ArrayLike | None = None,
+) -> tuple[Response, ...]:
+    """`simulate` for machines[i] with controllers[i], all over the same target, in one call; the same options.
+
+    Machines with equal numbers of modes and elements and equal delays in whole samples run side by side.
+    """
+    r = np.asarray(target, float)
+    prepared = [
+        _prepare(machine, controller, r, substeps, seed, initial_friction)
+        for machine, controller in zip(machines, controllers, strict=True)
+    ]
+    groups: dict[object, list[int]] = {}
+    for i, (loop, run) in enumerate(prepared):
+        key = (
+            loop.sample_time,
+            *loop.delays,
+            *loop.counts,
+            run.state.shape,
+            run.z.shape,
+            bool(np.any(loop.damping > 0)),
+        )
+        groups.setdefault(key, []).append(i)
+    responses: dict[int, Response] = {}
+    for members in groups.values():
+        loop, run = _side_by_side([prepared[i] for i in members])
+        run_many(loop, run)
+        for lane, i in enumerate(members):
+            responses[i] = _response(machines[i], r, _lane(run, lane))
+    return tuple(responses[i] for i in range(len(prepared)))
+
+
+def _prepare(
+    machine: Machine,
+    controller: Controller,
+    target: Array,
+    substeps: int,
+    seed: int,
+    initial_friction: ArrayLike | None,
+) -> tuple[Loop, Run]:
+    if controller.sample_time != machine.sample_time:
+        raise ValueError(
+            f"the controller runs at {controller.sample_time:g} s and the machine at {machine.sample_time:g} s; "
+            "design the controller for this machine's sample time"
+        )
+    friction, plant, pid = machine.friction, machine.plant, controller.pid
+    counts, step, delay = _parts(plant.dead_time, machine.sample_time, substeps)
+    modes = len(plant.modes)
+    phi, gamma = np.zeros((2, modes, 4)), np.zeros((2, modes, 2))
+    for part in range(2):
+        whole, held = transition(state_space(plant), step[part])
+        for j in range(modes):  # the modes do not act on each other: Phi is block diagonal
+            phi[part, j] = whole[2 * j : 2 * j + 2, 2 * j : 2 * j + 2].ravel()
+            gamma[part, j] = held[2 * j : 2 * j + 2, 0]
+    loop = Loop(
+        sample_time=machine.sample_time,
+        delays=np.array([delay, controller.reference_delay]),
+        counts=counts,
+        step=step,
+        phi=phi,
+        gamma=gamma,
+        stiffness=np.array(friction.stiffness),
+        limit=np.array(friction.limit),
+        damping=np.array(friction.damping),
+        gains=np.array([pid.kp, pid.ki, pid.kd, pid.derivative_filter]),
+        thrust_limit=machine.drive.rated_thrust,
+        resolution=machine.scale.resolution,
+    )
+    given = references(controller, target)
+    z = np.zeros(len(friction.stiffness)) if initial_friction is None else np.array(initial_friction, float)
+    n = target.size
+    run = Run(
+        reference=given.position,
+        feedforward=given.feedforward + given.compensation,
+        noise=machine.scale.noise * np.random.default_rng(seed).standard_normal(n),
+        start=float(loop.stiffness @ z),
+        state=np.zeros((modes, 2)),
+        z=z,
+        **{name: np.empty(n) for name in ("reading", "command", "position", "friction")},
+    )
+    return loop, run
+
+
+def _parts(dead_time: float, sample_time: float, substeps: int) -> tuple[NDArray[np.int64], Array, int]:
+    """Substeps before and after the thrust changes in a sample, their lengths [s], and the delay in whole samples."""
+    delay, rest = delay_split(dead_time, sample_time)
+    early = (
+        min(max(round(substeps * rest / sample_time), 1), substeps - 1) if rest > 0 and substeps > 1 else int(rest > 0)
+    )
+    late = max(substeps - early, 1)
+    step = np.array([rest / early if early else sample_time, (sample_time - rest) / late])
+    return np.array([early, late]), step, delay
+
+
+def _side_by_side(prepared: list[tuple[Loop, Run]]) -> tuple[Loop, Run]:
+    """One Loop and one Run whose arrays have the lanes as their last axis."""
+    first = prepared[0][0]
+    loops, runs = zip(*prepared, strict=True)
+    stacked = Loop(*(np.stack(column, axis=-1) for column in zip(*loops, strict=True)))
+    loop = stacked._replace(sample_time=first.sample_time, delays=first.delays, counts=first.counts)
+    return loop, Run(*(np.stack(column, axis=-1) for column in zip(*runs, strict=True)))
+
+
+def _lane(run: Run, lane: int) -> Run:
+    return Run(*(np.ascontiguousarray(signal[..., lane]) for signal in run))
+
+
+def _response(machine: Machine, target: Array, run: Run) -> Response:
+    record = Record(machine.sample_time, target, run.reference, run.feedforward, run.command, run.reading)
+    return Response(record, run.position, run.friction)
