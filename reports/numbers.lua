@@ -44,7 +44,7 @@ end
 
 local function equation(math, label)
   if math.mathtype ~= 'DisplayMath' then return nil end
-  local name = number('Equation', label)
+  number('Equation', label)
   if TYPST then return nil end
   local mark = pandoc.Span('(' .. counts.Equation .. ')', { class = 'number' })
   return pandoc.Span({ pandoc.Span(math, { class = 'formula' }), mark }, { id = label, class = 'equation' })
@@ -117,7 +117,7 @@ local function ease(element)
   local likes = demands(element)
   for _, row in ipairs(element.head.rows) do
     for i, cell in ipairs(row.cells) do
-      if likes[i] > 24 then cell.classes:insert('prose') end
+      if likes[i] > 32 then cell.classes:insert('prose') end
     end
   end
 end
@@ -146,10 +146,10 @@ local function tabled(element, in_summary)
   end
   if TYPST then
     fit(element)
-    return element, false
+    return element
   end
   ease(element)
-  return scrolling(element), false
+  return scrolling(element)
 end
 
 local function marked(span)
@@ -166,7 +166,7 @@ local function count(blocks, in_summary)
     traverse = 'topdown',
     Header = section,
     Figure = figure,
-    Table = function(element) return tabled(element, in_summary) end,
+    Table = function(element) return tabled(element, in_summary), false end,
     Span = labelled,
     Math = function(math) return equation(math, ''), false end,
   }

@@ -17,6 +17,7 @@ COMMON = (
     "--toc",
     "--number-sections",
     "--syntax-highlighting=none",
+    f"--lua-filter={LAYOUT / 'bars.lua'}",
     f"--lua-filter={LAYOUT / 'numbers.lua'}",
 )
 
