@@ -29,6 +29,10 @@ local function numbered(caption, name)
 end
 
 local function section(header)
+  if header.classes:includes('unnumbered') then
+    labels['#' .. header.identifier] = pandoc.utils.stringify(header)
+    return
+  end
   local level = header.level
   for deeper = level + 1, 6 do sections[deeper] = nil end
   sections[level] = (sections[level] or 0) + 1
@@ -180,6 +184,14 @@ local function linked(link)
   return link
 end
 
+-- A caption with a bracket too many leaves words where the figure should be.
+local function check_figures(names)
+  for _, name in ipairs(names) do
+    local label = pandoc.utils.stringify(name)
+    if not labels[label] then fail(label .. ' does not come out as a figure: see its caption and where it is placed') end
+  end
+end
+
 function Pandoc(doc)
   local first = doc.blocks[1]
   if not (first and first.t == 'Div' and first.classes:includes('summary')) then
@@ -188,6 +200,7 @@ function Pandoc(doc)
   doc.blocks:remove(1)
   local summary = count(first.content, true)
   doc.blocks = count(doc.blocks, false)
+  check_figures(doc.meta.figures or {})
   doc.meta.summary = pandoc.MetaBlocks(summary:walk { Link = linked, Span = marked })
   doc.blocks = doc.blocks:walk { Link = linked, Span = marked }
   doc.meta.pagetitle = pandoc.MetaString(pandoc.utils.stringify(doc.meta.title))

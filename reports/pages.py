@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import logging
+import subprocess
 from pathlib import Path
 
 import pypandoc
@@ -20,6 +20,8 @@ COMMON = (
     f"--lua-filter={LAYOUT / 'bars.lua'}",
     f"--lua-filter={LAYOUT / 'numbers.lua'}",
 )
+# Pandoc's MathML has accents that combine with the letter before them; alone in their box they stand left of it.
+ACCENTS = {"\u0307": "\u02d9", "\u0308": "\u00a8", "\u0302": "\u02c6", "\u0303": "\u02dc", "\u030c": "\u02c7"}
 
 
 class PageError(Exception):
@@ -32,13 +34,17 @@ def write_html(markdown: str, folder: Path) -> Path:
     options = (
         f"--template={LAYOUT / 'page.html'}",
         f"--css={LAYOUT / 'page.css'}",
+        f"--css={LAYOUT / 'media.css'}",
         "--embed-resources",
         "--mathml",
         "--shift-heading-level-by=1",
         "--toc-depth=3",
         f"--resource-path={folder}",
     )
-    path.write_text(_pandoc(markdown, "html5", options), encoding="utf-8")
+    page = _pandoc(markdown, "html5", options)
+    for combining, alone in ACCENTS.items():
+        page = page.replace(f'<mo accent="true">{combining}</mo>', f'<mo accent="true">{alone}</mo>')
+    path.write_text(page, encoding="utf-8")
     return path
 
 
@@ -64,9 +70,9 @@ def write_pdf(source: str, folder: Path) -> Path:
 
 
 def _pandoc(markdown: str, to: str, options: tuple[str, ...]) -> str:
-    # pypandoc logs what pandoc says and raises it again: once is enough.
-    logging.getLogger("pypandoc").setLevel(logging.CRITICAL)
-    try:
-        return str(pypandoc.convert_text(markdown, to, format=MARKDOWN, extra_args=[*COMMON, *options]))
-    except RuntimeError as error:
-        raise PageError(str(error)) from error
+    # pypandoc would log the warnings instead of failing with them; it only says where its pandoc is.
+    command = [pypandoc.get_pandoc_path(), f"--from={MARKDOWN}", f"--to={to}", *COMMON, *options]
+    run = subprocess.run(command, input=markdown, capture_output=True, encoding="utf-8", check=False)
+    if run.returncode or run.stderr:
+        raise PageError(run.stderr.strip() or f"pandoc ended with {run.returncode}")
+    return run.stdout

@@ -70,7 +70,7 @@ def render(
     if len(captions) != len(report.figures):
         raise ValueError(f"two figures of one name: {sorted(figure.name for figure in report.figures)}")
     body = text.fill(report.template, results, captions, report.filters)
-    markdown = text.head(report.title, report.question) + body
+    markdown = text.head(report.title, report.question, captions) + body
     drawings = folder / "figures"
     drawings.mkdir(parents=True, exist_ok=True)
     # Pandoc is a process of its own: it sets the text for paper while this one still draws.

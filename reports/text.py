@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ def fill(
             raise ValueError(f"the template places figure {name!r} twice")
         placed.append(name)
         caption = " ".join(captions[name].split())
-        return f"\n![{caption}](figures/{name}.svg){{#fig:{name}}}\n"
+        return f"\n\n![{caption}](figures/{name}.svg){{#fig:{name}}}\n\n"
 
     environment = Environment(
         loader=FileSystemLoader(template.parent),
@@ -53,10 +53,11 @@ def fill(
     return body
 
 
-def head(title: str, question: str) -> str:
-    """The metadata block that opens the Markdown of a report."""
-    # A JSON string is a YAML string, so whatever the title holds is quoted right.
-    return f"---\ntitle: {json.dumps(title)}\nquestion: {json.dumps(question)}\n---\n\n"
+def head(title: str, question: str, figures: Iterable[str]) -> str:
+    """The metadata block that opens the Markdown of a report; `figures` are the names of those that must come out."""
+    # JSON is YAML, so whatever the title holds is quoted right.
+    data = {"title": title, "question": question, "figures": [f"#fig:{name}" for name in figures]}
+    return f"---\n{json.dumps(data)}\n---\n\n"
 
 
 def verdict(holds: bool) -> str:

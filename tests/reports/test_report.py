@@ -148,6 +148,11 @@ def test_bars_in_pairs_are_brackets(tmp_path: Path) -> None:
     assert len(re.findall(r'form="postfix">[‖|]<', page)) == 2
 
 
+def test_accents_stand_over_their_letter(tmp_path: Path) -> None:
+    page = html_of(tmp_path, r"$\dot x + \ddot x + \hat x$")
+    assert re.findall('<mo accent="true">(.)</mo>', page) == ["\u02d9", "\u00a8", "\u02c6"]
+
+
 def test_words_of_the_summary_come_before_the_contents(html: str) -> None:
     assert html.index("Two of three requirements hold") < html.index("Contents") < html.index("A carriage of mass")
 
@@ -207,6 +212,23 @@ def test_a_verdict_is_on_a_bool(tmp_path: Path) -> None:
 def test_what_can_not_be_set_is_said(tmp_path: Path, markdown: str, message: str) -> None:
     with pytest.raises(pages.PageError, match=message):
         render(told(tmp_path, markdown), {}, tmp_path)
+
+
+def test_a_caption_that_breaks_its_figure_is_refused(tmp_path: Path) -> None:
+    report = told(tmp_path, "{{ figure('loop') }}", replace(figure(), caption="One ] too many"))
+    with pytest.raises(pages.PageError, match="fig:loop does not come out"):
+        render(report, demo.results(), tmp_path)
+
+
+def test_a_figure_may_stand_within_a_paragraph(tmp_path: Path) -> None:
+    report = told(tmp_path, "Before {{ figure('loop') }} and after.", figure())
+    render(report, demo.results(), tmp_path)
+    assert '<figure id="fig:loop">' in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_sections_without_a_number_are_not_counted(tmp_path: Path) -> None:
+    page = html_of(tmp_path, "# One\n\n# Aside {#aside .unnumbered}\n\n# Two {#two}\n\n[](#two), [](#aside)")
+    assert dict(re.findall(r'<a href="#(\w+)">([^<]*)</a>', page)) == {"two": "Section\u00a02", "aside": "Aside"}
 
 
 def test_a_report_opens_with_its_answer(tmp_path: Path) -> None:
