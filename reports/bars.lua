@@ -8,6 +8,7 @@ local BRACKETS = { ['|'] = { '\\left|', '\\right|' }, ['\\|'] = { '\\lVert ', '\
 local function spelled(tex)
   tex = tex:gsub('\\left%s*\\|', '\\lVert '):gsub('\\right%s*\\|', '\\rVert ')
   tex = tex:gsub('\\left%s*\\lVert', '\\lVert'):gsub('\\right%s*\\rVert', '\\rVert')
+  tex = tex:gsub('\\left%s*\\lvert%f[%A]', '\\left|'):gsub('\\right%s*\\rvert%f[%A]', '\\right|')
   return (tex:gsub('\\lvert%f[%A]', '\\left|'):gsub('\\rvert%f[%A]', '\\right|'))
 end
 

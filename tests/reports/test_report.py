@@ -142,10 +142,20 @@ def test_svg_has_no_date_and_keeps_the_width_of_the_text(folder: Path, name: str
     assert float(width[1]) == pytest.approx(160.0 / 25.4 * 72.0)
 
 
-def test_bars_in_pairs_are_brackets(tmp_path: Path) -> None:
-    page = html_of(tmp_path, r"$\|S\|_\infty \le |z|$ and $P(a|b)$")
-    assert len(re.findall(r'form="prefix">[‖|]<', page)) == 3  # two that open, one alone
-    assert len(re.findall(r'form="postfix">[‖|]<', page)) == 2
+@pytest.mark.parametrize(
+    ("formula", "opening", "closing"),
+    [
+        (r"\|S\|_\infty \le |z|", 2, 2),
+        (r"\left|z\right| + \left\|S\right\|", 2, 2),
+        (r"\lvert z \rvert + \lVert S \rVert", 2, 2),
+        (r"\left\lvert z \right\rvert + \left\lVert S \right\rVert", 2, 2),
+        (r"P(a|b)", 1, 0),  # alone, so no bracket: pandoc's writer calls it a prefix
+    ],
+)
+def test_bars_in_pairs_are_brackets(tmp_path: Path, formula: str, opening: int, closing: int) -> None:
+    page = html_of(tmp_path, f"${formula}$")
+    assert len(re.findall(r'form="prefix">[‖|]<', page)) == opening
+    assert len(re.findall(r'form="postfix">[‖|]<', page)) == closing
 
 
 def test_accents_stand_over_their_letter(tmp_path: Path) -> None:
