@@ -38,7 +38,7 @@ ROUGHNESS: Final = 1e-5  # weight of the thrust's differences beside the vibrati
 LONGEST: Final = 4096  # samples; a search for the shortest settling time gives up beyond
 
 
-class InfeasibleError(ValueError):
+class DesignError(ValueError):
     """A design that can't be; the message says why and what could."""
 
 
@@ -92,14 +92,14 @@ def synthesise(
 ) -> Deadbeat:
     """The deadbeat feedforward that is best by `objective` within `constraints`; times [s], stroke [m].
 
-    Raises ValueError for arguments that mean nothing, InfeasibleError, with the shortest settling time that can be met,
-    where there is none.
+    Raises DesignError for a stroke or time that means nothing, and, with the shortest settling time that can be met,
+    where there is no such feedforward.
     """
     count = _samples(settling_time, sample_time)
     if not (math.isfinite(stroke) and stroke > 0):
-        raise ValueError(f"the stroke is {show(stroke, 'm')}; give one above 0, such as 20 um")
+        raise DesignError(f"the stroke is {show(stroke, 'm')}; give one above 0, such as 20 um")
     if objective not in get_args(Objective):
-        raise ValueError(f"objective {objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
+        raise DesignError(f"objective {objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
     problem = _problem(plant, sample_time, count, stroke)
     solution = (
         _least_peak(problem, constraints)
@@ -107,7 +107,7 @@ def synthesise(
         else _least_squares(problem, objective, constraints)
     )
     if solution is None:
-        raise InfeasibleError(_why_not(plant, sample_time, settling_time, stroke, constraints))
+        raise DesignError(_why_not(plant, sample_time, settling_time, stroke, constraints))
     return _deadbeat(plant, sample_time, stroke, settling_time, problem.scale * solution)
 
 
@@ -154,11 +154,11 @@ def vibrating(plant: Plant) -> tuple[int, ...]:
 
 def _samples(settling_time: float, sample_time: float) -> int:
     if not (math.isfinite(settling_time) and settling_time > 0):
-        raise ValueError(f"the settling time is {show(settling_time, 's')}; give one above 0, such as 20 ms")
+        raise DesignError(f"the settling time is {show(settling_time, 's')}; give one above 0, such as 20 ms")
     count = round(settling_time / sample_time)
     if count < 1 or abs(settling_time / sample_time - count) > 1e-6:
         nearest = max(count, 1) * sample_time
-        raise ValueError(
+        raise DesignError(
             f"the settling time {show(settling_time, 's')} is no whole number of samples of {show(sample_time, 's')}; "
             f"take {show(nearest, 's')}"
         )
@@ -326,7 +326,7 @@ def _deadbeat(plant: Plant, sample_time: float, stroke: float, settling_time: fl
     convolution = np.zeros((d_ff.size, d_ff.size - order))
     for k in range(convolution.shape[1]):
         convolution[k : k + order + 1, k] = denominator
-    free = np.linalg.lstsq(convolution, d_ff, rcond=None)[0]
+    free = np.asarray(np.linalg.lstsq(convolution, d_ff, rcond=None)[0], float)
     return Deadbeat(
         sample_time,
         stroke,

@@ -12,10 +12,11 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
 from models.controller import PID
-from models.friction import Friction
+from models.friction import Friction, branch
 from models.plant import Plant
 from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, value
 
@@ -81,6 +82,15 @@ class Specification:
 
 
 @dataclass(frozen=True)
+class Published:
+    """What an experiment on the machine showed, to compare with (sections III.B and V.B); nothing is designed on it."""
+
+    reversal_settling_time: float = value("s", "settling of the reversal without compensation", above=0)
+    dispersion_without: float = value("m", "3 sigma after the settling time, without compensation", above=0)
+    dispersion_with: float = value("m", "3 sigma after the settling time, with compensation", above=0)
+
+
+@dataclass(frozen=True)
 class Provenance:
     """Where a value comes from: `kind` is one of SOURCES, `detail` says which section, rule, record or assumption."""
 
@@ -98,9 +108,10 @@ class Machine:
     scale: Scale
     plant: Plant
     friction: Friction
-    presliding: Presliding
     control: Control
     specification: Specification
+    presliding: Presliding = None  # type: ignore[assignment]  # derived by `load` where a file leaves it out
+    published: Published | None = None
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
     @property
@@ -134,6 +145,8 @@ def load(path: Path = DEFAULT) -> Machine:
         if not isinstance(name, str):
             raise MachineError(f"name: {name!r} is no text; write it in quotes")
         machine = _read(Machine, {"name": name, **table}, "", sources)
+        if machine.presliding is None:
+            machine = _with_presliding(machine, sources)
         machine = dataclasses.replace(machine, sources=sources)
         _check(machine)
     except ValueError as error:
@@ -164,6 +177,8 @@ def _read(kind: type[Part], table: object, where: str, sources: dict[str, Proven
     hints, arguments = get_type_hints(kind), {}
     for name, field in fields.items():
         path = _join(where, name)
+        if name not in table and field.default is not dataclasses.MISSING:
+            continue
         if name not in table:
             raise MachineError(f"{path}: missing; add it{_unit_hint(declaration(field))}")
         arguments[name] = _entry(hints[name], declaration(field), table[name], path, sources)
@@ -177,6 +192,8 @@ def _entry(
         return _quantity(hint, declared, entry, where, sources)
     if hint is str:
         return entry
+    if isinstance(hint, UnionType):  # an optional part, and here it is
+        hint = next(kind for kind in get_args(hint) if kind is not NoneType)
     if get_origin(hint) is tuple:
         if not isinstance(entry, list) or not entry:
             raise MachineError(f"{where}: needs one table or more; write [[{where}]] with its values below")
@@ -224,6 +241,23 @@ def _provenance(entry: object, where: str) -> tuple[object, Provenance]:
     return entry["value"], Provenance(kind.strip(), detail.strip(), str(entry.get("note", "")).strip())
 
 
+def _with_presliding(machine: Machine, sources: dict[str, Provenance]) -> Machine:
+    """The machine with the facts of its hysteresis curve taken from its elements; Region 1 is one stroke long."""
+    friction, boundary = machine.friction, machine.specification.stroke
+    end = max(2 * max(friction.limit), 2 * boundary)
+    climbed = branch(friction, [boundary, end])
+    presliding = Presliding(
+        coulomb_force=friction.coulomb_force,
+        stiffness_1=float(climbed[0]) / boundary,
+        stiffness_2=float(climbed[1] - climbed[0]) / (end - boundary),
+        boundary=boundary,
+        extent=max(friction.limit),
+    )
+    for field in dataclasses.fields(Presliding):
+        sources[f"presliding.{field.name}"] = Provenance("derived", "from the friction elements")
+    return dataclasses.replace(machine, presliding=presliding)
+
+
 def _check(machine: Machine) -> None:
     """What no single value shows."""
     nyquist = 0.5 / machine.sample_time
@@ -261,12 +295,12 @@ def _parameters(part: Any, where: str, sources: Mapping[str, Provenance]) -> Ite
 
 def _plain(part: Any) -> object:
     if not dataclasses.is_dataclass(part):
-        return list(part) if isinstance(part, tuple) else part
+        return part
     plain: dict[str, object] = {}
     for field in dataclasses.fields(part):
-        if field.name == "sources":
-            continue
         item, declared = getattr(part, field.name), declaration(field)
+        if field.name == "sources" or item is None:
+            continue
         if declared is not None:
             plain[json_name(field.name, declared.unit)] = list(item) if isinstance(item, tuple) else item
         elif isinstance(item, tuple):

@@ -21,6 +21,11 @@ class Record:
     command: Array
     position: Array
 
+    def last(self, count: int) -> Record:
+        """The last `count` samples."""
+        signals = (self.target, self.reference, self.feedforward, self.command, self.position)
+        return Record(self.sample_time, *(signal[-count:] for signal in signals))
+
 
 @dataclass(frozen=True)
 class Motion:

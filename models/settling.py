@@ -29,6 +29,7 @@ def overshoot(travelled: ArrayLike, stroke: float) -> float:
 def dispersion(errors: ArrayLike) -> Array:
     """3 sigma (n,) [m] over motions, at each time, of their errors (motions, n) [m]; section V.B of the paper.
 
-    sigma is the standard deviation of the sample (divisor: motions - 1), as five trials stand for all that follow.
+    sigma is the standard deviation over these motions (divisor: their number), as the paper does not say otherwise.
     """
-    return 3 * np.std(np.asarray(errors, float), axis=0, ddof=1)
+    spread: Array = 3 * np.std(np.asarray(errors, float), axis=0)
+    return spread

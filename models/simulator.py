@@ -33,6 +33,10 @@ class Response:
     position: Array
     friction: Array
 
+    def last(self, count: int) -> Response:
+        """The last `count` samples."""
+        return Response(self.record.last(count), self.position[-count:], self.friction[-count:])
+
 
 def simulate(
     machine: Machine,
@@ -158,13 +162,13 @@ def _side_by_side(prepared: list[tuple[Loop, Run]]) -> tuple[Loop, Run]:
     """One Loop and one Run whose arrays have the lanes as their last axis."""
     first = prepared[0][0]
     loops, runs = zip(*prepared, strict=True)
-    stacked = Loop(*(np.stack(column, axis=-1) for column in zip(*loops, strict=True)))
+    stacked = Loop._make(np.stack(column, axis=-1) for column in zip(*loops, strict=True))
     loop = stacked._replace(sample_time=first.sample_time, delays=first.delays, counts=first.counts)
-    return loop, Run(*(np.stack(column, axis=-1) for column in zip(*runs, strict=True)))
+    return loop, Run._make(np.stack(column, axis=-1) for column in zip(*runs, strict=True))
 
 
 def _lane(run: Run, lane: int) -> Run:
-    return Run(*(np.ascontiguousarray(signal[..., lane]) for signal in run))
+    return Run._make(np.ascontiguousarray(signal[..., lane]) for signal in run)
 
 
 def _response(machine: Machine, target: Array, run: Run) -> Response:

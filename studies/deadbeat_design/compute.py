@@ -1,0 +1,358 @@
+"""The deadbeat design, its trade-offs and its proof; plain results, no drawing.
+
+The feedforward is judged twice by what did not make it: on the linear plant by the closed form of its motion, on the
+nonsmooth machine by simulation over the sequence of Fig. 5.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.deadbeat import (
+    OBJECTIVES,
+    Constraints,
+    Deadbeat,
+    DesignError,
+    least_peak_thrust,
+    shortest_settling_time,
+    synthesise,
+    vibrating,
+    with_frequency_error,
+)
+from design.friction_compensation import simplify
+from models.controller import Controller
+from models.friction import Friction, branch
+from models.machine import Machine, parameters
+from models.plant import Plant, frequency_response
+from models.quantity import show
+from studies.command import Answer, BadInputError, Check, Progress, quantity
+from studies.validation import Validation, agreement, linear_response, validate
+
+Array = NDArray[np.float64]
+
+SHOWN: Final = 0.1  # s of each motion that results.json keeps, for the figures
+VIBRATION_WINDOW: Final = 0.1  # s after the settling time in which the vibration left is looked at
+RESIDUAL_LIMIT: Final = 1e-9  # of the stroke: what may remain after a deadbeat's settling time
+
+
+def design(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+    """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
+    wanted = _wanted(machine, options)
+    progress(0.05, "synthesising the deadbeat feedforward")
+    try:
+        plain = _synthesise(machine, wanted, wanted["objective"])
+        robust = _synthesise(machine, wanted, "mode_robustness")
+    except DesignError as error:
+        raise BadInputError(f"--settling-time, --stroke: {error}") from error
+    controller = _controller(machine, plain)
+    progress(0.15, "trade-off of settling time and thrust")
+    trade_off = _trade_off(machine, wanted, quick=options.quick)
+    progress(0.3, "sensitivity to the modes' frequencies")
+    sensitivity = _sensitivity(machine, plain, robust, quick=options.quick)
+    progress(0.4, "validating on the nonsmooth machine")
+    with_rfm = validate(machine, controller, stroke=wanted["stroke_m"], seed=options.seed)
+    progress(0.55, "validating without friction compensation")
+    without = validate(machine, controller.without_compensation(), stroke=wanted["stroke_m"], seed=options.seed)
+    progress(0.7, "collecting the results")
+    proof = _proof(machine.plant, plain)
+    results = {
+        "quick": options.quick,
+        "wanted": wanted,
+        "deadbeat": _deadbeat(plain, proof),
+        "robust": {"thrust_N": robust.thrust, "position_m": robust.position},
+        "bode": _bode(machine, quick=options.quick),
+        "trade_off": trade_off,
+        "sensitivity": sensitivity,
+        "friction": _friction(machine, controller),
+        "without": _validation(without),
+        "with": _validation(with_rfm),
+        "parameters": [_parameter(parameter) for parameter in parameters(machine)],
+        "paper": _beside_the_paper(machine, without, with_rfm),
+    }
+    checks = _checks(machine, wanted, plain, proof, without, with_rfm)
+    files = {"controller.json": _controller_file(controller, plain)}
+    summary = [("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s"))]
+    return Answer(results, checks, files, summary)
+
+
+def _wanted(machine: Machine, options: argparse.Namespace) -> dict[str, Any]:
+    """What the design has to reach, from the options, else from the machine file."""
+    specification, drive = machine.specification, machine.drive
+    given = options.thrust_limit and quantity(options.thrust_limit, "N", "--thrust-limit")
+    reserved = drive.rated_thrust - machine.friction.coulomb_force
+    if given is not None and not 0 < given <= drive.rated_thrust:
+        raise BadInputError(
+            f"--thrust-limit: {show(given, 'N')} is not between 0 and the rated {show(drive.rated_thrust, 'N')}"
+        )
+    if given is None and reserved <= 0:
+        raise BadInputError(
+            f"--machine: friction takes {show(machine.friction.coulomb_force, 'N')}, all of the rated "
+            f"{show(drive.rated_thrust, 'N')}; give a stronger drive.rated_thrust or less friction"
+        )
+    overshoot = None if options.overshoot is None else quantity(options.overshoot, "1", "--overshoot")
+    if overshoot is not None and overshoot < 0:
+        raise BadInputError(f"--overshoot: {overshoot:g} is negative; give 0 or more")
+    time, stroke = options.settling_time, options.stroke
+    return {
+        "settling_time_s": quantity(time, "s", "--settling-time") if time else specification.reference_settling_time,
+        "stroke_m": quantity(stroke, "m", "--stroke") if stroke else specification.stroke,
+        "thrust_limit_N": reserved if given is None else given,
+        "objective": options.objective,
+        "objective_meaning": OBJECTIVES[options.objective],
+        "overshoot": overshoot,
+        "monotone": options.monotone,
+    }
+
+
+def _constraints(wanted: Mapping[str, Any]) -> Constraints:
+    return Constraints(wanted["thrust_limit_N"], wanted["overshoot"], wanted["monotone"])
+
+
+def _synthesise(machine: Machine, wanted: Mapping[str, Any], objective: Any) -> Deadbeat:
+    time, stroke = wanted["settling_time_s"], wanted["stroke_m"]
+    return synthesise(machine.plant, machine.sample_time, time, stroke, objective, _constraints(wanted))
+
+
+def _controller(machine: Machine, deadbeat: Deadbeat) -> Controller:
+    control = machine.control
+    rfm = simplify(machine.friction, control.compensator_elements)
+    return Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff, rfm)
+
+
+def _proof(plant: Plant, deadbeat: Deadbeat) -> dict[str, Any]:
+    """What remains after the settling time, at ten points a sample for 0.2 s, relative to the stroke."""
+    ts = deadbeat.sample_time
+    count = round(deadbeat.settling_time / ts)
+    times = (count + np.arange(round(10 * 0.2 / ts)) / 10) * ts + plant.dead_time
+    remains = np.abs(linear_response(plant, deadbeat.thrust, ts, times) / deadbeat.stroke - 1)
+    at_samples = linear_response(plant, deadbeat.thrust, ts, np.arange(count + 1) * ts + plant.dead_time)
+    return {
+        "residual": float(np.max(remains)),
+        "reference_error_m": float(np.max(np.abs(at_samples - deadbeat.position))),
+    }
+
+
+def _deadbeat(deadbeat: Deadbeat, proof: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "time_s": np.arange(deadbeat.position.size) * deadbeat.sample_time,
+        "thrust_N": deadbeat.thrust,
+        "position_m": deadbeat.position,
+        "peak_thrust_N": np.max(np.abs(deadbeat.thrust)),
+        "overshoot_m": max(float(np.max(deadbeat.position)) - deadbeat.stroke, 0.0),
+        "backward_m": -min(float(np.min(np.diff(deadbeat.position))), 0.0),
+        "numerator": deadbeat.numerator,
+        "denominator": deadbeat.denominator,
+        "free": deadbeat.free,
+        **proof,
+    }
+
+
+def _bode(machine: Machine, *, quick: bool) -> dict[str, Any]:
+    frequency = np.geomspace(1.0, 0.5 / machine.sample_time, 200 if quick else 800)
+    slopes = {"P_l": 0.0, "P_e1": machine.presliding.stiffness_1, "P_e2": machine.presliding.stiffness_2}
+    curves: dict[str, Any] = {"frequency_Hz": frequency}
+    for name, slope in slopes.items():
+        response = frequency_response(machine.plant, 2 * math.pi * frequency, slope)
+        phase = np.unwrap(np.angle(response))
+        phase -= 2 * math.pi * round(phase[0] / (2 * math.pi) - 1e-9)  # from 0 or -180 degrees on
+        phase -= 2 * math.pi if phase[0] > 0.5 * math.pi else 0.0
+        curves[name] = {
+            "magnitude_m_per_N": np.abs(response),
+            "phase_deg": np.degrees(phase),
+            "stiffness_N_per_m": slope,
+        }
+    return curves
+
+
+def _trade_off(machine: Machine, wanted: Mapping[str, Any], *, quick: bool) -> dict[str, Any]:
+    """Least peak thrust against the settling time, free and with a monotone x_T*, and the shortest within the limit."""
+    ts, stroke, plant = machine.sample_time, wanted["stroke_m"], machine.plant
+    target = round(wanted["settling_time_s"] / ts)
+    counts = range(max(target // 2, 2 * len(plant.modes)), 2 * target + 1, max(target // (8 if quick else 20), 1))
+    times = [count * ts for count in counts]
+    peaks = {
+        name: [least_peak_thrust(plant, ts, time, stroke, monotone=monotone) for time in times]
+        for name, monotone in (("free_N", False), ("monotone_N", True))
+    }
+    limit = Constraints(thrust=wanted["thrust_limit_N"])
+    return {
+        "settling_time_s": times,
+        **peaks,
+        "limit_N": wanted["thrust_limit_N"],
+        "rated_N": machine.drive.rated_thrust,
+        "shortest_s": shortest_settling_time(plant, ts, stroke, limit),
+        "shortest_monotone_s": shortest_settling_time(plant, ts, stroke, replace(limit, monotone=True)),
+    }
+
+
+def _sensitivity(machine: Machine, plain: Deadbeat, robust: Deadbeat, *, quick: bool) -> dict[str, Any]:
+    """Largest |x - r| [m] of the linear plant after the settling time, feedforward alone, with one mode off at a time."""
+    errors = np.linspace(-0.05, 0.05, 11 if quick else 41)
+    begin = plain.settling_time + machine.plant.dead_time
+    times = begin + np.arange(0.0, VIBRATION_WINDOW, plain.sample_time / 2)
+
+    def left(deadbeat: Deadbeat, mode: int, error: float) -> float:
+        wrong = with_frequency_error(machine.plant, mode, float(error))
+        position = linear_response(wrong, deadbeat.thrust, deadbeat.sample_time, times)
+        return float(np.max(np.abs(position - deadbeat.stroke)))
+
+    modes = [
+        {
+            "frequency_Hz": machine.plant.modes[mode].frequency,
+            "plain_m": [left(plain, mode, error) for error in errors],
+            "robust_m": [left(robust, mode, error) for error in errors],
+        }
+        for mode in vibrating(machine.plant)
+    ]
+    return {"error": errors, "modes": modes}
+
+
+def _friction(machine: Machine, controller: Controller) -> dict[str, Any]:
+    """The branch behind a reversal (Fig. 3b) of the machine and of its RFM, and the published slopes beside them."""
+    rfm, facts = controller.friction_compensation, machine.presliding
+    assert rfm is not None
+    distance = np.linspace(0, 1.1 * max(2 * max(machine.friction.limit), 2 * facts.boundary), 400)
+
+    def climbed(friction: Friction) -> Array:
+        return branch(friction, distance)
+
+    ends = branch(machine.friction, [facts.boundary, 2 * max(machine.friction.limit)])
+    return {
+        "distance_m": distance,
+        "machine_N": climbed(machine.friction),
+        "rfm_N": climbed(rfm),
+        "slope_1_N_per_m": float(ends[0]) / facts.boundary,
+        "slope_2_N_per_m": float(ends[1] - ends[0]) / (2 * max(machine.friction.limit) - facts.boundary)
+        if 2 * max(machine.friction.limit) > facts.boundary
+        else None,
+        "rfm_largest_error_N": float(np.max(np.abs(climbed(rfm) - climbed(machine.friction)))),
+        "elements": len(machine.friction.limit),
+        "rfm": {"stiffness_N_per_m": rfm.stiffness, "limit_m": rfm.limit},
+    }
+
+
+def _validation(validation: Validation) -> dict[str, Any]:
+    """Every motion's outcome, and the signals of each motion's first SHOWN seconds."""
+    response = validation.response
+    ts = response.record.sample_time
+    motions = []
+    for one in validation.achieved:
+        part = slice(one.motion.start, min(one.motion.stop, one.motion.start + round(SHOWN / ts)))
+        motions.append(
+            {
+                "origin_m": one.motion.origin,
+                "target_m": one.motion.target,
+                "reversal": one.motion.reversal,
+                "settling_s": one.settling_time,
+                "overshoot_m": one.overshoot,
+                "peak_thrust_N": one.peak_thrust,
+                "position_m": response.position[part],
+                "reference_m": response.record.reference[part],
+                "friction_N": response.friction[part],
+            }
+        )
+    return {
+        "time_s": np.arange(round(SHOWN / ts)) * ts,
+        "motions": motions,
+        "dispersion_m": validation.dispersion[: round(SHOWN / ts)],
+        "worst_dispersion_m": validation.worst_dispersion,
+        "repeats": validation.repeats,
+        "repeat_error_m": validation.repeat_error,
+    }
+
+
+def _parameter(parameter: Any) -> dict[str, Any]:
+    return {**asdict(parameter), "number": parameter.number}
+
+
+def _beside_the_paper(machine: Machine, without: Validation, with_rfm: Validation) -> list[dict[str, Any]]:
+    """The published outcomes beside those here; empty for a machine of which none are published."""
+    published = machine.published
+    if published is None:
+        return []
+    names = machine.sources
+    rows = (
+        ("settling of the reversal, without compensation", "reversal_settling_time", "s", _reversal(without)),
+        ("3 sigma after the settling time, without compensation", "dispersion_without", "m", without.worst_dispersion),
+        ("3 sigma after the settling time, with compensation", "dispersion_with", "m", with_rfm.worst_dispersion),
+    )
+    return [
+        {
+            "name": name,
+            "unit": unit,
+            "paper": getattr(published, key),
+            "here": here,
+            "difference": here / getattr(published, key) - 1,
+            "source": f"{names[f'published.{key}'].kind}: {names[f'published.{key}'].detail}",
+        }
+        for name, key, unit, here in rows
+    ]
+
+
+def _reversal(validation: Validation) -> float:
+    return next(one.settling_time for one in validation.positive() if one.motion.reversal)
+
+
+def _checks(
+    machine: Machine,
+    wanted: Mapping[str, Any],
+    deadbeat: Deadbeat,
+    proof: Mapping[str, Any],
+    without: Validation,
+    with_rfm: Validation,
+) -> tuple[Check, ...]:
+    specification, drive = machine.specification, machine.drive
+    in_time = specification.settling_time
+    peak = float(np.max(np.abs(deadbeat.thrust)))
+    largest = max(one.peak_thrust for one in with_rfm.achieved)
+    checks = [
+        Check("remains after the settling time, of the stroke", proof["residual"], "1", RESIDUAL_LIMIT, "deadbeat"),
+        Check("peak of u_ff", peak, "N", wanted["thrust_limit_N"] * (1 + 1e-6), "rated thrust less friction's share"),
+        Check("peak of u_M with compensation", largest, "N", drive.rated_thrust, "drive.rated_thrust"),
+        *(
+            Check(f"settling with compensation, {name}", max(one.settling_time for one in group), "s", in_time, "II.D")
+            for name, group in (
+                ("positive motions", with_rfm.positive()),
+                ("all motions", with_rfm.achieved),
+            )
+        ),
+        Check(
+            "difference to the period before", with_rfm.repeat_error, "m", agreement(machine), "simulation is periodic"
+        ),
+    ]
+    published = machine.published
+    if published is not None:
+        line = published.dispersion_with
+        checks += [
+            Check("settling of the reversal without compensation", _reversal(without), "s", in_time, "III.B", ">="),
+            Check("3 sigma without compensation", without.worst_dispersion, "m", line, "V.B", ">="),
+            Check("3 sigma with compensation", with_rfm.worst_dispersion, "m", line, "V.B"),
+        ]
+    return tuple(checks)
+
+
+def _controller_file(controller: Controller, deadbeat: Deadbeat) -> dict[str, Any]:
+    pid, rfm = controller.pid, controller.friction_compensation
+    assert rfm is not None
+    return {
+        "sample_time_s": controller.sample_time,
+        "stroke_m": deadbeat.stroke,
+        "settling_time_s": deadbeat.settling_time,
+        "n_ff": deadbeat.n_ff,
+        "d_ff": deadbeat.d_ff,
+        "reference_delay_samples": controller.reference_delay,
+        "pid": {
+            "kp_N_per_m": pid.kp,
+            "ki_N_per_ms": pid.ki,
+            "kd_Ns_per_m": pid.kd,
+            "derivative_filter_s": pid.derivative_filter,
+        },
+        "friction_compensation": {"stiffness_N_per_m": rfm.stiffness, "limit_m": rfm.limit},
+    }

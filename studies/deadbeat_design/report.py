@@ -1,0 +1,291 @@
+"""How the deadbeat design is told: its figures and the words around them (report.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from models.quantity import show
+from reports import style
+from reports.report import Figure, Report
+
+Results = Mapping[str, Any]
+
+
+def tell(whole: Results) -> Report:
+    """The report on what results.json holds."""
+    results = whole["results"]
+    figures = [
+        Figure("bode", BODE, ("results.bode",), _bode),
+        Figure("feedforward", FEEDFORWARD, ("results.deadbeat", "results.robust", "results.wanted"), _feedforward),
+        Figure("trade_off", TRADE_OFF, ("results.trade_off", "results.wanted"), _trade_off),
+        Figure(
+            "sensitivity", SENSITIVITY, ("results.sensitivity", "results.wanted", "machine.specification"), _sensitivity
+        ),
+        Figure("branch", BRANCH, ("results.friction", "machine.presliding"), _branch),
+        Figure("responses", RESPONSES, ("results.without", "results.with", "machine.specification"), _responses),
+        Figure("dispersion", DISPERSION, (*_DISPERSION_KEYS, "machine.specification"), _dispersion),
+        Figure("lissajous", LISSAJOUS, ("results.without", "machine.presliding"), _lissajous),
+    ]
+    title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
+    question = "Which deadbeat feedforward suits this machine, and does it hold on the nonsmooth machine?"
+    filters: dict[str, Callable[..., Any]] = {
+        "show": _show,
+        "percent": _percent,
+        "amount": _amount,
+        "slowest": _slowest,
+    }
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters)
+
+
+BODE = (
+    "The plant $P_l$ and its equivalents $P_{e1}$, $P_{e2}$ in the presliding region, where the friction acts as a "
+    "spring; dead time included."
+)
+FEEDFORWARD = (
+    "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the chosen design, and of the one that spends its "
+    "freedom on robustness against wrong mode frequencies."
+)
+TRADE_OFF = (
+    "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: what no deadbeat for this stroke can undercut. "
+    "Settling times for which a curve has no point cannot be met at all with that shape."
+)
+SENSITIVITY = (
+    "Largest deviation of the linear plant from the target after the settling time, feedforward alone, when one mode's "
+    "frequency is off."
+)
+BRANCH = "Force climbed behind a reversal from full slip (compare Fig. 3b of the paper), with the published slopes."
+RESPONSES = (
+    "Positive motions on the nonsmooth machine, without (left) and with (right) friction compensation: distance "
+    "travelled and rolling friction (compare Figs. 7, 12 and 14 of the paper)."
+)
+DISPERSION = "Dispersion of the positive motions over time: three standard deviations of the position."
+LISSAJOUS = (
+    "Rolling friction against position over the positive motions without compensation (compare Fig. 8 of the paper); "
+    "vertical lines are the targets."
+)
+_DISPERSION_KEYS = tuple(
+    f"results.{case}.{key}" for case in ("without", "with") for key in ("time_s", "dispersion_m", "worst_dispersion_m")
+)
+
+
+def _show(number: float | None, unit: str, digits: int = 4) -> str:
+    """A number for the text; None stands for one that is not finite."""
+    return "never" if number is None else show(number, unit, digits).replace(" ", "\u00a0")
+
+
+def _percent(ratio: float | None) -> str:
+    return "–" if ratio is None else f"{100 * ratio:+.1f} %"
+
+
+def _slowest(times: Iterable[float | None]) -> float | None:
+    """The largest of the times; None, a motion that never settles, is larger than any."""
+    every = list(times)
+    return None if None in every else max(time for time in every if time is not None)
+
+
+def _amount(parameter: Results) -> str:
+    """A parameter's number or numbers."""
+    number, unit = parameter["number"], parameter["unit"]
+    if not isinstance(number, list):
+        return _show(number, unit, 6)
+    if len(set(number)) == 1:
+        return f"{_show(number[0], unit, 6)} (each of {len(number)})"
+    return ", ".join(_show(item, unit, 6) for item in number)
+
+
+def _bode(whole: Results) -> Drawing:
+    bode = whole["results"]["bode"]
+    figure, axes = style.subplots(2, 1, 85, sharex=True)
+    labels = {"P_l": "$P_l$", "P_e1": "$P_{e1}$", "P_e2": "$P_{e2}$"}
+    for name, label in labels.items():
+        slope = bode[name]["stiffness_N_per_m"]
+        text = f"{label} ($K_e$ = {show(slope, 'N/m')})" if slope else f"{label} (rolling)"
+        axes[0, 0].loglog(bode["frequency_Hz"], bode[name]["magnitude_m_per_N"], label=text)
+        axes[1, 0].semilogx(bode["frequency_Hz"], bode[name]["phase_deg"])
+    axes[0, 0].set_ylabel("magnitude [m/N]")
+    axes[0, 0].legend()
+    axes[1, 0].set_ylabel("phase [deg]")
+    axes[1, 0].set_ylim(-720, 0)
+    axes[1, 0].set_yticks(range(-720, 1, 180))
+    axes[1, 0].set_xlabel("frequency [Hz]")
+    return figure
+
+
+def _feedforward(whole: Results) -> Drawing:
+    results = whole["results"]
+    plain, robust, wanted = results["deadbeat"], results["robust"], results["wanted"]
+    figure, axes = style.subplots(2, 1, 80, sharex=True)
+    time = 1e3 * np.array(plain["time_s"])
+    for design, label in ((plain, wanted["objective_meaning"]), (robust, "robust against wrong mode frequencies")):
+        axes[0, 0].plot(time, 1e6 * np.array(design["position_m"]), label=label)
+        axes[1, 0].step(time, [*design["thrust_N"], 0.0], where="post")
+    axes[0, 0].axhline(1e6 * wanted["stroke_m"], color=style.LIMIT, linewidth=0.7, linestyle=(0, (4, 2)))
+    axes[0, 0].set_ylabel("$x_T^*$ [µm]")
+    axes[0, 0].legend(loc="lower right")
+    limit = wanted["thrust_limit_N"]
+    style.mark_limit(axes[1, 0], limit, f"{limit:.4g} N")
+    style.mark_limit(axes[1, 0], -limit, f"−{limit:.4g} N")
+    axes[1, 0].set_ylabel("$u_{ff}$ [N]")
+    axes[1, 0].set_xlabel("time [ms]")
+    return figure
+
+
+def _trade_off(whole: Results) -> Drawing:
+    trade, wanted = whole["results"]["trade_off"], whole["results"]["wanted"]
+    figure, axes = style.subplots(1, 1, 58)
+    ax = axes[0, 0]
+    time = 1e3 * np.array(trade["settling_time_s"])
+    for key, label, marker in (("free_N", "$x_T^*$ free", "o"), ("monotone_N", "$x_T^*$ monotone", "s")):
+        ax.semilogy(time, np.array(trade[key], dtype=float), marker=marker, label=label)
+    style.mark_limit(ax, trade["limit_N"], f"limit of $u_{{ff}}$\n{trade['limit_N']:.4g} N")
+    style.mark_limit(ax, wanted["settling_time_s"] * 1e3, f"chosen, {wanted['settling_time_s'] * 1e3:g} ms", axis="x")
+    ax.set_xlabel("settling time of $x_T^*$ [ms]")
+    ax.set_ylabel("least peak thrust [N]")
+    ax.legend(loc="upper right")
+    return figure
+
+
+def _sensitivity(whole: Results) -> Drawing:
+    sensitivity = whole["results"]["sensitivity"]
+    tolerance = whole["machine"]["specification"]["tolerance_m"]
+    figure, axes = style.subplots(1, max(len(sensitivity["modes"]), 1), 50, sharey=True)
+    error = 100 * np.array(sensitivity["error"])
+    for ax, mode in zip(axes[0], sensitivity["modes"], strict=False):
+        ax.plot(error, 1e6 * np.array(mode["plain_m"]), label="chosen design")
+        ax.plot(error, 1e6 * np.array(mode["robust_m"]), label="robust design")
+        ax.set_title(f"mode at {mode['frequency_Hz']:g} Hz")
+        ax.set_xlabel("error of its frequency [%]")
+    last = axes[0, -1]
+    if np.max([mode["plain_m"] for mode in sensitivity["modes"]], initial=0.0) > tolerance / 4:
+        for ax in axes[0]:
+            ax.axhline(1e6 * tolerance, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
+        last.annotate(
+            "tolerance", (1, 1e6 * tolerance), xycoords=last.get_yaxis_transform(), fontsize=7, va="bottom", ha="right"
+        )
+    axes[0, 0].set_ylabel("largest deviation [µm]")
+    axes[0, 0].set_ylim(bottom=0)
+    axes[0, 0].legend()
+    return figure
+
+
+def _branch(whole: Results) -> Drawing:
+    friction, facts = whole["results"]["friction"], whole["machine"]["presliding"]
+    figure, axes = style.subplots(1, 1, 62)
+    ax = axes[0, 0]
+    distance = 1e6 * np.array(friction["distance_m"])
+    ax.plot(distance, friction["machine_N"], label=f"machine, N = {friction['elements']}")
+    ax.plot(distance, friction["rfm_N"], label=f"RFM, N = {len(friction['rfm']['limit_m'])}")
+    corner = facts["boundary_m"] * facts["stiffness_1_N_per_m"]
+    end = facts["boundary_m"] + (2 * facts["coulomb_force_N"] - corner) / facts["stiffness_2_N_per_m"]
+    slopes = f"slopes {show(facts['stiffness_1_N_per_m'], 'N/m')} and {show(facts['stiffness_2_N_per_m'], 'N/m')}"
+    ax.plot(
+        1e6 * np.array([0, facts["boundary_m"], end]),
+        [0, corner, 2 * facts["coulomb_force_N"]],
+        color=style.LIMIT,
+        linestyle=(0, (1, 1)),
+        label=slopes,
+    )
+    style.mark_limit(ax, 2 * facts["coulomb_force_N"], "$2 T_{fc}$")
+    style.mark_limit(ax, 1e6 * facts["boundary_m"], "Region 1 | Region 2", axis="x")
+    ax.set_xlabel("distance behind the reversal [µm]")
+    ax.set_ylabel("force climbed [N]")
+    ax.legend(loc="lower right")
+    return figure
+
+
+def _positive(case: Results) -> list[Results]:
+    return [motion for motion in case["motions"] if motion["target_m"] > motion["origin_m"]]
+
+
+def _responses(whole: Results) -> Drawing:
+    results, specification = whole["results"], whole["machine"]["specification"]
+    figure, axes = style.subplots(2, 2, 100, sharex=True, sharey="row")
+    for column, (key, title) in enumerate((("without", "without compensation"), ("with", "with compensation"))):
+        case = results[key]
+        time = 1e3 * np.array(case["time_s"])
+        upper, lower = axes[0, column], axes[1, column]
+        positive = _positive(case)
+        stroke = positive[0]["target_m"] - positive[0]["origin_m"]
+        style.tolerance_band(upper, 1e6 * stroke, 1e6 * specification["tolerance_m"], "tolerance")
+        style.mark_limit(
+            upper, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", axis="x"
+        )
+        for motion in reversed(positive):
+            look: dict[str, Any] = (
+                {"color": style.VERMILION, "linestyle": "-", "linewidth": 1.6, "zorder": 3, "label": "reversal"}
+                if motion["reversal"]
+                else {"color": style.SKY, "linestyle": "-", "linewidth": 0.9, "label": "inching"}
+            )
+            upper.plot(time, 1e6 * (np.array(motion["position_m"]) - motion["origin_m"]), **look)
+            lower.plot(time, motion["friction_N"], **look)
+        first = positive[0]
+        reference = 1e6 * (np.array(first["reference_m"]) - first["origin_m"])
+        upper.plot(time, reference, color=style.BLACK, linestyle=(0, (4, 2)), linewidth=0.9, label="$x_T^*$", zorder=4)
+        upper.set_title(title)
+        lower.set_xlabel("time from the step [ms]")
+        handles = dict(zip(*reversed(upper.get_legend_handles_labels()), strict=True))
+        upper.legend(handles.values(), handles.keys(), loc="lower right")
+        upper.set_xlim(0, time[-1])
+    axes[0, 0].set_ylabel("distance travelled [µm]")
+    axes[1, 0].set_ylabel("rolling friction [N]")
+    return figure
+
+
+def _dispersion(whole: Results) -> Drawing:
+    results, specification = whole["results"], whole["machine"]["specification"]
+    figure, axes = style.subplots(1, 1, 50)
+    ax = axes[0, 0]
+    for key, label in (("without", "without compensation"), ("with", "with compensation")):
+        case = results[key]
+        ax.plot(1e3 * np.array(case["time_s"]), 1e6 * np.array(case["dispersion_m"]), label=label)
+    style.mark_limit(
+        ax, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", axis="x"
+    )
+    ax.set_xlabel("time from the step [ms]")
+    ax.set_ylabel("3σ [µm]")
+    ax.set_ylim(bottom=0)
+    ax.set_xlim(0, 1e3 * results["without"]["time_s"][-1])
+    ax.legend()
+    return figure
+
+
+def _lissajous(whole: Results) -> Drawing:
+    case, facts = whole["results"]["without"], whole["machine"]["presliding"]
+    figure, axes = style.subplots(1, 1, 75)
+    ax = axes[0, 0]
+    positive = _positive(case)
+    for motion in positive:
+        first = motion["reversal"]
+        ax.plot(
+            1e6 * np.array(motion["position_m"]),
+            motion["friction_N"],
+            color=style.VERMILION if first else style.BLUE,
+            linestyle="-",
+            linewidth=1.6 if first else 1.0,
+            label="reversal" if first else ("inching" if motion is positive[1] else None),
+        )
+        ax.axvline(1e6 * motion["target_m"], color=style.LIMIT, linewidth=0.6, linestyle=(0, (4, 2)))
+    for motion, key, label in (
+        (positive[0], "stiffness_1_N_per_m", "$K_{e1}$"),
+        (positive[-1], "stiffness_2_N_per_m", "$K_{e2}$"),
+    ):
+        x = np.array([motion["origin_m"], motion["target_m"]])
+        middle = len(motion["friction_N"]) - 1
+        y = motion["friction_N"][middle] + facts[key] * (x - motion["target_m"])
+        ax.plot(
+            1e6 * x,
+            y,
+            color=style.BLACK,
+            linestyle=(0, (2, 1)),
+            linewidth=1.4,
+            label=f"slope {label} = {show(facts[key], 'N/m')}",
+        )
+    ax.set_xlabel("table position [µm]")
+    ax.set_ylabel("rolling friction [N]")
+    ax.legend(loc="lower right")
+    return figure

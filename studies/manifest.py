@@ -1,0 +1,77 @@
+"""What a study's results follow from: hashes of inputs and outputs, options, versions."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import re
+import subprocess
+from collections.abc import Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+ROOT: Final = Path(__file__).parents[1]
+SOURCES: Final = ("models", "design", "studies", "reports")
+SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua"}
+
+
+def manifest(
+    study: str, options: Mapping[str, Any], machine: Path, folder: Path, figures: Mapping[str, list[str]]
+) -> dict[str, Any]:
+    """manifest.json for the outputs below `folder`; `figures`: the results.json keys that each is drawn from.
+
+    The machine file is kept beside the results as machine.toml, so that its hash can be checked without this machine.
+    """
+    shown = {name: value for name, value in options.items() if name not in {"output", "machine"}}
+    outputs = sorted(file for file in folder.rglob("*") if file.is_file())
+    return {
+        "study": study,
+        "options": shown,
+        "inputs": {
+            "machine": {"file": machine.name, "copy": "machine.toml", "sha256": sha256(machine)},
+            "source": {"sha256": tree_hash(source_files()), **_commit()},
+            "lock": {"file": "requirements.lock", "sha256": sha256(ROOT / "requirements.lock")},
+        },
+        "versions": versions(),
+        "outputs": {file.relative_to(folder).as_posix(): sha256(file) for file in outputs},
+        "figures": dict(figures),
+    }
+
+
+def sha256(file: Path) -> str:
+    """The hexadecimal SHA-256 of a file's bytes."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def tree_hash(files: Iterable[Path]) -> str:
+    """One SHA-256 over names, relative to the project, and contents of the files, in sorted order."""
+    lines = sorted(f"{file.relative_to(ROOT).as_posix()} {sha256(file)}\n" for file in files)
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def source_files() -> list[Path]:
+    """Everything that results and reports are computed from."""
+    found = (file for part in SOURCES for file in (ROOT / part).rglob("*"))
+    generated = ROOT / "reports" / "out"
+    return sorted(file for file in found if file.suffix in SUFFIXES and not file.is_relative_to(generated))
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of every package that requirements.in names."""
+    lines = (ROOT / "requirements.in").read_text(encoding="utf-8").splitlines()
+    names = [match.group() for line in lines if (match := re.match(r"[\w-]+", line))]
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in names}}
+
+
+def _commit() -> dict[str, Any]:
+    """The commit checked out, and whether the sources are as committed; nulls where there is no repository."""
+
+    def git(*words: str) -> str | None:
+        try:
+            return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=True).stdout
+        except (OSError, subprocess.CalledProcessError):
+            return None
+
+    commit, changed = git("rev-parse", "HEAD"), git("status", "--porcelain", "--", *SOURCES)
+    return {"commit": commit.strip() if commit else None, "clean": None if changed is None else not changed.strip()}

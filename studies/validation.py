@@ -1,0 +1,126 @@
+"""Proof of a design on the nonsmooth machine: the motions of Fig. 5, repeated until periodic, and what they achieve.
+
+Beside it, a closed form of the linear plant's motion that shares nothing with the models that a feedforward is made of.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.controller import Controller
+from models.machine import Machine
+from models.plant import Mode, Plant
+from models.record import Motion, feeding_sequence, motions
+from models.settling import dispersion, overshoot, settling_time
+from models.simulator import Response, simulate
+
+Array = NDArray[np.float64]
+REPEATS = (3, 6, 12, 24)  # of the sequence, until the last two agree
+
+
+@dataclass(frozen=True)
+class Achieved:
+    """One motion's outcome: times [s], lengths [m], thrust [N]; `error` (n,) [m] is x - target from the step on."""
+
+    motion: Motion
+    settling_time: float
+    overshoot: float
+    peak_thrust: float
+    error: Array
+
+
+@dataclass(frozen=True)
+class Validation:
+    """The last period of the sequence: its response, cut into motions; `repeat_error` [m] to the period before.
+
+    dispersion (n,) [m] is 3 sigma over the positive motions at each time from the step on; worst_dispersion [m] its
+    largest value after the specified settling time.
+    """
+
+    response: Response
+    achieved: tuple[Achieved, ...]
+    repeats: int
+    repeat_error: float
+    dispersion: Array
+    worst_dispersion: float
+
+    def positive(self) -> tuple[Achieved, ...]:
+        """The motions that the paper evaluates: those in the positive direction, the reversal first."""
+        return tuple(one for one in self.achieved if one.motion.direction > 0)
+
+
+def validate(machine: Machine, controller: Controller, *, stroke: float | None = None, seed: int = 0) -> Validation:
+    """The sequence of Fig. 5 with strokes of `stroke` [m] (default: the specification's) on the nonsmooth machine."""
+    wanted = machine.specification
+    height = wanted.stroke if stroke is None else stroke
+    period = feeding_sequence(height, wanted.motions, wanted.interval, machine.sample_time)
+    response, repeats, error = _until_periodic(machine, controller, period, seed)
+    achieved = tuple(_achieved(machine, response, motion) for motion in _within_period(period))
+    spread = dispersion([one.error for one in achieved if one.motion.direction > 0])
+    after = round(wanted.settling_time / machine.sample_time)
+    return Validation(response, achieved, repeats, error, spread, float(np.max(spread[after:], initial=0.0)))
+
+
+def agreement(machine: Machine) -> float:
+    """How far [m] two periods may differ to count as equal: a step of the scale, which rounds them differently, and noise."""
+    return max(machine.scale.resolution + 6 * machine.scale.noise, 1e-3 * machine.specification.tolerance)
+
+
+def linear_response(plant: Plant, thrust: ArrayLike, sample_time: float, times: ArrayLike) -> Array:
+    """x [m] of P_l(s), from rest, at `times` (n,) [s], for thrust samples (k,) [N] held for sample_time and 0 after them.
+
+    A superposition of the modes' step responses in closed form, delayed by the dead time.
+    """
+    steps = np.diff(np.asarray(thrust, float), prepend=0.0, append=0.0)
+    begins = np.arange(steps.size) * sample_time + plant.dead_time
+    age = np.asarray(times, float)[:, None] - begins
+    age = np.where(age > 0, age, 0.0)
+    response: Array = sum((_step_response(mode, age) for mode in plant.modes), np.zeros_like(age)) @ steps
+    return plant.thrust_constant * response
+
+
+def _step_response(mode: Mode, t: Array) -> Array:
+    """q(t) of q'' + 2 zeta w q' + w^2 q = k from rest, for zeta < 1."""
+    if mode.frequency == 0:
+        return 0.5 * mode.gain * t**2
+    if mode.damping >= 1:
+        raise ValueError("the closed form is for modes that vibrate; give a damping ratio below 1")
+    omega, zeta = 2 * math.pi * mode.frequency, mode.damping
+    root = math.sqrt(1 - zeta**2)
+    decay = np.exp(-zeta * omega * t)
+    shape = np.cos(root * omega * t) + zeta / root * np.sin(root * omega * t)
+    return np.asarray(mode.gain / omega**2 * (1 - decay * shape), float)
+
+
+def _until_periodic(machine: Machine, controller: Controller, period: Array, seed: int) -> tuple[Response, int, float]:
+    """The last of as many periods as it takes until two agree to a step of the scale, their number and their difference."""
+    n = period.size
+    for repeats in REPEATS:
+        response = simulate(machine, controller, np.tile(period, repeats), seed=seed)
+        error = float(np.max(np.abs(response.position[-n:] - response.position[-2 * n : -n])))
+        if error <= agreement(machine):
+            break
+    return response.last(n), repeats, error
+
+
+def _within_period(period: Array) -> Sequence[Motion]:
+    """The motions of one period that others precede: its first comes after a motion down, so it is a reversal."""
+    return motions(np.concatenate([period, period]), initial=0.0)[: len(motions(period))]
+
+
+def _achieved(machine: Machine, response: Response, motion: Motion) -> Achieved:
+    part = slice(motion.start, motion.stop)
+    position, stroke = response.position[part], abs(motion.target - motion.origin)
+    error = position - motion.target
+    return Achieved(
+        motion,
+        settling_time(error, machine.specification.tolerance, machine.sample_time),
+        overshoot((position - motion.origin) * motion.direction, stroke),
+        float(np.max(np.abs(response.record.command[part]))),
+        error,
+    )
