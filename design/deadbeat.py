@@ -34,7 +34,7 @@ OBJECTIVES: Final[dict[Objective, str]] = {
     "mode_robustness": "least vibration left when a mode's frequency is off by up to 5 %",
 }
 MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # relative errors of a frequency that "mode_robustness" looks at
-ROUGHNESS: Final = 1e-5  # weight of the thrust's differences beside the vibration left, for a smooth thrust
+ROUGHNESS: Final = 1e-6  # weight of the thrust's differences beside the vibration left, for a smooth thrust
 LONGEST: Final = 4096  # samples; a search for the shortest settling time gives up beyond
 
 
@@ -44,7 +44,7 @@ class DesignError(ValueError):
 
 @dataclass(frozen=True)
 class Constraints:
-    """What u_ff and x_T* must keep to besides the deadbeat: |thrust| [N], overshoot [1, of the stroke]; None: free."""
+    """What u_ff and x_T* must keep to: |thrust| [N], overshoot [1, of the stroke], None: free; never backwards."""
 
     thrust: float | None = None
     overshoot: float | None = None
@@ -73,7 +73,7 @@ class Deadbeat:
 
 @dataclass(frozen=True)
 class _Problem:
-    """The conditions on w = u / scale: reach w = goal (rest on the target), x_T* / stroke at samples 1 .. n = path w."""
+    """Conditions on w = u / scale: reach w = goal (rest on the target), x_T* / stroke at samples 1 .. n = path w."""
 
     scale: float
     reach: Array
@@ -88,7 +88,7 @@ def synthesise(
     settling_time: float,
     stroke: float,
     objective: Objective = "thrust_difference",
-    constraints: Constraints = Constraints(),  # noqa: B008: frozen
+    constraints: Constraints = Constraints(),
 ) -> Deadbeat:
     """The deadbeat feedforward that is best by `objective` within `constraints`; times [s], stroke [m].
 
@@ -141,7 +141,7 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
 
 
 def with_frequency_error(plant: Plant, index: int, error: float) -> Plant:
-    """The plant whose mode `index` has its frequency off by the relative `error`."""
+    """The plant whose mode `index` has its frequency off by the relative `error` [1]."""
     modes = list(plant.modes)
     modes[index] = replace(modes[index], frequency=modes[index].frequency * (1 + error))
     return replace(plant, modes=tuple(modes))
@@ -285,7 +285,7 @@ def _least_peak(problem: _Problem, constraints: Constraints) -> Array | None:
 
 
 def _refined(solution: Array, a: Array, lower: Array, upper: Array) -> Array | None:
-    """The nearest w that meets the deadbeat, and the constraints that are active, to round-off; None if that is far off."""
+    """The nearest w that meets the deadbeat and the active constraints to round-off; None if there is none near."""
     refined = solution
     near = 1e-6
     active = (a @ refined - lower < near) | (upper - a @ refined < near)

@@ -1,4 +1,4 @@
-"""The sampled 2DoF law of Figs. 6 and 13: x_T* and u_ff from the target, dead-time compensation, PID, u_rf from x_T*."""
+"""The sampled 2DoF law of Figs. 6 and 13: x_T*, u_ff and u_rf from the target, dead-time compensation, PID."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def references(controller: Controller, target: ArrayLike) -> References:
 def pid_step(
     error: float, previous: float, integral: float, slope: float, gains: Array, sample_time: float
 ) -> tuple[float, float, float]:
-    """One sample of the PID: (u_fb, I, d) from e[k], e[k-1], I[k-1], d[k-1]; gains = (kp, ki, kd, tau)."""
+    """One sample of the PID: (u_fb [N], I [N], d [m/s]) from e[k], e[k-1] [m], I, d at k-1; gains (kp, ki, kd, tau)."""
     keep = gains[3] / (gains[3] + sample_time)
     integral = integral + gains[1] * sample_time * error
     slope = keep * slope + (1.0 - keep) * (error - previous) / sample_time

@@ -1,12 +1,12 @@
 """The simulator's oracle: the same machine, solved piece by piece; slow, for checking.
 
-Between switches every element either sticks (f_i = K_i (x + x_ri) + D_i v, eq. (3)), is at its force limit while it still
-moves (|K_i x_i + D_i v| >= F_i, eq. (7)), or slips at +-F_i: the machine is linear, and its motion a matrix exponential. The
-switch times are found to round-off: as the roots of the Chebyshev series of the switching functions over the interval,
-which is exact to round-off there, then refined on the exponential itself.
+Between switches every element either sticks (f_i = K_i (x + x_ri) + D_i v, eq. (3)), is at its force limit while it
+still moves (|K_i x_i + D_i v| >= F_i, eq. (7)), or slips at +-F_i: the machine is linear, and its motion a matrix
+exponential. The switch times are found to round-off: as the roots of the Chebyshev series of the switching functions
+over the interval, which is exact to round-off there, then refined on the exponential itself.
 
-Shares no step of the simulator: other friction formulation (eq. (3) with the displacement x_ri remembered), other dynamics
-(dense, continuous), its own PID.
+Shares no step of the simulator: other friction formulation (eq. (3) with the displacement x_ri remembered), other
+dynamics (dense, continuous), its own PID.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Rolling friction with presliding hysteresis: N stop elements in parallel, eqs. (3)-(8) of the paper.
 
-Symbols: x displacement [m]; z_i element displacement (the paper's x_i) [m]; X_i its limit (X_mi) [m]; K_i stiffness [N/m];
-D_i damping [N s/m]; F_i = K_i X_i (F_mi) [N]; f = sum f_i.
+Symbols: x displacement [m]; z_i element displacement (the paper's x_i) [m]; X_i its limit (X_mi) [m]; K_i stiffness
+[N/m]; D_i damping [N s/m]; F_i = K_i X_i (F_mi) [N]; f = sum f_i.
 
-The stop operator is the family's nonsmooth law: an element moves with x until |z_i| = X_i and slips from there on. Without
-damping the force depends on the path of x only, not on its speed (rate independence).
+The stop operator is the family's nonsmooth law: an element moves with x until |z_i| = X_i and slips from there on.
+Without damping the force depends on the path of x only, not on its speed (rate independence).
 """
 
 from __future__ import annotations
@@ -72,7 +72,8 @@ def follow(friction: Friction, path: ArrayLike, state: ArrayLike | None = None) 
 def fit_elements(limit: ArrayLike, distance: ArrayLike, force: ArrayLike, coulomb_force: float) -> Friction:
     """Elements with given limits (N,) [m] whose `branch` follows force (n,) [N] over distance (n,) [m].
 
-    Non-negative least squares on the stiffnesses, so convex; T_fc = coulomb_force is then met exactly by a common factor.
+    Non-negative least squares on the stiffnesses, so convex; T_fc = coulomb_force is then met exactly by a common
+    factor.
     """
     x, s = np.asarray(limit, float), np.asarray(distance, float)
     stiffness, _ = nnls(np.minimum(s[:, None], 2 * x), np.asarray(force, float))

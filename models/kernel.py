@@ -1,7 +1,8 @@
 """The simulator's two hot loops: one scheme, for one machine and, side by side in lanes, for many.
 
-Symbols: m modes, N elements, n samples, p = 2 parts of a sample (before and after the thrust changes), L lanes. For a lane
-both loops do the same operations in the same order, so that they agree bit for bit. What the scheme is: see simulator.py.
+Symbols: m modes, N elements, n samples, p = 2 parts of a sample (before and after the thrust changes), L lanes. For a
+lane both loops do the same operations in the same order, so that they agree bit for bit. What the scheme is: see
+simulator.py.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ def quantised(position: float, resolution: float) -> float:
 
 @compiled
 def clipped(number: float, limit: float) -> float:
-    """The nearest number within +-limit."""
-    return -limit if number < -limit else (limit if number > limit else number)
+    """The nearest number within +-limit; any unit, the same for both [N] or [m]."""
+    return max(-limit, min(number, limit))
 
 
 @compiled
@@ -122,7 +123,7 @@ def run_one(loop: Loop, run: Run) -> None:
 
 @compiled
 def run_many(loop: Loop, run: Run) -> None:
-    """Advances L machines over the n samples of `run`; the inner loops run over the lanes, which fill vector registers."""
+    """Advances L machines over the n samples of `run`; the inner loops run over lanes, to fill vector registers."""
     phi, gamma, state, z = loop.phi, loop.gamma, run.state, run.z
     stiffness, limit, damping = loop.stiffness, loop.limit, loop.damping
     modes, elements, lanes = state.shape[0], z.shape[0], z.shape[1]

@@ -132,7 +132,7 @@ class Parameter:
 
 
 def load(path: Path = DEFAULT) -> Machine:
-    """The machine in a TOML file. Raises MachineError with a sentence for anything that is missing, unknown or impossible."""
+    """The machine in a TOML file. Raises MachineError, a sentence, for what is missing, unknown or impossible."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -182,7 +182,10 @@ def _read(kind: type[Part], table: object, where: str, sources: dict[str, Proven
         if name not in table:
             raise MachineError(f"{path}: missing; add it{_unit_hint(declaration(field))}")
         arguments[name] = _entry(hints[name], declaration(field), table[name], path, sources)
-    return kind(**arguments)
+    try:
+        return kind(**arguments)
+    except ValueError as error:
+        raise MachineError(f"{where}: {error}") from error
 
 
 def _entry(
@@ -264,19 +267,17 @@ def _check(machine: Machine) -> None:
     for i, mode in enumerate(machine.plant.modes):
         if mode.frequency >= nyquist:
             raise MachineError(
-                f"plant.modes.{i + 1}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency {nyquist:g} Hz "
-                "of control.sample_time; shorten the sample time or leave the mode out"
+                f"plant.modes.{i + 1}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency "
+                f"{nyquist:g} Hz of control.sample_time; shorten the sample time or leave the mode out"
             )
-    rigid = sum(mode.frequency == 0 and mode.damping == 0 for mode in machine.plant.modes)
+    rigid = sum(mode.frequency == 0 for mode in machine.plant.modes)
     if rigid != 1:
+        raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"')
+    slip, stated = machine.friction.coulomb_force, machine.presliding.coulomb_force
+    if abs(slip / stated - 1) > 1e-3:
         raise MachineError(
-            f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz" and damping = "0"'
-        )
-    gap = machine.friction.coulomb_force / machine.presliding.coulomb_force - 1
-    if abs(gap) > 1e-3:
-        raise MachineError(
-            f"friction: the elements slip at {machine.friction.coulomb_force:.5g} N together, presliding.coulomb_force says "
-            f"{machine.presliding.coulomb_force:.5g} N; scale stiffness or limit so that sum(stiffness x limit) agrees"
+            f"friction: the elements slip at {slip:.5g} N together, presliding.coulomb_force says {stated:.5g} N; "
+            "scale stiffness or limit so that sum(stiffness x limit) agrees"
         )
 
 

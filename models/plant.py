@@ -4,8 +4,8 @@
 
     P_e(s) = exp(-L s) P'(s) / (1 + K_e P'(s))                                                            (2)
 
-The rigid body is the mode with w = 0. States: (q_1, q_1', q_2, q_2', ...), with x = sum q_i [m]; input: the thrust less the
-friction [N of thrust reference], because friction acts at the thrust's input, as K_e does in eq. (2).
+The rigid body is the mode with w = 0. States: (q_1, q_1', q_2, q_2', ...), with x = sum q_i [m]; input: the thrust
+less the friction [N of thrust reference], because friction acts at the thrust's input, as K_e does in eq. (2).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Plant:
 
 @cache
 def equations(count: int) -> ca.Function:
-    """CasADi function (state (2m,), thrust, gain (m,), omega (m,) [rad/s], zeta (m,), K_t) -> (state', x) for m = count modes.
+    """CasADi function (state (2m,), thrust, gain (m,), omega (m,) [rad/s], zeta (m,), K_t) -> (state', x), m = count.
 
     Eq. (1) without its dead time; `thrust` is what acts at the input, friction already taken off.
     """
@@ -69,7 +69,7 @@ def state_space(plant: Plant, stiffness: float = 0.0) -> control.StateSpace:
 
 
 def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> NDArray[np.complex128]:
-    """P_l(j omega), or P_e(j omega) for a stiffness K_e [N/m], at omega (n,) [rad/s], dead time included; shape (n,) [m/N]."""
+    """P_l(j omega) (n,) [m/N], or P_e(j omega) for K_e = stiffness [N/m], dead time included; omega (n,) [rad/s]."""
     w = np.asarray(omega, float)
     rational = state_space(plant, stiffness)(1j * w)
     delayed: NDArray[np.complex128] = np.atleast_1d(rational) * np.exp(-1j * w * plant.dead_time)
@@ -77,7 +77,7 @@ def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -
 
 
 def delay_split(dead_time: float, sample_time: float) -> tuple[int, float]:
-    """(d, rest): dead_time = d sample_time + rest, 0 <= rest < sample_time; a rest of round-off size counts as none."""
+    """(d, rest [s]): dead_time = d sample_time + rest [s], 0 <= rest < sample_time; round-off counts as no rest."""
     whole = math.floor(dead_time / sample_time + 1e-9)
     rest = dead_time - whole * sample_time
     return whole, rest if rest > 1e-9 * sample_time else 0.0
@@ -95,11 +95,11 @@ def transition(system: control.StateSpace, duration: float) -> tuple[Array, Arra
 def sampled(
     plant: Plant, sample_time: float, stiffness: float = 0.0, *, whole_delay: bool = True
 ) -> control.StateSpace:
-    """Exact model, at the samples, of the plant behind a zero-order hold, for any dead time; control.StateSpace with dt.
+    """Exact model of the plant behind a zero-order hold, at the samples [s], for any dead time: StateSpace with dt.
 
     The thrust changes in the midst of a sample when L is no multiple of sample_time; the inputs under way are states
-    behind those of `state_space`: (..., u[k-1], u[k-2], ...). `whole_delay=False` leaves out the d whole samples of delay
-    (L = d T_s + rest) and keeps the rest.
+    behind those of `state_space`: (..., u[k-1], u[k-2], ...). `whole_delay=False` leaves out the d whole samples of
+    delay (L = d T_s + rest) and keeps the rest.
     """
     whole, rest = delay_split(plant.dead_time, sample_time)
     continuous = state_space(plant, stiffness)

@@ -49,7 +49,7 @@ def declaration(field: dataclasses.Field[Any]) -> Declaration | None:
 
 
 def parse(text: object, unit: str) -> float:
-    """The number of `unit`s in `text`: parse("800 N/mm", "N/m") = 8e5; correctly rounded.
+    """The number of `unit`s in `text`, in SI where `unit` is: parse("800 N/mm", "N/m") = 8e5; correctly rounded.
 
     Raises QuantityError for a missing or unknown unit, another dimension, or a value that is not finite.
     """

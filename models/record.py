@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Record:
-    """Equally spaced samples, each signal of shape (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], reading [m]."""
+    """Equally spaced samples (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], the scale's reading [m]."""
 
     sample_time: float
     target: Array
@@ -62,7 +62,7 @@ def motions(target: Array, initial: float = 0.0) -> tuple[Motion, ...]:
 
 
 def feeding_sequence(stroke: float, count: int, interval: float, sample_time: float, repeats: int = 1) -> Array:
-    """The target r (n,) [m] of Fig. 5, `repeats` times: `count` steps of `stroke` up, as many down, `interval` [s] apart."""
+    """The target r (n,) [m] of Fig. 5, `repeats` times: `count` strokes [m] up, as many down, `interval` [s] apart."""
     samples = round(interval / sample_time)
     levels = np.concatenate([np.arange(1, count + 1), np.arange(count - 1, -1, -1)]) * stroke
     return np.tile(np.repeat(levels, samples), repeats)

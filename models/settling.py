@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def settling_time(error: ArrayLike, tolerance: float, sample_time: float) -> float:
-    """Time [s] from the step at error[0] until |error| (n,) stays within `tolerance` [m] to the end; inf if it does not.
+    """Time [s] from the step at error[0] until |error| (n,) stays within `tolerance` [m] to the end; inf for never.
 
     The first sample after which every sample is within: late by less than a sample.
     """
@@ -22,7 +22,7 @@ def settling_time(error: ArrayLike, tolerance: float, sample_time: float) -> flo
 
 
 def overshoot(travelled: ArrayLike, stroke: float) -> float:
-    """How far [m] the travelled distance (n,) [m], positive towards the target, goes beyond the stroke [m]; at least 0."""
+    """How far [m] the distance travelled towards the target, (n,) [m], goes beyond the stroke [m]; at least 0."""
     return max(0.0, float(np.max(np.asarray(travelled) - stroke)))
 
 

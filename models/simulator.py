@@ -1,14 +1,14 @@
 """The sampled loop of Figs. 6 and 13 around the nonsmooth machine; plain numpy, compiled where hot (kernel.py).
 
-Within a sample the modes move exactly under a held input, in substeps of length h. Over a substep the friction is that of the
-predicted mid-step position x + v h / 2, up to which every element has moved and slipped: second order in h, as a midpoint rule
-is, at one evaluation a substep. The thrust changes where it does: L after the sample that put it out, also within a sample.
+Within a sample the modes move exactly under a held input, in substeps of length h. Over a substep the friction is
+that of the predicted mid-step position x + v h / 2, up to which every element has moved and slipped: second order in
+h, as a midpoint rule is, at one evaluation a substep. The thrust changes where it does: L after the sample that put
+it out, also within a sample.
 
 `simulate` runs one machine; `simulate_many` runs variations side by side in one call, equal to `simulate` bit for bit.
 """
 
 from __future__ import annotations
-
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Response:
-    """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples, each (n,)."""
+    """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples (n,)."""
 
     record: Record
     position: Array
@@ -49,8 +49,8 @@ def simulate(
 ) -> Response:
     """Response to a target r (n,) [m], from rest at r = 0 with the PID's integral holding the friction's force.
 
-    substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements, default 0.
-    Raises ValueError if machine and controller have different sample times.
+    substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
+    default 0. Raises ValueError if machine and controller have different sample times.
     """
     r = np.asarray(target, float)
     loop, run = _prepare(machine, controller, r, substeps, seed, initial_friction)

@@ -10,6 +10,8 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+NO_BREAK = "\u00a0"
+
 
 def fill(
     template: Path,
@@ -64,7 +66,7 @@ def verdict(holds: bool) -> str:
     """The mark of a check, to be told without colour: '✓ holds' or '✗ MISSED'. Raises `TypeError` for a non-bool."""
     if not isinstance(holds, bool):
         raise TypeError(f"a verdict is on True or False, not on {holds!r}")
-    return "[✓ holds]{.holds}" if holds else "[✗ MISSED]{.missed}"
+    return f"[✓{NO_BREAK}holds]{{.holds}}" if holds else f"[✗{NO_BREAK}MISSED]{{.missed}}"
 
 
 def _printable(value: Any) -> Any:

@@ -51,7 +51,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a study found: plain results (SI numbers, named with their units), checks, and files for others (name: JSON)."""
+    """What a study found: plain results (SI numbers, units in their names), checks, files for others (name: JSON)."""
 
     results: Mapping[str, Any]
     checks: tuple[Check, ...]
@@ -128,7 +128,7 @@ def _seed(text: str) -> int:
 
 def quantity(text: str, unit: str, option: str) -> float:
     """The SI value of an option such as --stroke "20 um". Raises BadInputError naming the option."""
-    from models.quantity import QuantityError, parse  # noqa: PLC0415: not needed for --help
+    from models.quantity import QuantityError, parse
 
     try:
         return parse(text, unit)
@@ -142,7 +142,7 @@ def to_text(content: Any) -> str:
 
 
 def plain(content: Any) -> Any:
-    """The content as JSON holds it: arrays and tuples as lists, numpy's numbers as Python's, what is not finite as None."""
+    """The content as JSON holds it: arrays and tuples as lists, plain numbers, None for what is not finite."""
     if isinstance(content, Mapping):
         return {str(key): plain(item) for key, item in content.items()}
     if hasattr(content, "tolist"):
@@ -157,8 +157,8 @@ def plain(content: Any) -> Any:
 def _run(study: Study, options: argparse.Namespace) -> int:
     output: Path = options.output or Path("reports/out") / study.name
     _require_writable(output)
-    from models.machine import DEFAULT, MachineError, load, to_json  # noqa: PLC0415: not needed for --help
-    from studies.manifest import manifest  # noqa: PLC0415
+    from models.machine import DEFAULT, MachineError, load, to_json
+    from studies.manifest import manifest
 
     progress = Progress()
     path = options.machine or DEFAULT
@@ -184,7 +184,7 @@ def _run(study: Study, options: argparse.Namespace) -> int:
 
 def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Progress) -> dict[str, list[str]]:
     """Writes the report from what results.json holds, nothing else; returns the keys that each figure is drawn from."""
-    from reports.report import render  # noqa: PLC0415: not needed for --help
+    from reports.report import render
 
     report = study.report(whole)
     render(report, whole, folder, progress=lambda text: progress(0.85, text))
@@ -239,7 +239,7 @@ def _remove_earlier(output: Path) -> None:
 
 
 def _print_summary(answer: Answer, output: Path, written: Sequence[Path]) -> None:
-    from models.quantity import show  # noqa: PLC0415: not needed for --help
+    from models.quantity import show
 
     rows = [*answer.summary]
     for check in answer.checks:

@@ -67,12 +67,12 @@ def validate(machine: Machine, controller: Controller, *, stroke: float | None =
 
 
 def agreement(machine: Machine) -> float:
-    """How far [m] two periods may differ to count as equal: a step of the scale, which rounds them differently, and noise."""
+    """How far [m] two periods may differ to count as equal: a step of the scale, which rounds them, and noise."""
     return max(machine.scale.resolution + 6 * machine.scale.noise, 1e-3 * machine.specification.tolerance)
 
 
 def linear_response(plant: Plant, thrust: ArrayLike, sample_time: float, times: ArrayLike) -> Array:
-    """x [m] of P_l(s), from rest, at `times` (n,) [s], for thrust samples (k,) [N] held for sample_time and 0 after them.
+    """x [m] of P_l(s) from rest at `times` (n,) [s], for thrust samples (k,) [N], each held, and 0 after them.
 
     A superposition of the modes' step responses in closed form, delayed by the dead time.
     """
@@ -98,7 +98,7 @@ def _step_response(mode: Mode, t: Array) -> Array:
 
 
 def _until_periodic(machine: Machine, controller: Controller, period: Array, seed: int) -> tuple[Response, int, float]:
-    """The last of as many periods as it takes until two agree to a step of the scale, their number and their difference."""
+    """The last of as many periods as it takes until two agree; their number and the last two's difference [m]."""
     n = period.size
     for repeats in REPEATS:
         response = simulate(machine, controller, np.tile(period, repeats), seed=seed)

@@ -34,9 +34,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--objective",
         choices=OBJECTIVES,
         default="thrust_difference",
-        help="what the feedforward's freedom is spent on: "
-        "least squares of the thrust's differences (default) or of the thrust, least peak thrust, or least vibration left "
-        "when a mode's frequency is off by up to 5 %%",
+        help="what the feedforward's freedom is spent on: least squares of the thrust's differences (default) or of "
+        "the thrust, least peak thrust, or least vibration left when a mode's frequency is off by up to 5 %%",
     )
     parser.add_argument(
         "--thrust-limit",
@@ -52,21 +51,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
     """See compute.py."""
-    from studies.deadbeat_design.compute import design  # noqa: PLC0415: not needed for --help
+    from studies.deadbeat_design.compute import design
 
     return design(machine, options, progress)
 
 
 def report(whole: Mapping[str, Any]) -> Report:
     """See report.py."""
-    from studies.deadbeat_design.report import tell  # noqa: PLC0415: not needed for --help
+    from studies.deadbeat_design.report import tell
 
     return tell(whole)
 
 
 STUDY = Study(
     name="deadbeat_design",
-    question="Which deadbeat feedforward N_ff(z), D_ff(z) suits this machine, and does it hold on the nonsmooth machine?",
+    question="Which N_ff(z), D_ff(z) for this machine, and do they hold on the nonsmooth one?",
     add_options=add_options,
     compute=compute,
     report=report,

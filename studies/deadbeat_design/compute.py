@@ -193,7 +193,7 @@ def _trade_off(machine: Machine, wanted: Mapping[str, Any], *, quick: bool) -> d
 
 
 def _sensitivity(machine: Machine, plain: Deadbeat, robust: Deadbeat, *, quick: bool) -> dict[str, Any]:
-    """Largest |x - r| [m] of the linear plant after the settling time, feedforward alone, with one mode off at a time."""
+    """Largest |x - r| [m] of the linear plant after the settling time with one mode off; feedforward alone."""
     errors = np.linspace(-0.05, 0.05, 11 if quick else 41)
     begin = plain.settling_time + machine.plant.dead_time
     times = begin + np.arange(0.0, VIBRATION_WINDOW, plain.sample_time / 2)

@@ -38,6 +38,7 @@ def tell(whole: Results) -> Report:
         "percent": _percent,
         "amount": _amount,
         "slowest": _slowest,
+        "micrometres": lambda length: f"{round(1e6 * length, 3):g}",
     }
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters)
 

@@ -1,0 +1,41 @@
+"""The sampled 2DoF law against the transfer functions that it stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from models.controller import PID, Controller, pid_step, references
+from models.friction import elements, follow
+
+TS = 5e-4
+GAINS = PID(1.9e6, 7.8e7, 1.05e4, 2e-4)
+
+
+def test_the_pid_is_its_transfer_function() -> None:
+    """C(z) = kp + ki T_s / (1 - z^-1) + kd (1 - a) (1 - z^-1) / (T_s (1 - a z^-1))."""
+    error = np.random.default_rng(0).standard_normal(300) * 1e-6
+    a = GAINS.derivative_filter / (GAINS.derivative_filter + TS)
+    expected = GAINS.kp * error + lfilter([GAINS.ki * TS], [1, -1], error)
+    expected += lfilter(GAINS.kd * (1 - a) / TS * np.array([1, -1]), [1, -a], error)
+    gains = np.array([GAINS.kp, GAINS.ki, GAINS.kd, GAINS.derivative_filter])
+    integral = slope = previous = 0.0
+    command = []
+    for e in error:
+        u, integral, slope = pid_step(e, previous, integral, slope, gains, TS)
+        previous = e
+        command.append(u)
+    assert np.array(command) == pytest.approx(expected, rel=1e-10)
+
+
+def test_references_are_the_filters_responses_and_keep_the_friction_history() -> None:
+    rfm = elements([8e5, 1e5], [5e-6, 5e-5])
+    controller = Controller(TS, GAINS, 2, (0.0, 0.25, 0.75), (3.0, -1.0, -2.0), rfm)
+    target = np.repeat([1e-5, 2e-5, 0.0], 4)
+    given = references(controller, target)
+    assert given.position[:4] == pytest.approx([0, 0.25e-5, 1e-5, 1e-5])
+    assert given.feedforward[:4] == pytest.approx([3e-5, 2e-5, 0, 0])
+    assert given.position[4:8] == pytest.approx([1e-5, 1.25e-5, 2e-5, 2e-5])
+    assert given.compensation == pytest.approx(follow(rfm, given.position)[0])
+    assert not np.any(references(controller.without_compensation(), target).compensation)

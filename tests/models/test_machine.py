@@ -1,0 +1,138 @@
+"""Machine files: what the paper publishes is in the default one, and every mistake gets its sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from models.friction import branch
+from models.machine import DEFAULT, SOURCES, MachineError, load, parameters, to_json
+
+TEXT = DEFAULT.read_text(encoding="utf-8")
+
+
+def changed(folder: Path, old: str, new: str) -> Path:
+    """A copy of the default machine file with one text replaced."""
+    assert old in TEXT
+    path = folder / "machine.toml"
+    path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
+    return path
+
+
+def without(folder: Path, table: str) -> Path:
+    """A copy of the default machine file without one table."""
+    before, _, rest = TEXT.partition(f"[{table}]")
+    _, _, after = rest.partition("\n[")
+    path = folder / "machine.toml"
+    path.write_text(before + ("[" + after if after else ""), encoding="utf-8")
+    return path
+
+
+def test_the_default_machine_is_the_published_one() -> None:
+    machine = load()
+    assert machine.drive.rated_thrust == 150
+    assert machine.drive.rated_power == 1000
+    assert machine.drive.rated_speed == 2.4
+    assert machine.drive.current_loop_bandwidth == 750
+    assert machine.scale.resolution == 1e-7
+    assert machine.sample_time == 5e-4
+    assert [mode.frequency for mode in machine.plant.modes] == [0, 38, 81]
+    assert machine.control.reference_delay == 2
+    assert machine.control.compensator_elements == 5
+    assert len(machine.friction.limit) == 10
+    assert machine.presliding.coulomb_force == 16.5
+    assert (machine.presliding.stiffness_1, machine.presliding.stiffness_2) == (8e5, 1e5)
+    wanted = machine.specification
+    assert (wanted.stroke, wanted.tolerance, wanted.settling_time) == (20e-6, 2e-6, 25e-3)
+    assert (wanted.interval, wanted.reference_settling_time, wanted.motions) == (0.5, 20e-3, 5)
+
+
+def test_the_elements_agree_with_the_published_curve() -> None:
+    """T_fc, 800 N/mm over the first 20 um, 100 N/mm beyond, up to about 2 x 100 um: they close in N/mm only."""
+    machine = load()
+    climbed = branch(machine.friction, [20e-6, 190e-6, 1e-3])
+    assert climbed[0] / 20e-6 == pytest.approx(8e5, rel=1e-3)
+    assert (climbed[1] - climbed[0]) / 170e-6 == pytest.approx(1e5, rel=1e-3)
+    assert climbed[2] == pytest.approx(2 * 16.5, rel=1e-3)
+    assert "N/mm" in machine.sources["presliding.stiffness_1"].note
+
+
+def test_every_value_has_a_source() -> None:
+    found = parameters(load())
+    assert len(found) > 30
+    for parameter in found:
+        assert parameter.provenance.kind in SOURCES, parameter.name
+        assert parameter.provenance.detail, parameter.name
+
+
+def test_the_machine_in_results_has_the_agreed_names() -> None:
+    machine = to_json(load())
+    assert set(machine) >= {"name", "sample_time_s", "plant", "friction", "drive", "scale"}
+    assert set(machine["plant"]) == {"dead_time_s", "thrust_constant", "modes"}
+    assert set(machine["plant"]["modes"][0]) == {"gain_per_kg", "frequency_Hz", "damping"}
+    assert set(machine["friction"]) == {"stiffness_N_per_m", "limit_m", "damping_Ns_per_m"}
+    assert machine["drive"]["rated_thrust_N"] == 150
+    assert machine["scale"]["resolution_m"] == 1e-7
+
+
+def test_facts_that_a_file_leaves_out_follow_from_its_elements(tmp_path: Path) -> None:
+    machine = load(without(tmp_path, "presliding"))
+    assert machine.presliding.coulomb_force == machine.friction.coulomb_force
+    assert machine.presliding.stiffness_1 == pytest.approx(8e5, rel=1e-3)
+    assert machine.sources["presliding.boundary"].kind == "derived"
+    assert load(without(tmp_path, "published")).published is None
+
+
+def test_a_value_without_a_source_counts_as_assumed(tmp_path: Path) -> None:
+    machine = load(changed(tmp_path, '{ value = "150 N", source = "paper: II.A" }', '"150 N"'))
+    assert machine.sources["drive.rated_thrust"].kind == "assumed"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"800 N/mm"', '"800 kg"', r"presliding\.stiffness_1: '800 kg' is in kg, but this is a quantity in N/m"),
+        ('"150 N"', '"150"', r"drive\.rated_thrust: '150' has no unit"),
+        ("rated_thrust =", "rated_trust =", r"drive\.rated_trust: unknown; did you mean 'rated_thrust'\?"),
+        ("[drive]", "[driver]", r"driver: unknown; did you mean 'drive'\?"),
+        (
+            'dead_time = { value = "1.0 ms"',
+            'dead_time = { valu = "1.0 ms"',
+            r"plant\.dead_time\.valu: unknown; did you",
+        ),
+        ('value = "0.028"', 'value = "-0.028"', r"plant\.modes\.2\.damping: -0\.028 must be at least 0"),
+        ('"38 Hz"', '"1.2 kHz"', r"plant\.modes\.2\.frequency: 1200 Hz is not below the Nyquist frequency 1000 Hz"),
+        ('"38 Hz"', '"0 Hz"', r"plant\.modes: .* exactly one needs"),
+        ('"16.5 N"', '"nan N"', r"presliding\.coulomb_force: 'nan N' is not a finite number"),
+        ('"16.5 N"', '"18 N"', r"friction: the elements slip at 16\.5 N together, presliding\.coulomb_force says 18 N"),
+        ('"210.6 N/mm", ', "", r"friction: .* as many stiffnesses as limits"),
+        (
+            "reference_delay = { value = 2",
+            'reference_delay = { value = "2 ms"',
+            r"control\.reference_delay: .* whole number",
+        ),
+        (
+            'source = "paper: II.D" }\ntolerance',
+            'source = "hearsay" }\ntolerance',
+            r"specification\.stroke: source 'hearsay'",
+        ),
+        ("[drive]", "[drive", r"is no TOML"),
+        ("[[plant.modes]] # the rigid body", "[plant.modes]", r"is no TOML|plant\.modes"),
+    ],
+)
+def test_a_mistake_is_said_with_its_place(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(MachineError, match=says) as error:
+        load(changed(tmp_path, old, new))
+    assert "machine.toml" in str(error.value)
+
+
+def test_a_missing_value_is_said_with_its_meaning_and_unit(tmp_path: Path) -> None:
+    line = next(line for line in TEXT.splitlines() if line.startswith("dead_time"))
+    with pytest.raises(MachineError, match=r"plant\.dead_time: missing; add it, equivalent dead time L, in s"):
+        load(changed(tmp_path, line + "\n", ""))
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(MachineError, match="can't be read"):
+        load(tmp_path / "nowhere.toml")

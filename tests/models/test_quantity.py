@@ -1,0 +1,75 @@
+"""Text with units: right to the last digit, and wrong units found."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.quantity import QuantityError, json_name, parse, show
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "number"),
+    [
+        ("800 N/mm", "N/m", 8e5),
+        ("20 um", "m", 2e-5),
+        ("20 µm", "m", 2e-5),
+        ("500 us", "s", 5e-4),
+        ("0.1 um", "m", 1e-7),
+        ("1.0 kW", "W", 1e3),
+        ("9.5e3 N s/m", "N s/m", 9.5e3),
+        ("6.2e7 N/(m s)", "N/(m s)", 6.2e7),
+        ("0.02 1/kg", "1/kg", 0.02),
+        ("2 kHz", "Hz", 2e3),
+        ("0.028", "1", 0.028),
+        ("5 %", "1", 0.05),
+        (" -3 mm/s ", "m/s", -3e-3),
+    ],
+)
+def test_a_text_becomes_the_nearest_float(text: str, unit: str, number: float) -> None:
+    assert parse(text, unit) == number
+
+
+@given(st.decimals(min_value="1e-9", max_value="1e9", places=6))
+def test_micrometres_are_rounded_once(number: object) -> None:
+    assert parse(f"{number} um", "m") == float(f"{number}e-6")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "says"),
+    [
+        ("800 kg", "N/m", "this is a quantity in N/m"),
+        ("800", "N/m", "has no unit"),
+        ("800 N/furlung", "N/m", "unknown unit"),
+        ("nan m", "m", "not a finite number"),
+        ("inf s", "s", "not a finite number"),
+        ("240 rad/s", "Hz", "angle"),
+        ("60 rpm", "Hz", "angle"),
+        ("fast", "s", "no number with a unit"),
+        ("2 m", "1", "a plain number"),
+        ("1 m; import os", "m", "unknown unit"),
+        (5.0, "m", "has no unit"),
+    ],
+)
+def test_what_is_no_such_quantity_is_said(text: object, unit: str, says: str) -> None:
+    with pytest.raises(QuantityError, match=says):
+        parse(text, unit)
+
+
+def test_a_reader_sees_prefixes() -> None:
+    shown = [
+        show(2e-5, "m"),
+        show(0.0, "m"),
+        show(8e5, "N/m"),
+        show(1e-3, "s"),
+        show(150.0, "N"),
+        show(999.99999e-6, "s"),
+    ]
+    assert shown == ["20 µm", "0 m", "800 N/mm", "1 ms", "150 N", "1 ms"]
+
+
+def test_names_in_json_carry_the_unit() -> None:
+    names = [json_name("kp", "N/m"), json_name("ki", "N/(m s)"), json_name("kd", "N s/m"), json_name("gain", "1/kg")]
+    assert names == ["kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "gain_per_kg"]
+    assert json_name("damping", "1") == "damping"

@@ -1,0 +1,227 @@
+"""The main job as its user meets it: a folder with everything in it, or one line that says what to do."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, dlsim
+
+from models.machine import DEFAULT
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
+from studies.deadbeat_design.__main__ import STUDY
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What one quick run wrote."""
+    output = tmp_path_factory.mktemp("design") / "out"
+    assert main(STUDY, ["--quick", "--output", str(output)]) == DONE
+    return output
+
+
+def read(folder: Path, name: str) -> Any:
+    return json.loads((folder / name).read_text(encoding="utf-8"))
+
+
+def test_everything_is_written(folder: Path) -> None:
+    names = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
+    assert names >= {"report.html", "report.pdf", "results.json", "manifest.json", "controller.json", "machine.toml"}
+    assert sum(name.startswith("figures/") for name in names) == 8
+    assert set(read(folder, "manifest.json")["outputs"]) == names - {"manifest.json"}
+
+
+def test_results_have_the_agreed_form_and_every_check_holds(folder: Path) -> None:
+    whole = read(folder, "results.json")
+    assert whole["study"] == "deadbeat_design"
+    for check in whole["checks"]:
+        assert set(check) >= {"name", "value", "unit", "limit", "source", "holds"}
+        assert check["holds"] is ((check["value"] <= check["limit"]) == (check["sense"] == "<="))
+        assert check["holds"] is True, check["name"]
+    names = " ".join(check["name"] for check in whole["checks"])
+    for part in ("remains after", "settling with compensation, positive", "reversal without", "3 sigma with "):
+        assert part in names
+
+
+def test_the_reversal_is_late_without_compensation_and_nothing_is_with_it(folder: Path) -> None:
+    results = read(folder, "results.json")["results"]
+    positive = [m for m in results["without"]["motions"] if m["target_m"] > m["origin_m"]]
+    assert len(positive) == 5
+    inching = max(m["settling_s"] for m in positive if not m["reversal"])
+    assert next(m["settling_s"] for m in positive if m["reversal"]) > inching + 0.02
+    assert all(m["settling_s"] <= 0.025 for m in results["with"]["motions"])
+
+
+def test_anybodys_simulation_of_the_written_machine_comes_to_rest_on_the_target(folder: Path) -> None:
+    """From results.json and controller.json alone, with scipy's discretisation of the companion forms."""
+    machine, controller = read(folder, "results.json")["machine"], read(folder, "controller.json")
+    ts, stroke = machine["sample_time_s"], controller["stroke_m"]
+    thrust = np.cumsum(controller["d_ff"]) * stroke  # the step response of D_ff
+    thrust = np.concatenate([thrust, np.zeros(400)])
+    position = np.zeros(thrust.size)
+    for mode in machine["plant"]["modes"]:
+        w, zeta = 2 * np.pi * mode["frequency_Hz"], mode["damping"]
+        a, b = np.array([[0, 1], [-(w**2), -2 * zeta * w]]), np.array([[0], [mode["gain_per_kg"]]])
+        model = cont2discrete((a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1))), ts)
+        position += dlsim(model, thrust)[1][:, 0]
+    settled = len(controller["d_ff"]) - 1
+    assert settled * ts == pytest.approx(controller["settling_time_s"])
+    assert np.max(np.abs(position[settled:] / stroke - 1)) < 1e-9
+    assert np.cumsum(controller["n_ff"]) * stroke == pytest.approx(position[: settled + 1], abs=1e-9 * stroke)
+
+
+def test_the_controller_file_has_the_agreed_form(folder: Path) -> None:
+    controller = read(folder, "controller.json")
+    assert set(controller) == {
+        *("sample_time_s", "stroke_m", "settling_time_s", "n_ff", "d_ff"),
+        *("reference_delay_samples", "pid", "friction_compensation"),
+    }
+    assert set(controller["pid"]) == {"kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s"}
+    assert len(controller["friction_compensation"]["limit_m"]) == 5
+
+
+def test_the_report_answers_the_question_and_says_that_it_was_quick(folder: Path) -> None:
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "all 9 checks hold" in page
+    assert "This is a quick run" in page
+    assert "<math" in page
+
+
+def test_the_manifest_holds_what_the_results_follow_from(folder: Path) -> None:
+    manifest = read(folder, "manifest.json")
+    assert manifest["options"]["seed"] == 0
+    assert manifest["options"]["quick"] is True
+    assert {"casadi", "numpy", "python", "osqp"} <= set(manifest["versions"])
+    assert len(manifest["inputs"]["source"]["sha256"]) == 64
+    results = read(folder, "results.json")
+    for keys in manifest["figures"].values():
+        for key in keys:
+            part = results
+            for name in key.split("."):
+                part = part[name]
+
+
+def test_two_runs_in_two_processes_write_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "studies.deadbeat_design", "--quick", "--output", str(tmp_path / "again")]
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
+    subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True)
+    for name in (*read(folder, "manifest.json")["outputs"], "manifest.json"):
+        assert (folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
+
+
+def test_a_missed_check_is_exit_status_1_and_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A table with 30 times the scale's steps cannot hold +-2 um with this controller's tolerance of 0.2 um."""
+    text = DEFAULT.read_text(encoding="utf-8").replace(
+        'tolerance = { value = "2 um"', 'tolerance = { value = "0.02 um"'
+    )
+    machine = tmp_path / "strict.toml"
+    machine.write_text(text, encoding="utf-8")
+    arguments = ["--quick", "--no-report", "--machine", str(machine), "--output", str(tmp_path / "out")]
+    assert main(STUDY, arguments) == CHECK_MISSED
+    assert "MISSED settling with compensation" in capsys.readouterr().out
+    assert any(check["holds"] is False for check in read(tmp_path / "out", "results.json")["checks"])
+
+
+def test_an_own_machine_without_published_outcomes(tmp_path: Path) -> None:
+    """No paper beside it, no facts of the curve, one mode less, another sample time and a delay within the sample."""
+    text = DEFAULT.read_text(encoding="utf-8")
+    for table in ("[presliding]", "[published]"):
+        before, _, rest = text.partition(table)
+        text = before + rest[rest.find("\n[") :] if "\n[" in rest else before
+    before, _, rest = text.partition("[[plant.modes]] # the table with its flexible load")
+    text = before + rest[rest.find("\n[") :]
+    text = text.replace('"500 us"', '"250 us"').replace('"1.0 ms"', '"0.6 ms"')
+    machine = tmp_path / "own.toml"
+    machine.write_text(text, encoding="utf-8")
+    main(STUDY, ["--quick", "--machine", str(machine), "--output", str(tmp_path / "out")])
+    results = read(tmp_path / "out", "results.json")
+    assert results["machine"]["sample_time_s"] == 2.5e-4
+    assert results["checks"][0]["holds"] is True
+    assert results["results"]["paper"] == []
+    assert (tmp_path / "out" / "report.pdf").stat().st_size > 10_000
+
+
+def test_a_shorter_time_and_another_stroke_are_designed_for(tmp_path: Path) -> None:
+    options = [
+        "--settling-time",
+        "25 ms",
+        "--stroke",
+        "5 um",
+        "--objective",
+        "peak_thrust",
+        "--monotone",
+        "--no-report",
+    ]
+    assert main(STUDY, ["--quick", *options, "--output", str(tmp_path)]) in {DONE, CHECK_MISSED}
+    controller = read(tmp_path, "controller.json")
+    assert (controller["stroke_m"], controller["settling_time_s"]) == (5e-6, 25e-3)
+    assert np.min(np.diff(np.cumsum(controller["n_ff"]))) > -1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--stroke", "0 um"], "the stroke is 0 m"),
+        (["--stroke", "20 kg"], "--stroke: '20 kg' is in kg, but this is a quantity in m"),
+        (["--stroke", "nan um"], "not a finite number"),
+        (["--settling-time", "15 ms"], "the shortest that can is 19 ms"),
+        (["--settling-time", "20.2 ms"], "no whole number of samples"),
+        (["--settling-time", "20"], "--settling-time: '20' has no unit"),
+        (["--thrust-limit", "200 N"], "--thrust-limit: 200 N is not between 0 and the rated 150 N"),
+        (["--overshoot", "-0.1"], "--overshoot"),
+        (["--objective", "beauty"], "invalid choice: 'beauty'"),
+        (["--seed", "x"], "--seed"),
+        (["--colour", "red"], "unrecognized arguments"),
+        (["--machine", "nowhere.toml"], "nowhere.toml: can't be read"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(STUDY, ["--output", str(tmp_path / "out"), *options]) == BAD_INPUT
+    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert says in errors[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_any_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    for output in (tmp_path / "file", tmp_path / "file" / "below"):
+        assert main(STUDY, ["--output", str(output)]) == BAD_INPUT
+    captured = capsys.readouterr()
+    assert captured.err.count("error: --output") == 2
+    assert "give a folder" in captured.err
+    assert captured.out == ""
+
+
+def test_files_of_an_earlier_run_make_way_and_those_of_others_stay(tmp_path: Path) -> None:
+    arguments = ["--quick", "--no-report", "--output", str(tmp_path)]
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main(STUDY, arguments) == DONE
+    manifest = read(tmp_path, "manifest.json")
+    (tmp_path / "stale.svg").write_text("old")
+    manifest["outputs"]["stale.svg"] = "0" * 64
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    assert main(STUDY, arguments) == DONE
+    assert not (tmp_path / "stale.svg").exists()
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_help_names_units_and_defaults(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(STUDY, ["--help"])
+    assert stop.value.code == 0
+    text = " ".join(capsys.readouterr().out.split())
+    for part in ('"20 ms"', '"20 um"', "default", "133.5 N", "Exit status"):
+        assert part in text
