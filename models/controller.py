@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
 from models.compiled import compiled
-from models.friction import Friction, follow
+from models.friction import Friction, elements, follow
 from models.quantity import value
 
 Array = NDArray[np.float64]
+
+
+class ControllerError(ValueError):
+    """A controller file that can't be used; the message is one sentence: what, where, what to do."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,55 @@ class Controller:
     def without_compensation(self) -> Controller:
         """The same law with u_rf = 0 (Fig. 6)."""
         return replace(self, friction_compensation=None)
+
+
+def to_json(controller: Controller, stroke: float, settling_time: float) -> dict[str, Any]:
+    """The content of controller.json; the feedforward was designed for stroke [m] and settling_time [s]."""
+    pid, rfm = controller.pid, controller.friction_compensation
+    return {
+        "sample_time_s": controller.sample_time,
+        "stroke_m": stroke,
+        "settling_time_s": settling_time,
+        "n_ff": list(controller.n_ff),
+        "d_ff": list(controller.d_ff),
+        "reference_delay_samples": controller.reference_delay,
+        "pid": {
+            "kp_N_per_m": pid.kp,
+            "ki_N_per_ms": pid.ki,
+            "kd_Ns_per_m": pid.kd,
+            "derivative_filter_s": pid.derivative_filter,
+        },
+        "friction_compensation": rfm and {"stiffness_N_per_m": list(rfm.stiffness), "limit_m": list(rfm.limit)},
+    }
+
+
+def load(path: Path) -> Controller:
+    """The controller in a controller.json. Raises ControllerError, a sentence, for what is missing or impossible."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ControllerError(f"{path}: can't be read ({error.strerror}); give an existing controller.json") from error
+    except ValueError as error:
+        raise ControllerError(f"{path}: is no JSON ({error}); give a controller.json that a study wrote") from error
+    try:
+        return _from_json(content)
+    except KeyError as error:
+        raise ControllerError(f"{path}: {error.args[0]} is missing; add it") from error
+    except (TypeError, ValueError) as error:
+        raise ControllerError(f"{path}: {error}; give a controller.json that a study wrote") from error
+
+
+def _from_json(content: Mapping[str, Any]) -> Controller:
+    pid, rfm = content["pid"], content["friction_compensation"]
+    gains = [float(pid[key]) for key in ("kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s")]
+    sample_time, delay = float(content["sample_time_s"]), int(content["reference_delay_samples"])
+    numbers = (*gains, *content["n_ff"], *content["d_ff"])
+    if not all(math.isfinite(number) for number in numbers) or min(gains) < 0:
+        raise ValueError("a gain or coefficient is negative or not finite")
+    if not (math.isfinite(sample_time) and sample_time > 0 and delay >= 0):
+        raise ValueError("sample_time_s must be above 0 and reference_delay_samples at least 0")
+    compensation = rfm and elements(rfm["stiffness_N_per_m"], rfm["limit_m"])
+    return Controller(sample_time, PID(*gains), delay, tuple(content["n_ff"]), tuple(content["d_ff"]), compensation)
 
 
 @dataclass(frozen=True)

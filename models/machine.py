@@ -166,6 +166,15 @@ def to_json(machine: Machine) -> dict[str, Any]:
     return {"name": machine.name, "sample_time_s": machine.sample_time, **plain}
 
 
+def with_pid(machine: Machine, pid: PID, origin: str) -> Machine:
+    """The machine with another PID, whose gains then name `origin` as what they are derived from; SI units."""
+    sources = dict(machine.sources)
+    for field in dataclasses.fields(PID):
+        sources[f"control.pid.{field.name}"] = Provenance("derived", origin)
+    control = dataclasses.replace(machine.control, pid=pid)
+    return dataclasses.replace(machine, control=control, sources=sources)
+
+
 def _read(kind: type[Part], table: object, where: str, sources: dict[str, Provenance]) -> Part:
     """An instance of the dataclass `kind` from a TOML table; fields with a `value` declaration are quantities."""
     if not isinstance(table, dict):

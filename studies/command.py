@@ -112,6 +112,9 @@ def _parser(study: Study) -> argparse.ArgumentParser:
         "--machine", type=Path, metavar="FILE", help="machine file (default: models/machines/linear_motor_table.toml)"
     )
     parser.add_argument(
+        "--controller", type=Path, metavar="FILE", help="controller.json to take the PID from (default: the machine's)"
+    )
+    parser.add_argument(
         "--output", type=Path, metavar="FOLDER", help=f"where results go (default: reports/out/{study.name})"
     )
     parser.add_argument("--quick", action="store_true", help="coarser curves, for a smoke test; the report says so")
@@ -166,6 +169,8 @@ def _run(study: Study, options: argparse.Namespace) -> int:
         machine = load(path)
     except MachineError as error:
         raise BadInputError(str(error)) from error
+    if options.controller is not None:
+        machine = _with_pid(machine, options.controller)
     answer = study.compute(machine, options, progress)
     checks = [{**vars(check), "holds": bool(check.holds)} for check in answer.checks]
     whole = plain({"study": study.name, "machine": to_json(machine), "results": answer.results, "checks": checks})
@@ -173,6 +178,8 @@ def _run(study: Study, options: argparse.Namespace) -> int:
         for name, content in {"results.json": whole, **answer.files}.items():
             (folder / name).write_text(to_text(content), encoding="utf-8")
         shutil.copyfile(path, folder / "machine.toml")
+        if options.controller is not None:
+            shutil.copyfile(options.controller, folder / "given_controller.json")
         keys = {} if options.no_report else _render(study, whole, folder, progress)
         record = manifest(study.name, vars(options), path, folder, keys)
         (folder / "manifest.json").write_text(to_text(record), encoding="utf-8")
@@ -180,6 +187,23 @@ def _run(study: Study, options: argparse.Namespace) -> int:
     progress(1.0, "done")
     _print_summary(answer, output, written)
     return DONE if all(check.holds for check in answer.checks) else CHECK_MISSED
+
+
+def _with_pid(machine: Machine, path: Path) -> Machine:
+    """The machine with the PID of a controller file. Raises BadInputError for one that can't be used."""
+    from models.controller import ControllerError, load
+    from models.machine import with_pid
+
+    try:
+        controller = load(path)
+    except ControllerError as error:
+        raise BadInputError(f"--controller {error}") from error
+    if controller.sample_time != machine.sample_time:
+        raise BadInputError(
+            f"--controller {path}: runs at {controller.sample_time:g} s and the machine at {machine.sample_time:g} s; "
+            "design it for this machine's sample time"
+        )
+    return with_pid(machine, controller.pid, f"controller file {path.name}")
 
 
 def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Progress) -> dict[str, list[str]]:

@@ -23,13 +23,16 @@ def manifest(
 
     The machine file is kept beside the results as machine.toml, so that its hash can be checked without this machine.
     """
-    shown = {name: value for name, value in options.items() if name not in {"output", "machine"}}
+    shown = {name: value for name, value in options.items() if name not in {"output", "machine", "controller"}}
+    controller = options.get("controller")
     outputs = sorted(file for file in folder.rglob("*") if file.is_file())
     return {
         "study": study,
         "options": shown,
         "inputs": {
             "machine": {"file": machine.name, "copy": "machine.toml", "sha256": sha256(machine)},
+            "controller": controller
+            and {"file": controller.name, "copy": "given_controller.json", "sha256": sha256(controller)},
             "source": {"sha256": tree_hash(source_files()), **_commit()},
             "lock": {"file": "requirements.lock", "sha256": sha256(ROOT / "requirements.lock")},
         },

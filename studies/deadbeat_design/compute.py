@@ -27,7 +27,7 @@ from design.deadbeat import (
     with_frequency_error,
 )
 from design.friction_compensation import simplify
-from models.controller import Controller
+from models.controller import Controller, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, parameters
 from models.plant import Plant, frequency_response
@@ -77,7 +77,7 @@ def design(machine: Machine, options: argparse.Namespace, progress: Progress) ->
         "paper": _beside_the_paper(machine, without, with_rfm),
     }
     checks = _checks(machine, wanted, plain, proof, without, with_rfm)
-    files = {"controller.json": _controller_file(controller, plain)}
+    files = {"controller.json": to_json(controller, plain.stroke, plain.settling_time)}
     summary = [("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s"))]
     return Answer(results, checks, files, summary)
 
@@ -336,23 +336,3 @@ def _checks(
             Check("3 sigma with compensation", with_rfm.worst_dispersion, "m", line, "V.B"),
         ]
     return tuple(checks)
-
-
-def _controller_file(controller: Controller, deadbeat: Deadbeat) -> dict[str, Any]:
-    pid, rfm = controller.pid, controller.friction_compensation
-    assert rfm is not None
-    return {
-        "sample_time_s": controller.sample_time,
-        "stroke_m": deadbeat.stroke,
-        "settling_time_s": deadbeat.settling_time,
-        "n_ff": deadbeat.n_ff,
-        "d_ff": deadbeat.d_ff,
-        "reference_delay_samples": controller.reference_delay,
-        "pid": {
-            "kp_N_per_m": pid.kp,
-            "ki_N_per_ms": pid.ki,
-            "kd_Ns_per_m": pid.kd,
-            "derivative_filter_s": pid.derivative_filter,
-        },
-        "friction_compensation": {"stiffness_N_per_m": rfm.stiffness, "limit_m": rfm.limit},
-    }

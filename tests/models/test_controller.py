@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from models.controller import PID, Controller, pid_step, references
+from models.controller import PID, Controller, ControllerError, load, pid_step, references, to_json
 from models.friction import elements, follow
 
 TS = 5e-4
@@ -39,3 +42,32 @@ def test_references_are_the_filters_responses_and_keep_the_friction_history() ->
     assert given.position[4:8] == pytest.approx([1e-5, 1.25e-5, 2e-5, 2e-5])
     assert given.compensation == pytest.approx(follow(rfm, given.position)[0])
     assert not np.any(references(controller.without_compensation(), target).compensation)
+
+
+def test_a_controller_file_comes_back_as_it_was(tmp_path: Path) -> None:
+    controller = Controller(TS, GAINS, 2, (0.0, 0.25, 0.75), (3.0, -1.0, -2.0), elements([8e5, 1e5], [5e-6, 5e-5]))
+    path = tmp_path / "controller.json"
+    for one in (controller, controller.without_compensation()):
+        path.write_text(json.dumps(to_json(one, 20e-6, 20e-3)), encoding="utf-8")
+        assert load(path) == one
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"kp_N_per_m"', '"kp"', "kp_N_per_m is missing"),
+        ("1900000.0", "NaN", "not finite"),
+        ("1900000.0", "-1.0", "negative"),
+        ('"sample_time_s": 0.0005', '"sample_time_s": 0', "sample_time_s must be above 0"),
+        ("{", "[", "is no JSON"),
+    ],
+)
+def test_a_wrong_controller_file_is_said(tmp_path: Path, old: str, new: str, says: str) -> None:
+    text = json.dumps(to_json(Controller(TS, GAINS, 2, (0.0, 1.0), (3.0, -3.0)), 20e-6, 20e-3))
+    assert old in text
+    path = tmp_path / "controller.json"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ControllerError, match=says):
+        load(path)
+    with pytest.raises(ControllerError, match="can't be read"):
+        load(tmp_path / "nowhere.json")

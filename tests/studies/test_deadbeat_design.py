@@ -166,6 +166,27 @@ def test_a_shorter_time_and_another_stroke_are_designed_for(tmp_path: Path) -> N
     assert np.min(np.diff(np.cumsum(controller["n_ff"]))) > -1e-9
 
 
+def test_the_pid_of_another_controller_is_taken(folder: Path, tmp_path: Path) -> None:
+    other = read(folder, "controller.json")
+    other["pid"]["ki_N_per_ms"] /= 2
+    (tmp_path / "other.json").write_text(json.dumps(other), encoding="utf-8")
+    arguments = [
+        "--quick",
+        "--no-report",
+        "--controller",
+        str(tmp_path / "other.json"),
+        "--output",
+        str(tmp_path / "out"),
+    ]
+    main(STUDY, arguments)
+    assert read(tmp_path / "out", "controller.json")["pid"] == other["pid"]
+    machine = read(tmp_path / "out", "results.json")["machine"]
+    assert machine["control"]["pid"] == other["pid"]
+    assert (tmp_path / "out" / "given_controller.json").is_file()
+    slower = read(tmp_path / "out", "results.json")["results"]["without"]["motions"][0]["settling_s"]
+    assert slower > read(folder, "results.json")["results"]["without"]["motions"][0]["settling_s"]
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -181,6 +202,7 @@ def test_a_shorter_time_and_another_stroke_are_designed_for(tmp_path: Path) -> N
         (["--seed", "x"], "--seed"),
         (["--colour", "red"], "unrecognized arguments"),
         (["--machine", "nowhere.toml"], "nowhere.toml: can't be read"),
+        (["--controller", "nowhere.json"], "nowhere.json: can't be read"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
