@@ -27,15 +27,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Response:
-    """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples (n,)."""
+    """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples (n,).
+
+    elements: the displacements z (N,) [m] of the friction elements at the end of the run.
+    """
 
     record: Record
     position: Array
     friction: Array
+    elements: Array
 
     def last(self, count: int) -> Response:
         """The last `count` samples."""
-        return Response(self.record.last(count), self.position[-count:], self.friction[-count:])
+        return Response(self.record.last(count), self.position[-count:], self.friction[-count:], self.elements)
 
 
 def simulate(
@@ -173,4 +177,4 @@ def _lane(run: Run, lane: int) -> Run:
 
 def _response(machine: Machine, target: Array, run: Run) -> Response:
     record = Record(machine.sample_time, target, run.reference, run.feedforward, run.command, run.reading)
-    return Response(record, run.position, run.friction)
+    return Response(record, run.position, run.friction, run.z)
