@@ -57,16 +57,26 @@ def branch(friction: Friction, distance: ArrayLike) -> Array:
     return climbed
 
 
+def deflections(limit: ArrayLike, path: ArrayLike, state: ArrayLike | None = None) -> Array:
+    """Displacements z (n, N) [m] of elements with limits (N,) [m] at each point of the displacement `path` (n,) [m].
+
+    Exact for any path that is monotone between its points; `state` is z at the path's first point (default: zero, the
+    virgin state).
+    """
+    x, points = np.asarray(limit, float), np.asarray(path, float)
+    z = np.empty((points.size, x.size))
+    z[0] = 0.0 if state is None else np.clip(np.asarray(state, float), -x, x)
+    _deflect(points, x, z)
+    return z
+
+
 def follow(friction: Friction, path: ArrayLike, state: ArrayLike | None = None) -> tuple[Array, Array]:
     """Force (n,) [N] at each point of the displacement `path` (n,) [m], and the elements' state (N,) [m] at its end.
 
-    Exact for any path that is monotone between its points; `state` is z at the path's first point (default: zero, the
-    virgin state). Quasi-static: the damping D_i, which needs a speed, does not act.
+    As `deflections`; quasi-static: the damping D_i, which needs a speed, does not act.
     """
-    z = np.zeros(len(friction.stiffness)) if state is None else np.array(state, float)
-    force = np.empty(len(np.asarray(path)))
-    _follow(np.asarray(path, float), np.asarray(friction.stiffness), np.asarray(friction.limit), z, force)
-    return force, z
+    z = deflections(friction.limit, path, state)
+    return z @ np.asarray(friction.stiffness), z[-1].copy()
 
 
 def fit_elements(limit: ArrayLike, distance: ArrayLike, force: ArrayLike, coulomb_force: float) -> Friction:
@@ -83,11 +93,8 @@ def fit_elements(limit: ArrayLike, distance: ArrayLike, force: ArrayLike, coulom
 
 
 @compiled
-def _follow(path: Array, stiffness: Array, limit: Array, z: Array, force: Array) -> None:
-    for k in range(path.size):
-        step = path[k] - path[k - 1] if k > 0 else 0.0
-        total = 0.0
-        for i in range(z.size):
-            z[i] = min(max(z[i] + step, -limit[i]), limit[i])
-            total += stiffness[i] * z[i]
-        force[k] = total
+def _deflect(path: Array, limit: Array, z: Array) -> None:
+    for k in range(1, path.size):
+        step = path[k] - path[k - 1]
+        for i in range(limit.size):
+            z[k, i] = min(max(z[k - 1, i] + step, -limit[i]), limit[i])

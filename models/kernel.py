@@ -1,14 +1,18 @@
 """The simulator's two hot loops: one scheme, for one machine and, side by side in lanes, for many.
 
-Symbols: m modes, N elements, n samples, p = 2 parts of a sample (before and after the thrust changes), L lanes. For a
-lane both loops do the same operations in the same order, so that they agree bit for bit. What the scheme is: see
-simulator.py.
+Symbols: m modes, N elements, n samples, p = 2 parts of a sample (before and after the thrust changes), L machines. For
+each machine both loops do the same operations in the same order, so that they agree bit for bit. What the scheme is:
+see simulator.py.
+
+`run_many` fills vector registers with the same number of several machines. For that the compiler has to see, in each
+loop over lanes, how long it is, that neighbours lie next to each other in memory, and that no rows overlap: LANES
+machines at a time are copied into a few local arrays whose last axis is LANES, and the hot loops touch only those.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +23,14 @@ from models.controller import pid_step
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+LANES: Final = 32  # machines side by side; loops of 16 are unrolled before they are vectorised, and so stay scalar
+CHUNK: Final = 32  # samples whose signals are turned into lanes at a time, few enough for the first-level cache
+
 
 class Loop(NamedTuple):
-    """Machines and controllers as the loops read them; `run_many` takes every shape with a last axis L, but for *.
+    """Machines and controllers as the loops read them; `run_many` takes every shape with a first axis L, but for *.
 
-    Any stands for Array or float, as a lane of an array of shape (L,) is a float.
+    Any stands for Array or float, as an entry of an array of shape (L,) is a float.
     """
 
     sample_time: float  # *
@@ -41,7 +48,7 @@ class Loop(NamedTuple):
 
 
 class Run(NamedTuple):
-    """The signals of a run; `run_many` takes every shape with a last axis L. The last six are written to."""
+    """The signals of a run; `run_many` takes every shape with a first axis L. The last six are written to."""
 
     reference: Array  # (n,) x_T*
     feedforward: Array  # (n,) u_ff + u_rf
@@ -123,71 +130,172 @@ def run_one(loop: Loop, run: Run) -> None:
 
 @compiled
 def run_many(loop: Loop, run: Run) -> None:
-    """Advances L machines over the n samples of `run`; the inner loops run over lanes, to fill vector registers."""
-    phi, gamma, state, z = loop.phi, loop.gamma, run.state, run.z
-    stiffness, limit, damping = loop.stiffness, loop.limit, loop.damping
-    modes, elements, lanes = state.shape[0], z.shape[0], z.shape[1]
-    damped = damping.max() > 0.0
-    integral, slope, previous = run.start.copy(), np.zeros(lanes), np.zeros(lanes)
-    x, v, acceleration = np.zeros(lanes), np.zeros(lanes), np.zeros(lanes)
-    moved, ahead, force, thrust = np.zeros(lanes), np.zeros(lanes), np.zeros(lanes), np.zeros(lanes)
+    """Advances L machines over the n samples of `run`, LANES at a time."""
+    for first in range(0, run.z.shape[0], LANES):
+        _run_lanes(loop, run, first)
+
+
+@compiled
+def _run_lanes(loop: Loop, run: Run, first: int) -> None:
+    """Advances the machines from `first` on, one in each lane; lanes to spare repeat the last machine."""
+    n, modes, elements, delay = run.reference.shape[1], run.state.shape[1], run.z.shape[1], loop.delays[0]
+    mode = np.empty((modes, 2, LANES))  # q, q'
+    effect = np.empty((2, modes, 6, LANES))  # phi, gamma
+    element = np.empty((elements, 5, LANES))  # z, limit, stiffness, damping, force at the limit
+    fixed = np.empty((9, LANES))  # kp, ki, kd, tau, thrust limit, resolution, two lengths of a substep, start
+    now = np.zeros((10, LANES))
+    x, v, at, moved, ahead = now[0], now[1], now[2], now[3], now[4]
+    acceleration, net, thrust, h, half = now[5], now[6], now[7], now[8], now[9]
+    memory = np.zeros((3, LANES))  # I, d, e of the PID
+    sent = np.empty((delay + 2, LANES))  # commands under way, in a ring
+    given, logged = np.empty((3, CHUNK, LANES)), np.empty((4, CHUNK, LANES))
+    _load(loop, run, first, mode, effect, element, fixed)
+    memory[0] = fixed[8]
+    sent[:] = fixed[8]
+    damped = element[:, 3].max() > 0.0
     for j in range(modes):
-        for lane in range(lanes):
-            x[lane] += state[j, 0, lane]
-            v[lane] += state[j, 1, lane]
-    at = x.copy()
-    for k in range(run.reference.shape[0]):
-        for lane in range(lanes):
-            total = 0.0
-            for i in range(elements):
-                stuck = clipped(z[i, lane] + (x[lane] - at[lane]), limit[i, lane])
-                held = stiffness[i, lane] * stuck + damping[i, lane] * v[lane]
-                total += clipped(held, stiffness[i, lane] * limit[i, lane])
-            run.position[k, lane], run.friction[k, lane] = x[lane], total
-            run.reading[k, lane] = quantised(x[lane] + run.noise[k, lane], loop.resolution[lane])
-            error = run.reference[max(k - loop.delays[1], 0), lane] - run.reading[k, lane]
-            feedback, integral[lane], slope[lane] = pid_step(
-                error, previous[lane], integral[lane], slope[lane], loop.gains[:, lane], loop.sample_time
-            )
-            previous[lane] = error
-            run.command[k, lane] = feedback + run.feedforward[k, lane]
+        for lane in range(LANES):
+            x[lane] += mode[j, 0, lane]
+            v[lane] += mode[j, 1, lane]
+    at[:] = x
+    for k in range(n):
+        if k % CHUNK == 0:
+            _gather(run, first, k, loop.delays[1], given)
+        _control(element, fixed, now, memory, given, logged, k % CHUNK, loop.sample_time)
+        sent[k % (delay + 2)] = logged[1, k % CHUNK]
         for part in range(2):
-            sent = k - loop.delays[0] - 1 + part
-            for lane in range(lanes):
-                thrust[lane] = clipped(
-                    run.command[sent, lane] if sent >= 0 else run.start[lane], loop.thrust_limit[lane]
-                )
+            under_way = (k - delay - 1 + part) % (delay + 2)
+            for lane in range(LANES):
+                thrust[lane] = clipped(sent[under_way, lane], fixed[4, lane])
+                h[lane] = fixed[6 + part, lane]
+                half[lane] = 0.5 * h[lane]
             for _ in range(loop.counts[part]):
-                for lane in range(lanes):
-                    middle = x[lane] + 0.5 * loop.step[part, lane] * v[lane]
+                for lane in range(LANES):
+                    middle = x[lane] + half[lane] * v[lane]
                     moved[lane] = middle - at[lane]
                     at[lane] = middle
-                    ahead[lane] = v[lane] + 0.5 * loop.step[part, lane] * acceleration[lane]
-                    force[lane] = 0.0
+                    ahead[lane] = v[lane] + half[lane] * acceleration[lane]
+                    acceleration[lane] = v[lane]
+                    net[lane] = 0.0
                 for i in range(elements):
                     if damped:
-                        for lane in range(lanes):
-                            z[i, lane] = clipped(z[i, lane] + moved[lane], limit[i, lane])
-                            held = stiffness[i, lane] * z[i, lane] + damping[i, lane] * ahead[lane]
-                            force[lane] += clipped(held, stiffness[i, lane] * limit[i, lane])
+                        for lane in range(LANES):
+                            z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
+                            held = element[i, 2, lane] * z + element[i, 3, lane] * ahead[lane]
+                            net[lane] += clipped(held, element[i, 4, lane])
+                            element[i, 0, lane] = z
                     else:
-                        for lane in range(lanes):
-                            z[i, lane] = clipped(z[i, lane] + moved[lane], limit[i, lane])
-                            force[lane] += stiffness[i, lane] * z[i, lane]
-                for lane in range(lanes):
-                    acceleration[lane] = v[lane]
-                    force[lane] = thrust[lane] - force[lane]
-                    x[lane] = v[lane] = 0.0
+                        for lane in range(LANES):
+                            z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
+                            net[lane] += element[i, 2, lane] * z
+                            element[i, 0, lane] = z
+                for lane in range(LANES):
+                    net[lane] = thrust[lane] - net[lane]
+                    x[lane] = 0.0
+                    v[lane] = 0.0
                 for j in range(modes):
-                    for lane in range(lanes):
-                        q, rate, net = state[j, 0, lane], state[j, 1, lane], force[lane]
-                        state[j, 0, lane] = (
-                            phi[part, j, 0, lane] * q + phi[part, j, 1, lane] * rate + gamma[part, j, 0, lane] * net
-                        )
-                        state[j, 1, lane] = (
-                            phi[part, j, 2, lane] * q + phi[part, j, 3, lane] * rate + gamma[part, j, 1, lane] * net
-                        )
-                        x[lane] += state[j, 0, lane]
-                        v[lane] += state[j, 1, lane]
-                for lane in range(lanes):
-                    acceleration[lane] = (v[lane] - acceleration[lane]) / loop.step[part, lane]
+                    for lane in range(LANES):
+                        q, rate, force = mode[j, 0, lane], mode[j, 1, lane], net[lane]
+                        by_q, by_rate = effect[part, j, 0, lane], effect[part, j, 1, lane]
+                        mode[j, 0, lane] = by_q * q + by_rate * rate + effect[part, j, 4, lane] * force
+                        by_q, by_rate = effect[part, j, 2, lane], effect[part, j, 3, lane]
+                        mode[j, 1, lane] = by_q * q + by_rate * rate + effect[part, j, 5, lane] * force
+                        x[lane] += mode[j, 0, lane]
+                        v[lane] += mode[j, 1, lane]
+                if damped:
+                    for lane in range(LANES):
+                        acceleration[lane] = (v[lane] - acceleration[lane]) / h[lane]
+        if k % CHUNK == CHUNK - 1 or k == n - 1:
+            _scatter(logged, run, first, k)
+    _store(mode, element, run, first)
+
+
+@compiled
+def _control(
+    element: Array,
+    fixed: Array,
+    now: Array,
+    memory: Array,
+    given: Array,
+    logged: Array,
+    s: int,
+    sample_time: float,
+) -> None:
+    """What the controller does at a sample; reading, command, x and f go to logged[:, s]. Rows: see _run_lanes."""
+    x, v, at = now[0], now[1], now[2]
+    for lane in range(LANES):
+        logged[2, s, lane] = x[lane]
+        logged[3, s, lane] = 0.0
+    for i in range(element.shape[0]):
+        for lane in range(LANES):
+            stuck = clipped(element[i, 0, lane] + (x[lane] - at[lane]), element[i, 1, lane])
+            held = element[i, 2, lane] * stuck + element[i, 3, lane] * v[lane]
+            logged[3, s, lane] += clipped(held, element[i, 4, lane])
+    for lane in range(LANES):
+        reading = quantised(x[lane] + given[2, s, lane], fixed[5, lane])
+        error = given[0, s, lane] - reading
+        feedback, memory[0, lane], memory[1, lane] = pid_step(
+            error, memory[2, lane], memory[0, lane], memory[1, lane], fixed[:4, lane], sample_time
+        )
+        memory[2, lane] = error
+        logged[0, s, lane] = reading
+        logged[1, s, lane] = feedback + given[1, s, lane]
+
+
+@compiled
+def _load(loop: Loop, run: Run, first: int, mode: Array, effect: Array, element: Array, fixed: Array) -> None:
+    """Turns into lanes what is known before the first sample."""
+    for lane in range(LANES):
+        machine = min(first + lane, run.z.shape[0] - 1)
+        mode[:, :, lane] = run.state[machine]
+        effect[:, :, :4, lane] = loop.phi[machine]
+        effect[:, :, 4:, lane] = loop.gamma[machine]
+        element[:, 0, lane] = run.z[machine]
+        element[:, 1, lane] = loop.limit[machine]
+        element[:, 2, lane] = loop.stiffness[machine]
+        element[:, 3, lane] = loop.damping[machine]
+        element[:, 4, lane] = loop.stiffness[machine] * loop.limit[machine]
+        fixed[:4, lane] = loop.gains[machine]
+        fixed[4, lane] = loop.thrust_limit[machine]
+        fixed[5, lane] = loop.resolution[machine]
+        fixed[6:8, lane] = loop.step[machine]
+        fixed[8, lane] = run.start[machine]
+
+
+@compiled
+def _gather(run: Run, first: int, begin: int, wait: int, given: Array) -> None:
+    """Turns into lanes the reference, which waits, the feedforward and the noise of the samples from `begin` on."""
+    for lane in range(LANES):
+        machine = min(first + lane, run.z.shape[0] - 1)
+        reference, feedforward, noise = run.reference[machine], run.feedforward[machine], run.noise[machine]
+        for s in range(min(CHUNK, reference.size - begin)):
+            given[0, s, lane] = reference[max(begin + s - wait, 0)]
+            given[1, s, lane] = feedforward[begin + s]
+            given[2, s, lane] = noise[begin + s]
+
+
+@compiled
+def _scatter(logged: Array, run: Run, first: int, last: int) -> None:
+    """Turns lanes into the signals of each machine, for the samples of the chunk up to `last`."""
+    begin = last - last % CHUNK
+    for lane in range(min(LANES, run.z.shape[0] - first)):
+        machine = first + lane
+        reading, command, position, friction = (
+            run.reading[machine],
+            run.command[machine],
+            run.position[machine],
+            run.friction[machine],
+        )
+        for k in range(begin, last + 1):
+            reading[k] = logged[0, k - begin, lane]
+            command[k] = logged[1, k - begin, lane]
+            position[k] = logged[2, k - begin, lane]
+            friction[k] = logged[3, k - begin, lane]
+
+
+@compiled
+def _store(mode: Array, element: Array, run: Run, first: int) -> None:
+    """Turns lanes into the state of each machine after the last sample."""
+    for lane in range(min(LANES, run.z.shape[0] - first)):
+        run.state[first + lane] = mode[:, :, lane]
+        run.z[first + lane] = element[:, 0, lane]

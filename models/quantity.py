@@ -62,7 +62,10 @@ def parse(text: object, unit: str) -> float:
     magnitude = _finite(number, text)
     if not unit_text and unit != "1":
         raise QuantityError(f"{text!r} has no unit; write it like {_example(unit)!r}")
-    return float(magnitude * _factor(unit_text.strip() or "1", unit, text))
+    try:
+        return float(magnitude * _factor(unit_text.strip() or "1", unit))
+    except QuantityError as error:
+        raise QuantityError(f"{text!r} {error}") from error
 
 
 def check(number: float, declared: Declaration) -> None:
@@ -116,22 +119,20 @@ def _registry() -> pint.UnitRegistry[Any]:
 
 
 @cache
-def _factor(unit_text: str, unit: str, text: str) -> Decimal:
-    """How many `unit`s one `unit_text` is."""
+def _factor(unit_text: str, unit: str) -> Decimal:
+    """How many `unit`s one `unit_text` is. The QuantityError says what is wrong with `unit_text`."""
     registry = _registry()
     try:
         given = registry.Quantity(Decimal(1), registry.parse_units(unit_text))
     except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
-        raise QuantityError(f"{text!r} has an unknown unit {unit_text!r}; write it like {_example(unit)!r}") from error
+        raise QuantityError(f"has an unknown unit {unit_text!r}; write it like {_example(unit)!r}") from error
     if any(angle in str(given.units) for angle in _ANGLES):
-        raise QuantityError(f"{text!r} is in an angle; give frequencies in Hz and damping as a ratio")
+        raise QuantityError("is in an angle; give frequencies in Hz and damping as a ratio")
     try:
         return Decimal(given.to("" if unit == "1" else unit).magnitude)
     except pint.DimensionalityError as error:
         expected = "a plain number" if unit == "1" else f"a quantity in {unit}"
-        raise QuantityError(
-            f"{text!r} is in {unit_text}, but this is {expected}, such as {_example(unit)!r}"
-        ) from error
+        raise QuantityError(f"is in {unit_text}, but this is {expected}, such as {_example(unit)!r}") from error
 
 
 def _example(unit: str) -> str:

@@ -12,17 +12,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.controller import Controller, references
+from models.controller import Controller, References, references
 from models.kernel import Loop, Run, run_many, run_one
 from models.machine import Machine
 from models.plant import delay_split, state_space, transition
 from models.record import Record
 
 Array = NDArray[np.float64]
+
+LOGGED: Final = ("reading", "command", "position", "friction")  # signals that a run writes at every sample
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ def simulate(
     default 0. Raises ValueError if machine and controller have different sample times.
     """
     r = np.asarray(target, float)
-    loop, run = _prepare(machine, controller, r, substeps, seed, initial_friction)
+    loop, run = _prepare(machine, controller, references(controller, r), substeps, seed, initial_friction)
     run_one(loop, run)
     return _response(machine, r, run)
 
@@ -76,8 +79,9 @@ def simulate_many(
     Machines with equal numbers of modes and elements and equal delays in whole samples run side by side.
     """
     r = np.asarray(target, float)
+    given = {controller: references(controller, r) for controller in set(controllers)}  # often there is but one
     prepared = [
-        _prepare(machine, controller, r, substeps, seed, initial_friction)
+        _prepare(machine, controller, given[controller], substeps, seed, initial_friction)
         for machine, controller in zip(machines, controllers, strict=True)
     ]
     groups: dict[object, list[int]] = {}
@@ -103,7 +107,7 @@ def simulate_many(
 def _prepare(
     machine: Machine,
     controller: Controller,
-    target: Array,
+    given: References,
     substeps: int,
     seed: int,
     initial_friction: ArrayLike | None,
@@ -117,8 +121,9 @@ def _prepare(
     counts, step, delay = _parts(plant.dead_time, machine.sample_time, substeps)
     modes = len(plant.modes)
     phi, gamma = np.zeros((2, modes, 4)), np.zeros((2, modes, 2))
-    for part in range(2):
-        whole, held = transition(state_space(plant), step[part])
+    system = state_space(plant)
+    for part in np.flatnonzero(counts):
+        whole, held = transition(system, step[part])
         for j in range(modes):  # the modes do not act on each other: Phi is block diagonal
             phi[part, j] = whole[2 * j : 2 * j + 2, 2 * j : 2 * j + 2].ravel()
             gamma[part, j] = held[2 * j : 2 * j + 2, 0]
@@ -136,17 +141,16 @@ def _prepare(
         thrust_limit=machine.drive.rated_thrust,
         resolution=machine.scale.resolution,
     )
-    given = references(controller, target)
     z = np.zeros(len(friction.stiffness)) if initial_friction is None else np.array(initial_friction, float)
-    n = target.size
+    n, noise = given.position.size, machine.scale.noise
     run = Run(
         reference=given.position,
         feedforward=given.feedforward + given.compensation,
-        noise=machine.scale.noise * np.random.default_rng(seed).standard_normal(n),
+        noise=noise * np.random.default_rng(seed).standard_normal(n) if noise > 0 else np.zeros(n),
         start=float(loop.stiffness @ z),
         state=np.zeros((modes, 2)),
         z=z,
-        **{name: np.empty(n) for name in ("reading", "command", "position", "friction")},
+        **{name: np.empty(n) for name in LOGGED},
     )
     return loop, run
 
@@ -163,16 +167,19 @@ def _parts(dead_time: float, sample_time: float, substeps: int) -> tuple[NDArray
 
 
 def _side_by_side(prepared: list[tuple[Loop, Run]]) -> tuple[Loop, Run]:
-    """One Loop and one Run whose arrays have the lanes as their last axis."""
-    first = prepared[0][0]
+    """One Loop and one Run whose arrays have the machines as their first axis; what a run writes is made anew."""
     loops, runs = zip(*prepared, strict=True)
-    stacked = Loop._make(np.stack(column, axis=-1) for column in zip(*loops, strict=True))
+    first: Loop = loops[0]
+    stacked = Loop._make(np.stack(column) for column in zip(*loops, strict=True))
     loop = stacked._replace(sample_time=first.sample_time, delays=first.delays, counts=first.counts)
-    return loop, Run._make(np.stack(column, axis=-1) for column in zip(*runs, strict=True))
+    columns = dict(zip(Run._fields, zip(*runs, strict=True), strict=True))
+    shape = len(runs), runs[0].reference.size
+    signals = {name: np.empty(shape) if name in LOGGED else np.stack(columns[name]) for name in Run._fields}
+    return loop, Run(**signals)
 
 
 def _lane(run: Run, lane: int) -> Run:
-    return Run._make(np.ascontiguousarray(signal[..., lane]) for signal in run)
+    return Run._make(signal[lane] for signal in run)
 
 
 def _response(machine: Machine, target: Array, run: Run) -> Response:

@@ -17,7 +17,7 @@ from models.machine import Machine
 from models.plant import Mode, Plant
 from models.record import Motion, feeding_sequence, motions
 from models.settling import dispersion, overshoot, settling_time
-from models.simulator import Response, simulate
+from models.simulator import Response, simulate, simulate_many
 
 Array = NDArray[np.float64]
 REPEATS = (3, 6, 12, 24)  # of the sequence, until the last two agree
@@ -56,14 +56,28 @@ class Validation:
 
 def validate(machine: Machine, controller: Controller, *, stroke: float | None = None, seed: int = 0) -> Validation:
     """The sequence of Fig. 5 with strokes of `stroke` [m] (default: the specification's) on the nonsmooth machine."""
-    wanted = machine.specification
-    height = wanted.stroke if stroke is None else stroke
-    period = feeding_sequence(height, wanted.motions, wanted.interval, machine.sample_time)
-    response, repeats, error = _until_periodic(machine, controller, period, seed)
-    achieved = tuple(_achieved(machine, response, motion) for motion in _within_period(period))
-    spread = dispersion([one.error for one in achieved if one.motion.direction > 0])
-    after = round(wanted.settling_time / machine.sample_time)
-    return Validation(response, achieved, repeats, error, spread, float(np.max(spread[after:], initial=0.0)))
+    period = _period(machine, stroke)
+    for repeats in REPEATS:
+        response = simulate(machine, controller, np.tile(period, repeats), seed=seed)
+        found = _assess(machine, response, period, repeats)
+        if found.repeat_error <= agreement(machine):
+            break
+    return found
+
+
+def validate_many(
+    machines: Sequence[Machine], controllers: Sequence[Controller], *, repeats: int = REPEATS[0], substeps: int = 10
+) -> tuple[Validation, ...]:
+    """`validate` of machines[i] with controllers[i] in one call, for `repeats` periods [1] of one sequence for all.
+
+    The machines must agree in stroke, number and interval of motions and sample time; whether the last two periods agree
+    is in each Validation's repeat_error [m].
+    """
+    period = _period(machines[0], None)
+    responses = simulate_many(machines, controllers, np.tile(period, repeats), substeps=substeps)
+    return tuple(
+        _assess(machine, response, period, repeats) for machine, response in zip(machines, responses, strict=True)
+    )
 
 
 def agreement(machine: Machine) -> float:
@@ -97,15 +111,21 @@ def _step_response(mode: Mode, t: Array) -> Array:
     return np.asarray(mode.gain / omega**2 * (1 - decay * shape), float)
 
 
-def _until_periodic(machine: Machine, controller: Controller, period: Array, seed: int) -> tuple[Response, int, float]:
-    """The last of as many periods as it takes until two agree; their number and the last two's difference [m]."""
+def _period(machine: Machine, stroke: float | None) -> Array:
+    wanted = machine.specification
+    height = wanted.stroke if stroke is None else stroke
+    return feeding_sequence(height, wanted.motions, wanted.interval, machine.sample_time)
+
+
+def _assess(machine: Machine, response: Response, period: Array, repeats: int) -> Validation:
+    """What the last of the periods achieved, and how far it is from the one before."""
     n = period.size
-    for repeats in REPEATS:
-        response = simulate(machine, controller, np.tile(period, repeats), seed=seed)
-        error = float(np.max(np.abs(response.position[-n:] - response.position[-2 * n : -n])))
-        if error <= agreement(machine):
-            break
-    return response.last(n), repeats, error
+    error = float(np.max(np.abs(response.position[-n:] - response.position[-2 * n : -n])))
+    last = response.last(n)
+    achieved = tuple(_achieved(machine, last, motion) for motion in _within_period(period))
+    spread = dispersion([one.error for one in achieved if one.motion.direction > 0])
+    after = round(machine.specification.settling_time / machine.sample_time)
+    return Validation(last, achieved, repeats, error, spread, float(np.max(spread[after:], initial=0.0)))
 
 
 def _within_period(period: Array) -> Sequence[Motion]:
