@@ -16,3 +16,11 @@ def compiled(kernel: Kernel) -> Kernel:
     So the compiled kernel equals the uncompiled one, `kernel.py_func`, bit for bit, which a test asserts.
     """
     return cast(Kernel, numba.njit(cache=True, error_model="numpy", fastmath=False)(kernel))
+
+
+def inlined(kernel: Kernel) -> Kernel:
+    """`compiled` for a part of one compiled kernel, in which it is then written out.
+
+    So the compiler knows there what it knows in that kernel, such as the lengths of local arrays.
+    """
+    return cast(Kernel, numba.njit(inline="always", error_model="numpy", fastmath=False)(kernel))

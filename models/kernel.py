@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.compiled import compiled
+from models.compiled import compiled, inlined
 from models.controller import pid_step
 
 Array = NDArray[np.float64]
@@ -135,6 +135,48 @@ def run_many(loop: Loop, run: Run) -> None:
         _run_lanes(loop, run, first)
 
 
+@inlined
+def _substep(element: Array, mode: Array, effect: Array, now: Array, part: int, damped: bool) -> None:
+    """One substep of every lane; rows: see _run_lanes."""
+    x, v, at, moved, ahead = now[0], now[1], now[2], now[3], now[4]
+    acceleration, net, thrust, h, half = now[5], now[6], now[7], now[8], now[9]
+    for lane in range(LANES):
+        middle = x[lane] + half[lane] * v[lane]
+        moved[lane] = middle - at[lane]
+        at[lane] = middle
+        ahead[lane] = v[lane] + half[lane] * acceleration[lane]
+        acceleration[lane] = v[lane]
+        net[lane] = 0.0
+    for i in range(element.shape[0]):
+        if damped:
+            for lane in range(LANES):
+                z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
+                held = element[i, 2, lane] * z + element[i, 3, lane] * ahead[lane]
+                net[lane] += clipped(held, element[i, 4, lane])
+                element[i, 0, lane] = z
+        else:
+            for lane in range(LANES):
+                z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
+                net[lane] += element[i, 2, lane] * z
+                element[i, 0, lane] = z
+    for lane in range(LANES):
+        net[lane] = thrust[lane] - net[lane]
+        x[lane] = 0.0
+        v[lane] = 0.0
+    for j in range(mode.shape[0]):
+        for lane in range(LANES):
+            q, rate, force = mode[j, 0, lane], mode[j, 1, lane], net[lane]
+            by_q, by_rate = effect[part, j, 0, lane], effect[part, j, 1, lane]
+            mode[j, 0, lane] = by_q * q + by_rate * rate + effect[part, j, 4, lane] * force
+            by_q, by_rate = effect[part, j, 2, lane], effect[part, j, 3, lane]
+            mode[j, 1, lane] = by_q * q + by_rate * rate + effect[part, j, 5, lane] * force
+            x[lane] += mode[j, 0, lane]
+            v[lane] += mode[j, 1, lane]
+    if damped:
+        for lane in range(LANES):
+            acceleration[lane] = (v[lane] - acceleration[lane]) / h[lane]
+
+
 @compiled
 def _run_lanes(loop: Loop, run: Run, first: int) -> None:
     """Advances the machines from `first` on, one in each lane; lanes to spare repeat the last machine."""
@@ -144,8 +186,7 @@ def _run_lanes(loop: Loop, run: Run, first: int) -> None:
     element = np.empty((elements, 5, LANES))  # z, limit, stiffness, damping, force at the limit
     fixed = np.empty((9, LANES))  # kp, ki, kd, tau, thrust limit, resolution, two lengths of a substep, start
     now = np.zeros((10, LANES))
-    x, v, at, moved, ahead = now[0], now[1], now[2], now[3], now[4]
-    acceleration, net, thrust, h, half = now[5], now[6], now[7], now[8], now[9]
+    x, v, at, thrust, h, half = now[0], now[1], now[2], now[7], now[8], now[9]
     memory = np.zeros((3, LANES))  # I, d, e of the PID
     sent = np.empty((delay + 2, LANES))  # commands under way, in a ring
     given, logged = np.empty((3, CHUNK, LANES)), np.empty((4, CHUNK, LANES))
@@ -170,41 +211,7 @@ def _run_lanes(loop: Loop, run: Run, first: int) -> None:
                 h[lane] = fixed[6 + part, lane]
                 half[lane] = 0.5 * h[lane]
             for _ in range(loop.counts[part]):
-                for lane in range(LANES):
-                    middle = x[lane] + half[lane] * v[lane]
-                    moved[lane] = middle - at[lane]
-                    at[lane] = middle
-                    ahead[lane] = v[lane] + half[lane] * acceleration[lane]
-                    acceleration[lane] = v[lane]
-                    net[lane] = 0.0
-                for i in range(elements):
-                    if damped:
-                        for lane in range(LANES):
-                            z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
-                            held = element[i, 2, lane] * z + element[i, 3, lane] * ahead[lane]
-                            net[lane] += clipped(held, element[i, 4, lane])
-                            element[i, 0, lane] = z
-                    else:
-                        for lane in range(LANES):
-                            z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
-                            net[lane] += element[i, 2, lane] * z
-                            element[i, 0, lane] = z
-                for lane in range(LANES):
-                    net[lane] = thrust[lane] - net[lane]
-                    x[lane] = 0.0
-                    v[lane] = 0.0
-                for j in range(modes):
-                    for lane in range(LANES):
-                        q, rate, force = mode[j, 0, lane], mode[j, 1, lane], net[lane]
-                        by_q, by_rate = effect[part, j, 0, lane], effect[part, j, 1, lane]
-                        mode[j, 0, lane] = by_q * q + by_rate * rate + effect[part, j, 4, lane] * force
-                        by_q, by_rate = effect[part, j, 2, lane], effect[part, j, 3, lane]
-                        mode[j, 1, lane] = by_q * q + by_rate * rate + effect[part, j, 5, lane] * force
-                        x[lane] += mode[j, 0, lane]
-                        v[lane] += mode[j, 1, lane]
-                if damped:
-                    for lane in range(LANES):
-                        acceleration[lane] = (v[lane] - acceleration[lane]) / h[lane]
+                _substep(element, mode, effect, now, part, damped)
         if k % CHUNK == CHUNK - 1 or k == n - 1:
             _scatter(logged, run, first, k)
     _store(mode, element, run, first)
