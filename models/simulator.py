@@ -53,14 +53,17 @@ def simulate(
     substeps: int = 10,
     seed: int = 0,
     initial_friction: ArrayLike | None = None,
+    given: References | None = None,
 ) -> Response:
     """Response to a target r (n,) [m], from rest at r = 0 with the PID's integral holding the friction's force.
 
     substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
-    default 0. Raises ValueError if machine and controller have different sample times.
+    default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
+    as a slow stroke with an excitation on u_ff. Raises ValueError if machine and controller differ in sample time.
     """
     r = np.asarray(target, float)
-    loop, run = _prepare(machine, controller, references(controller, r), substeps, seed, initial_friction)
+    known = given or references(controller, r)
+    loop, run = _prepare(machine, controller, known, substeps, seed, initial_friction)
     run_one(loop, run)
     return _response(machine, r, run)
 
@@ -73,15 +76,18 @@ def simulate_many(
     substeps: int = 10,
     seed: int = 0,
     initial_friction: ArrayLike | None = None,
+    given: References | None = None,
 ) -> tuple[Response, ...]:
     """`simulate` for machines[i] with controllers[i], all over the same target, in one call; the same options.
 
     Machines with equal numbers of modes and elements and equal delays in whole samples run side by side.
     """
     r = np.asarray(target, float)
-    given = {controller: references(controller, r) for controller in set(controllers)}  # often there is but one
+    known = {
+        controller: given or references(controller, r) for controller in set(controllers)
+    }  # often there is but one
     prepared = [
-        _prepare(machine, controller, given[controller], substeps, seed, initial_friction)
+        _prepare(machine, controller, known[controller], substeps, seed, initial_friction)
         for machine, controller in zip(machines, controllers, strict=True)
     ]
     groups: dict[object, list[int]] = {}
