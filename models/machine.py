@@ -133,13 +133,22 @@ class Parameter:
 
 def load(path: Path = DEFAULT) -> Machine:
     """The machine in a TOML file. Raises MachineError, a sentence, for what is missing, unknown or impossible."""
+    return from_table(read_table(path), path)
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """The content of a TOML file. Raises MachineError for a file that can't be read or is none."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise MachineError(f"{path}: can't be read ({error.strerror}); give an existing machine file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise MachineError(f"{path}: is no TOML ({error}); mend that line") from error
-    sources: dict[str, Provenance] = {}
+
+
+def from_table(content: Mapping[str, Any], path: Path) -> Machine:
+    """The machine that a machine file's content describes; `path` stands in the messages of its MachineErrors."""
+    table, sources = dict(content), dict[str, Provenance]()
     try:
         name = table.pop("name", path.stem)
         if not isinstance(name, str):

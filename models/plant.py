@@ -71,9 +71,19 @@ def state_space(plant: Plant, stiffness: float = 0.0) -> control.StateSpace:
 def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> NDArray[np.complex128]:
     """P_l(j omega) (n,) [m/N], or P_e(j omega) for K_e = stiffness [N/m], dead time included; omega (n,) [rad/s]."""
     w = np.asarray(omega, float)
-    rational = state_space(plant, stiffness)(1j * w)
-    delayed: NDArray[np.complex128] = np.atleast_1d(rational) * np.exp(-1j * w * plant.dead_time)
-    return delayed
+    rational = transfer(state_space(plant, stiffness), 1j * w)
+    return np.asarray(rational * np.exp(-1j * w * plant.dead_time))
+
+
+def transfer(system: control.StateSpace, points: ArrayLike) -> NDArray[np.complex128]:
+    """C (p I - A)^-1 B + D of a system with one input and one output, at complex points p (n,); any unit [-].
+
+    What calling the control.StateSpace gives, all points at once.
+    """
+    p = np.asarray(points, complex)
+    shifted = p[:, None, None] * np.eye(system.nstates) - np.asarray(system.A)
+    state = np.linalg.solve(shifted, np.broadcast_to(np.asarray(system.B, complex), (p.size, system.nstates, 1)))
+    return np.asarray((np.asarray(system.C) @ state)[:, 0, 0] + np.asarray(system.D)[0, 0])
 
 
 def delay_split(dead_time: float, sample_time: float) -> tuple[int, float]:

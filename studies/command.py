@@ -92,6 +92,8 @@ class _Parser(argparse.ArgumentParser):
 
 def main(study: Study, arguments: Sequence[str] | None = None) -> int:
     """Runs the study as a command and returns its exit status; see `--help` of any study."""
+    for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(threads, "1")  # the matrices are small, and sums keep their order
     try:
         options = _parser(study).parse_args(arguments)
         return _run(study, options)

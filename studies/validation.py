@@ -70,8 +70,8 @@ def validate_many(
 ) -> tuple[Validation, ...]:
     """`validate` of machines[i] with controllers[i] in one call, for `repeats` periods [1] of one sequence for all.
 
-    The machines must agree in stroke, number and interval of motions and sample time; whether the last two periods agree
-    is in each Validation's repeat_error [m].
+    The machines must agree in stroke, number and interval of motions and sample time. Whether the last two periods
+    agree is in each Validation's repeat_error [m].
     """
     period = _period(machines[0], None)
     responses = simulate_many(machines, controllers, np.tile(period, repeats), substeps=substeps)

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.controller import assemble, usable_thrust
 from design.deadbeat import (
     OBJECTIVES,
     Constraints,
@@ -26,7 +27,6 @@ from design.deadbeat import (
     vibrating,
     with_frequency_error,
 )
-from design.friction_compensation import simplify
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, parameters
@@ -51,7 +51,7 @@ def design(machine: Machine, options: argparse.Namespace, progress: Progress) ->
         robust = _synthesise(machine, wanted, "mode_robustness")
     except DesignError as error:
         raise BadInputError(f"--settling-time, --stroke: {error}") from error
-    controller = _controller(machine, plain)
+    controller = assemble(machine, plain)
     progress(0.15, "trade-off of settling time and thrust")
     trade_off = _trade_off(machine, wanted, quick=options.quick)
     progress(0.3, "sensitivity to the modes' frequencies")
@@ -86,7 +86,7 @@ def _wanted(machine: Machine, options: argparse.Namespace) -> dict[str, Any]:
     """What the design has to reach, from the options, else from the machine file."""
     specification, drive = machine.specification, machine.drive
     given = options.thrust_limit and quantity(options.thrust_limit, "N", "--thrust-limit")
-    reserved = drive.rated_thrust - machine.friction.coulomb_force
+    reserved = usable_thrust(machine)
     if given is not None and not 0 < given <= drive.rated_thrust:
         raise BadInputError(
             f"--thrust-limit: {show(given, 'N')} is not between 0 and the rated {show(drive.rated_thrust, 'N')}"
@@ -118,12 +118,6 @@ def _constraints(wanted: Mapping[str, Any]) -> Constraints:
 def _synthesise(machine: Machine, wanted: Mapping[str, Any], objective: Any) -> Deadbeat:
     time, stroke = wanted["settling_time_s"], wanted["stroke_m"]
     return synthesise(machine.plant, machine.sample_time, time, stroke, objective, _constraints(wanted))
-
-
-def _controller(machine: Machine, deadbeat: Deadbeat) -> Controller:
-    control = machine.control
-    rfm = simplify(machine.friction, control.compensator_elements)
-    return Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff, rfm)
 
 
 def _proof(plant: Plant, deadbeat: Deadbeat) -> dict[str, Any]:

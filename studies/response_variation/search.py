@@ -1,0 +1,277 @@
+"""The set of tables that behave as the paper says: a seeded search of what the paper leaves out.
+
+A table is a point theta in a box of unpublished parameters. It belongs to the set if it meets every published outcome
+within TOLERANCE: the reversal's settling and the dispersion without compensation, the slopes K_e1 and K_e2, T_fc and
+the modes (these by construction); if its loop has Ms <= LARGEST_MS on P_l, P_e1 and P_e2; and if no thrust exceeds the
+rating.
+
+The search is approximate Bayesian computation by population Monte Carlo, with a uniform prior on the logarithms
+(T. Toni et al., J. R. Soc. Interface 6 (2009) 187-202), without its importance weights: a set is wanted, not a
+posterior.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.controller import default_controller
+from design.deadbeat import DesignError
+from models.controller import PID
+from models.friction import elements
+from models.machine import Machine
+from models.plant import Mode, Plant, sampled, transfer
+from studies.validation import Validation, validate_many
+
+Array = NDArray[np.float64]
+
+TOLERANCE: Final = 0.03
+LARGEST_MS: Final = 2.2
+POPULATION: Final = 160
+BATCH: Final = 64
+
+
+@dataclass(frozen=True)
+class Range:
+    """One unpublished parameter: the search is uniform in its logarithm between low and high (SI)."""
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    meaning: str
+
+
+RANGES: Final = (
+    Range("mass", 15.0, 60.0, "kg", "mass of table and flexible load"),
+    Range("stand", 10.0, 80.0, "1", "mass of the stand over that of the table"),
+    Range("load", 0.01, 0.08, "1", "flexible load's share of the mass"),
+    Range("damping_1", 0.005, 0.04, "1", "damping ratio of the mode at 38 Hz"),
+    Range("damping_2", 0.005, 0.04, "1", "damping ratio of the mode at 81 Hz"),
+    Range("dead_time", 0.8e-3, 1.2e-3, "s", "equivalent dead time"),
+    Range("bandwidth", 25.0, 60.0, "Hz", "w / 2 pi of the PID's rules: kd = a M w, kp = b kd w, ki = c kp w"),
+    Range("a", 0.6, 1.3, "1", "derivative gain over M w"),
+    Range("b", 0.25, 0.9, "1", "proportional gain over kd w"),
+    Range("c", 0.03, 0.3, "1", "integral gain over kp w"),
+    Range("derivative_filter", 0.1e-3, 0.8e-3, "s", "time constant of the derivative's filter"),
+    Range("slope_1", 776e3, 824e3, "N/m", "comprehensive slope of Region 1"),
+    Range("slope_2", 97e3, 103e3, "N/m", "comprehensive slope of Region 2"),
+    Range("smallest", 0.5e-6, 3e-6, "m", "smallest limit of the friction elements"),
+    Range("largest", 8e-6, 16e-6, "m", "largest limit of the nine elements of Region 1"),
+    Range("shape", 0.3, 3.0, "1", "exponent p of K_i X_i ~ X_i^p over the nine elements"),
+)
+LOW: Final = np.log([one.low for one in RANGES])
+HIGH: Final = np.log([one.high for one in RANGES])
+
+
+@dataclass(frozen=True)
+class Member:
+    """One table of the set: its point theta (len(RANGES),), and how far its outcomes are off in units of TOLERANCE."""
+
+    theta: Array
+    machine: Machine
+    distance: float
+
+
+def search(
+    base: Machine, count: int, seed: int, *, workers: int, tell: Callable[[float, str], None]
+) -> tuple[Member, ...]:
+    """`count` tables of the set that differ as much as possible, in the order of their distance.
+
+    `tell(share, text)` hears how far the search is. The same seed gives the same tables for any number of workers.
+    """
+    rng = np.random.default_rng(seed)
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        population: list[Member] = []
+        while len(population) < 2 * POPULATION:
+            population += _evaluated(base, _uniform(base, rng, 4 * BATCH), pool)
+            tell(0.2 * len(population) / (2 * POPULATION), f"first tables: {len(population)} of {2 * POPULATION}")
+        population = sorted(population, key=lambda member: member.distance)[:POPULATION]
+        while (worst := population[-1].distance) > 1:
+            aim = max(1.0, population[len(population) // 2].distance)
+            near = [member for member in population if member.distance <= aim]
+            spread = np.cov(np.stack([member.theta for member in population]).T)
+            while len(near) < POPULATION:
+                drawn = _perturbed(base, near, spread, rng)
+                near += [member for member in _evaluated(base, drawn, pool) if member.distance <= aim]
+                tell(0.2 + 0.7 / max(worst, 1.0), f"{len(near)} of {POPULATION} tables within {aim * TOLERANCE:.1%}")
+            population = sorted(near, key=lambda member: member.distance)[:POPULATION]
+    return _distinct(population, count)
+
+
+def table(base: Machine, theta: Array) -> Machine:
+    """The machine at a point theta of the logarithms; numbers rounded to five digits, as its file will hold them."""
+    p = {one.name: float(value) for one, value in zip(RANGES, np.exp(theta), strict=True)}
+    w = 2 * math.pi * p["bandwidth"]
+    kd = p["a"] * p["mass"] * w
+    kp = p["b"] * kd * w
+    rigid, stand, load = base.plant.modes
+    modes = (
+        replace(rigid, gain=_rounded(1 / p["mass"])),
+        Mode(_rounded(1 / (p["stand"] * p["mass"])), stand.frequency, _rounded(p["damping_1"])),
+        Mode(_rounded(p["load"] / (1 - p["load"]) / p["mass"]), load.frequency, _rounded(p["damping_2"])),
+    )
+    pid = PID(_rounded(kp), _rounded(p["c"] * kp * w), _rounded(kd), _rounded(p["derivative_filter"]))
+    limit, stiffness = _elements(base, p)
+    return replace(
+        base,
+        plant=Plant(_rounded(p["dead_time"]), base.plant.thrust_constant, modes),
+        friction=elements([_rounded(k) for k in stiffness], [_rounded(x) for x in limit]),
+        control=replace(base.control, pid=pid),
+    )
+
+
+def _elements(base: Machine, p: dict[str, float]) -> tuple[Array, Array]:
+    """Limits and stiffnesses (10,): nine elements for Region 1, one for Region 2, with the two slopes and T_fc met.
+
+    Behind a reversal the nine climb 2 F_i min(s / 2 X_i, 1) each; their share of T_fc is such that slope_1 is climbed
+    at the boundary; the one ends the climb of 2 T_fc where slope_2 says.
+    """
+    facts = base.presliding
+    x = np.geomspace(p["smallest"], p["largest"], len(base.friction.limit) - 1)
+    shape = x ** p["shape"] / np.sum(x ** p["shape"])
+    corner = p["slope_1"] * facts.boundary
+    last = 0.5 * (facts.boundary + (2 * facts.coulomb_force - corner) / p["slope_2"])
+    by_nine = float(np.sum(shape * np.minimum(facts.boundary / x, 2.0)))  # climbed at the boundary, per newton of share
+    by_last = facts.boundary / last
+    share = (corner - facts.coulomb_force * by_last) / (by_nine - by_last)
+    forces = np.append(share * shape, facts.coulomb_force - share)
+    limits = np.append(x, last)
+    return limits, forces / limits
+
+
+def largest_sensitivity(machine: Machine) -> float:
+    """The largest Ms [1] of the loop with P_l, P_e1 and P_e2, on a grid up to the Nyquist frequency [Hz]."""
+    pid, ts, facts = machine.control.pid, machine.sample_time, machine.presliding
+    z = np.exp(2j * math.pi * np.geomspace(1.0, 0.499 / ts, 400) * ts)
+    a = pid.derivative_filter / (pid.derivative_filter + ts)
+    c = pid.kp + pid.ki * ts / (1 - 1 / z) + pid.kd * (1 - a) / (1 - a / z) * (1 - 1 / z) / ts
+    peaks = [
+        np.max(1 / np.abs(1 + c * transfer(sampled(machine.plant, ts, slope), z)))
+        for slope in (0.0, facts.stiffness_1, facts.stiffness_2)
+    ]
+    return float(np.max(peaks))
+
+
+def distance(machine: Machine, without: Validation) -> float:
+    """How far the outcomes are from the published ones, 1 standing for TOLERANCE; inf for what must not be.
+
+    A thrust reference above the rating, or a motion that does not settle, must not be.
+    """
+    published = machine.published
+    assert published is not None
+    settled = [one.settling_time for one in without.achieved]
+    if (
+        not np.all(np.isfinite(settled))
+        or max(one.peak_thrust for one in without.achieved) > machine.drive.rated_thrust
+    ):
+        return math.inf
+    reversal = next(one.settling_time for one in without.positive() if one.motion.reversal)
+    off = (
+        reversal / published.reversal_settling_time - 1,
+        without.worst_dispersion / published.dispersion_without - 1,
+    )
+    return max(abs(one) for one in off) / TOLERANCE
+
+
+def _rounded(number: float) -> float:
+    return float(f"{number:.5g}")
+
+
+def _plausible(base: Machine, theta: Array) -> bool:
+    """Within the box, with a share of friction for every element, and a loop that a practitioner would accept."""
+    if np.any(theta < LOW) or np.any(theta > HIGH):
+        return False
+    machine = table(base, theta)
+    if min(machine.friction.stiffness) <= 0:
+        return False
+    return largest_sensitivity(machine) <= LARGEST_MS and _stable(machine)
+
+
+def _stable(machine: Machine) -> bool:
+    """Whether the sampled loop with P_l, P_e1 and P_e2 is stable: by the poles of the closed loop."""
+    pid, ts, facts = machine.control.pid, machine.sample_time, machine.presliding
+    a = pid.derivative_filter / (pid.derivative_filter + ts)
+    # The PID's states are the integral and the derivative's filter, driven by e[k] and e[k-1].
+    for slope in (0.0, facts.stiffness_1, facts.stiffness_2):
+        model = sampled(machine.plant, ts, slope)
+        n = model.nstates
+        closed = np.zeros((n + 3, n + 3))  # states: plant, I, d, previous error
+        error = -np.asarray(model.C)[0]
+        gain = pid.kp + pid.ki * ts + pid.kd * (1 - a) / ts
+        command = np.concatenate([gain * error, [1.0, pid.kd * a, -pid.kd * (1 - a) / ts]])
+        closed[:n, :n] = model.A
+        closed[:n] += np.outer(np.asarray(model.B)[:, 0], command)
+        closed[n, :n], closed[n, n] = pid.ki * ts * error, 1.0
+        closed[n + 1, :n], closed[n + 1, n + 1], closed[n + 1, n + 2] = (1 - a) / ts * error, a, -(1 - a) / ts
+        closed[n + 2, :n] = error
+        if np.max(np.abs(np.linalg.eigvals(closed))) >= 1:
+            return False
+    return True
+
+
+def _uniform(base: Machine, rng: np.random.Generator, tries: int) -> list[Array]:
+    drawn = LOW + (HIGH - LOW) * rng.random((tries, LOW.size))
+    return [theta for theta in drawn if _plausible(base, theta)]
+
+
+def _perturbed(base: Machine, near: list[Member], spread: Array, rng: np.random.Generator) -> list[Array]:
+    """Points around members of the population, with its covariance: one batch."""
+    drawn: list[Array] = []
+    while len(drawn) < BATCH:
+        centre = near[int(rng.integers(len(near)))].theta
+        theta = rng.multivariate_normal(centre, 0.5 * spread + 1e-9 * np.eye(LOW.size))
+        if _plausible(base, theta):
+            drawn.append(theta)
+    return drawn
+
+
+def _evaluated(base: Machine, drawn: list[Array], pool: ProcessPoolExecutor) -> list[Member]:
+    parts = [drawn[i : i + BATCH // 2] for i in range(0, len(drawn), BATCH // 2)]
+    results = pool.map(evaluate, [base] * len(parts), parts)
+    return [member for part in results for member in part if math.isfinite(member.distance)]
+
+
+def evaluate(base: Machine, points: list[Array]) -> list[Member]:
+    """The tables at these points with their distances, simulated side by side without compensation."""
+    machines, controllers, kept = [], [], []
+    for theta in points:
+        machine = table(base, theta)
+        try:
+            controllers.append(default_controller(machine).without_compensation())
+        except DesignError:
+            continue  # no deadbeat within the thrust
+        machines.append(machine)
+        kept.append(theta)
+    if not machines:
+        return []
+    validations = validate_many(machines, controllers)
+    return [
+        Member(theta, machine, distance(machine, without))
+        for theta, machine, without in zip(kept, machines, validations, strict=True)
+    ]
+
+
+def _distinct(population: list[Member], count: int) -> tuple[Member, ...]:
+    """`count` members that lie far from each other: the next is always the one farthest from those chosen."""
+    points = (np.stack([member.theta for member in population]) - LOW) / (HIGH - LOW)
+    chosen = [0]
+    away = np.linalg.norm(points - points[0], axis=1)
+    while len(chosen) < min(count, len(population)):
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return tuple(sorted((population[i] for i in chosen), key=lambda member: member.distance))
+
+
+def most_central(members: tuple[Member, ...]) -> int:
+    """The index of the medoid: the member with the least sum of distances to the others, in units of the ranges."""
+    points = (np.stack([member.theta for member in members]) - LOW) / (HIGH - LOW)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=2)
+    return int(np.argmin(np.sum(apart, axis=1)))
