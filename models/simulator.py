@@ -76,19 +76,21 @@ def simulate_many(
     substeps: int = 10,
     seed: int = 0,
     initial_friction: ArrayLike | None = None,
-    given: References | None = None,
+    given: References | Sequence[References] | None = None,
 ) -> tuple[Response, ...]:
     """`simulate` for machines[i] with controllers[i], all over the same target, in one call; the same options.
 
-    Machines with equal numbers of modes and elements and equal delays in whole samples run side by side.
+    given: for all machines, or given[i] for each. Machines with equal numbers of modes and elements and equal delays in
+    whole samples run side by side.
     """
     r = np.asarray(target, float)
-    known = {
-        controller: given or references(controller, r) for controller in set(controllers)
-    }  # often there is but one
+    if given is None:
+        made = {controller: references(controller, r) for controller in set(controllers)}  # often there is but one
+        given = [made[controller] for controller in controllers]
+    known = [given] * len(machines) if isinstance(given, References) else given
     prepared = [
-        _prepare(machine, controller, known[controller], substeps, seed, initial_friction)
-        for machine, controller in zip(machines, controllers, strict=True)
+        _prepare(machine, controller, its, substeps, seed, initial_friction)
+        for machine, controller, its in zip(machines, controllers, known, strict=True)
     ]
     groups: dict[object, list[int]] = {}
     for i, (loop, run) in enumerate(prepared):
