@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.deadbeat import Constraints, synthesise
-from design.friction_compensation import simplify
+from design.controller import default_controller
 from models.controller import Controller, references
 from models.kernel import Loop, Run
 from models.machine import Machine, load
@@ -52,22 +51,9 @@ class Job:
 def default_job() -> Job:
     """The sequence of Fig. 5 on the default machine, with the controller of `studies.deadbeat_design`."""
     machine = load()
-    wanted, control = machine.specification, machine.control
-    limit = Constraints(machine.drive.rated_thrust - machine.friction.coulomb_force)
-    deadbeat = synthesise(
-        machine.plant,
-        machine.sample_time,
-        wanted.reference_settling_time,
-        wanted.stroke,
-        "thrust_difference",
-        limit,
-    )
-    rfm = simplify(machine.friction, control.compensator_elements)
-    controller = Controller(
-        machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff, rfm
-    )
+    wanted = machine.specification
     target = feeding_sequence(wanted.stroke, wanted.motions, wanted.interval, machine.sample_time, REPEATS)
-    return Job(machine, controller, target)
+    return Job(machine, default_controller(machine), target)
 
 
 def prepared(job: Job, substeps: int) -> tuple[Loop, Run]:

@@ -116,7 +116,7 @@ def draw(results: Mapping[str, Any]) -> Figure:
             )
     ax.set(xscale="log", yscale="log", xlabel="time per simulated second [s]", ylabel="largest error of x [m]")
     ax.set_xlim(right=5 * ax.get_xlim()[1])  # room for the labels of the slowest
-    ax.legend(loc="upper center")
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
