@@ -51,7 +51,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a study found: plain results (SI numbers, units in their names), checks, files for others (name: JSON)."""
+    """What a study found: plain results (SI numbers, units in their names), checks, files for others: JSON or text."""
 
     results: Mapping[str, Any]
     checks: tuple[Check, ...]
@@ -178,7 +178,8 @@ def _run(study: Study, options: argparse.Namespace) -> int:
     whole = plain({"study": study.name, "machine": to_json(machine), "results": answer.results, "checks": checks})
     with _in_one_piece(output) as folder:
         for name, content in {"results.json": whole, **answer.files}.items():
-            (folder / name).write_text(to_text(content), encoding="utf-8")
+            text = content if isinstance(content, str) else to_text(content)
+            (folder / name).write_text(text, encoding="utf-8")
         shutil.copyfile(path, folder / "machine.toml")
         if options.controller is not None:
             shutil.copyfile(options.controller, folder / "given_controller.json")

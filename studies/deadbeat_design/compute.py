@@ -30,7 +30,7 @@ from design.deadbeat import (
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, parameters
-from models.plant import Plant, frequency_response
+from models.plant import Plant, delay_split, frequency_response
 from models.quantity import show
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.validation import Validation, agreement, linear_response, validate
@@ -126,7 +126,8 @@ def _proof(plant: Plant, deadbeat: Deadbeat) -> dict[str, Any]:
     count = round(deadbeat.settling_time / ts)
     times = (count + np.arange(round(10 * 0.2 / ts)) / 10) * ts + plant.dead_time
     remains = np.abs(linear_response(plant, deadbeat.thrust, ts, times) / deadbeat.stroke - 1)
-    at_samples = linear_response(plant, deadbeat.thrust, ts, np.arange(count + 1) * ts + plant.dead_time)
+    whole, _ = delay_split(plant.dead_time, ts)
+    at_samples = linear_response(plant, deadbeat.thrust, ts, (np.arange(count + 1) + whole) * ts)
     return {
         "residual": float(np.max(remains)),
         "reference_error_m": float(np.max(np.abs(at_samples - deadbeat.position))),

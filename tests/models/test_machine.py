@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -13,10 +14,11 @@ TEXT = DEFAULT.read_text(encoding="utf-8")
 
 
 def changed(folder: Path, old: str, new: str) -> Path:
-    """A copy of the default machine file with one text replaced."""
-    assert old in TEXT
+    """A copy of the default machine file with the first match of a regular expression replaced."""
+    text, count = re.subn(old, new, TEXT, count=1)
+    assert count == 1
     path = folder / "machine.toml"
-    path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     return path
 
 
@@ -51,9 +53,11 @@ def test_the_default_machine_is_the_published_one() -> None:
 def test_the_elements_agree_with_the_published_curve() -> None:
     """T_fc, 800 N/mm over the first 20 um, 100 N/mm beyond, up to about 2 x 100 um: they close in N/mm only."""
     machine = load()
-    climbed = branch(machine.friction, [20e-6, 190e-6, 1e-3])
-    assert climbed[0] / 20e-6 == pytest.approx(8e5, rel=1e-3)
-    assert (climbed[1] - climbed[0]) / 170e-6 == pytest.approx(1e5, rel=1e-3)
+    end = 2 * max(machine.friction.limit)
+    climbed = branch(machine.friction, [20e-6, end, 1e-3])
+    assert 80e-6 < end / 2 < 120e-6
+    assert climbed[0] / 20e-6 == pytest.approx(8e5, rel=0.01)
+    assert (climbed[1] - climbed[0]) / (end - 20e-6) == pytest.approx(1e5, rel=0.01)
     assert climbed[2] == pytest.approx(2 * 16.5, rel=1e-3)
     assert "N/mm" in machine.sources["presliding.stiffness_1"].note
 
@@ -79,7 +83,7 @@ def test_the_machine_in_results_has_the_agreed_names() -> None:
 def test_facts_that_a_file_leaves_out_follow_from_its_elements(tmp_path: Path) -> None:
     machine = load(without(tmp_path, "presliding"))
     assert machine.presliding.coulomb_force == machine.friction.coulomb_force
-    assert machine.presliding.stiffness_1 == pytest.approx(8e5, rel=1e-3)
+    assert machine.presliding.stiffness_1 == pytest.approx(8e5, rel=0.01)
     assert machine.sources["presliding.boundary"].kind == "derived"
     assert load(without(tmp_path, "published")).published is None
 
@@ -95,30 +99,18 @@ def test_a_value_without_a_source_counts_as_assumed(tmp_path: Path) -> None:
         ('"800 N/mm"', '"800 kg"', r"presliding\.stiffness_1: '800 kg' is in kg, but this is a quantity in N/m"),
         ('"150 N"', '"150"', r"drive\.rated_thrust: '150' has no unit"),
         ("rated_thrust =", "rated_trust =", r"drive\.rated_trust: unknown; did you mean 'rated_thrust'\?"),
-        ("[drive]", "[driver]", r"driver: unknown; did you mean 'drive'\?"),
-        (
-            'dead_time = { value = "1.0 ms"',
-            'dead_time = { valu = "1.0 ms"',
-            r"plant\.dead_time\.valu: unknown; did you",
-        ),
-        ('value = "0.028"', 'value = "-0.028"', r"plant\.modes\.2\.damping: -0\.028 must be at least 0"),
+        (r"\[drive\]", "[driver]", r"driver: unknown; did you mean 'drive'\?"),
+        ("dead_time = { value", "dead_time = { valu", r"plant\.dead_time\.valu: unknown; did you"),
+        ('(38 Hz.*\ndamping = { value =) "', r'\1 "-', r"plant\.modes\.2\.damping: -0\.\d+ must be at least 0"),
         ('"38 Hz"', '"1.2 kHz"', r"plant\.modes\.2\.frequency: 1200 Hz is not below the Nyquist frequency 1000 Hz"),
-        ('"38 Hz"', '"0 Hz"', r"plant\.modes: .* exactly one needs"),
+        ('"38 Hz"', '"0 Hz"', r"plant\.modes: 2 rigid-body modes; exactly one needs"),
         ('"16.5 N"', '"nan N"', r"presliding\.coulomb_force: 'nan N' is not a finite number"),
         ('"16.5 N"', '"18 N"', r"friction: the elements slip at 16\.5 N together, presliding\.coulomb_force says 18 N"),
-        ('"210.6 N/mm", ', "", r"friction: .* as many stiffnesses as limits"),
-        (
-            "reference_delay = { value = 2",
-            'reference_delay = { value = "2 ms"',
-            r"control\.reference_delay: .* whole number",
-        ),
-        (
-            'source = "paper: II.D" }\ntolerance',
-            'source = "hearsay" }\ntolerance',
-            r"specification\.stroke: source 'hearsay'",
-        ),
-        ("[drive]", "[drive", r"is no TOML"),
-        ("[[plant.modes]] # the rigid body", "[plant.modes]", r"is no TOML|plant\.modes"),
+        (r'(stiffness = { value = \[)"[^"]*", ', r"\1", r"friction: .* as many stiffnesses as limits"),
+        ("reference_delay = { value = 2", 'reference_delay = { value = "2 ms"', r"control\.reference_delay: .* whole"),
+        ('"paper: II.D" }\ntolerance', '"hearsay" }\ntolerance', r"specification\.stroke: source 'hearsay'"),
+        (r"\[drive\]", "[drive", r"is no TOML"),
+        (r"\[\[plant.modes\]\] # the rigid body", "[plant.modes]", r"is no TOML"),
     ],
 )
 def test_a_mistake_is_said_with_its_place(tmp_path: Path, old: str, new: str, says: str) -> None:
@@ -130,7 +122,7 @@ def test_a_mistake_is_said_with_its_place(tmp_path: Path, old: str, new: str, sa
 def test_a_missing_value_is_said_with_its_meaning_and_unit(tmp_path: Path) -> None:
     line = next(line for line in TEXT.splitlines() if line.startswith("dead_time"))
     with pytest.raises(MachineError, match=r"plant\.dead_time: missing; add it, equivalent dead time L, in s"):
-        load(changed(tmp_path, line + "\n", ""))
+        load(changed(tmp_path, re.escape(line) + "\n", ""))
 
 
 def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:

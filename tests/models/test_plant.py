@@ -9,7 +9,7 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from design.deadbeat import polynomials
@@ -39,7 +39,6 @@ def closed_form(plant: Plant, omega: np.ndarray, stiffness: float = 0.0) -> np.n
     return rational / (1 + stiffness * rational) * np.exp(-s * plant.dead_time)
 
 
-@settings(deadline=None)
 @given(plants, st.sampled_from([0.0, 1e5, 8e5]))
 def test_the_bode_data_are_the_closed_form(plant: Plant, stiffness: float) -> None:
     omega = 2 * math.pi * np.geomspace(0.3, 999.0, 60)

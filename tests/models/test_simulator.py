@@ -75,7 +75,8 @@ def test_second_order_against_the_oracle(dead_time: float, damping: float) -> No
 
 def test_the_naive_method_is_first_order_and_far_worse() -> None:
     """Friction taken at the start of a substep, as one would write it first: pinned beside the good one, open loop."""
-    machine = exact_scale(load())
+    table = exact_scale(load())
+    machine = replace(table, plant=replace(table.plant, dead_time=2 * TS))
     thrust = 12.0 * np.sign(np.sin(np.arange(200) * 0.3))
     controller = Controller(TS, replace(machine.control.pid, kp=0.0, ki=0.0, kd=0.0), 0, (0.0,), (1.0,))
     truth, _ = respond(machine, controller, thrust)

@@ -1,0 +1,67 @@
+"""`python -m studies.response_variation`: the paper's figures and numbers from the model, and the set that fits them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from studies.command import Answer, Progress, Study, main
+
+if TYPE_CHECKING:
+    from models.machine import Machine
+    from reports.report import Report
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options of this study beyond those of all."""
+    parser.add_argument(
+        "--ensemble",
+        type=Path,
+        metavar="FILE",
+        help="the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; only the machine itself "
+        "where --machine is given)",
+    )
+    parser.add_argument(
+        "--search",
+        action="store_true",
+        help="find the set anew, seeded by --seed, which takes a minute or two; ensemble.toml and most_central.toml are "
+        "written beside the results",
+    )
+    parser.add_argument(
+        "--members", type=_count, default=60, metavar="N", help="tables that --search keeps, 2 to 160 (default: 60)"
+    )
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 2 <= int(text) <= 160:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 2 to 160")
+    return int(text)
+
+
+def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+    """See compute.py."""
+    from studies.response_variation.compute import vary
+
+    return vary(machine, options, progress)
+
+
+def report(whole: Mapping[str, Any]) -> Report:
+    """See report.py."""
+    from studies.response_variation.report import tell
+
+    return tell(whole)
+
+
+STUDY = Study(
+    name="response_variation",
+    question="Does the model show what the paper shows, and which tables could the paper's be?",
+    add_options=add_options,
+    compute=compute,
+    report=report,
+)
+
+if __name__ == "__main__":
+    sys.exit(main(STUDY))

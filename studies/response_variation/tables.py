@@ -1,0 +1,80 @@
+"""A table of the set seen from outside: its unpublished parameters, and the texts that an ensemble file holds of it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.friction import branch
+from models.machine import Machine
+from studies.response_variation.search import RANGES, Range
+
+Array = NDArray[np.float64]
+
+_SEARCHED: Final = {one.name: one for one in RANGES}
+# The three gains stand for the four numbers that the search draws them from.
+COORDINATES: Final = (
+    *(_SEARCHED[name] for name in ("mass", "stand", "load", "damping_1", "damping_2", "dead_time")),
+    Range("kp", 0.25e6, 8e6, "N/m", "proportional gain"),
+    Range("ki", 1e7, 5e8, "N/(m s)", "integral gain"),
+    Range("kd", 2e3, 3e4, "N s/m", "derivative gain"),
+    *(_SEARCHED[name] for name in ("derivative_filter", "slope_1", "slope_2", "smallest", "largest", "shape")),
+)
+
+
+def coordinates(machine: Machine) -> Array:
+    """The unpublished parameters (len(COORDINATES),) of a table, in the units that COORDINATES give, such as [kg]."""
+    rigid, stand, load = machine.plant.modes
+    mass = 1 / rigid.gain
+    ratio = load.gain * mass
+    pid, friction, facts = machine.control.pid, machine.friction, machine.presliding
+    limits = np.array(friction.limit)
+    forces = limits * np.array(friction.stiffness)
+    climbed = float(branch(friction, facts.boundary))
+    end = 2 * float(limits[-1])
+    return np.array(
+        [
+            mass,
+            1 / (stand.gain * mass),
+            ratio / (1 + ratio),
+            stand.damping,
+            load.damping,
+            machine.plant.dead_time,
+            pid.kp,
+            pid.ki,
+            pid.kd,
+            pid.derivative_filter,
+            climbed / facts.boundary,
+            (2 * friction.coulomb_force - climbed) / (end - facts.boundary),
+            limits[0],
+            limits[-2],
+            np.polyfit(np.log(limits[:-1]), np.log(forces[:-1]), 1)[0],
+        ]
+    )
+
+
+def spread(values: Array, searched: Range) -> dict[str, Any]:
+    """The range of nine tenths of the values, and its share [1] of the range searched, on the logarithm."""
+    low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+    share = float(np.log(high / low) / np.log(searched.high / searched.low))
+    word = "pinned down" if share < 1 / 3 else ("narrowed" if share < 2 / 3 else "left open")
+    return {"quantile_05": low, "median": middle, "quantile_95": high, "share": share, "word": word}
+
+
+def texts(machine: Machine) -> dict[str, str | list[str]]:
+    """What an ensemble file says of a table: dotted names of the values that differ in it, as text with a unit."""
+    said: dict[str, str | list[str]] = {
+        "plant.dead_time": f"{machine.plant.dead_time!r} s",
+        "friction.stiffness": [f"{k!r} N/m" for k in machine.friction.stiffness],
+        "friction.limit": [f"{x!r} m" for x in machine.friction.limit],
+        "friction.damping": [f"{d!r} N s/m" for d in machine.friction.damping],
+    }
+    for i, mode in enumerate(machine.plant.modes, start=1):
+        said[f"plant.modes.{i}.gain"] = f"{mode.gain!r} 1/kg"
+        said[f"plant.modes.{i}.damping"] = f"{mode.damping!r}"
+    pid = machine.control.pid
+    gains = {"kp": "N/m", "ki": "N/(m s)", "kd": "N s/m", "derivative_filter": "s"}
+    said |= {f"control.pid.{name}": f"{getattr(pid, name)!r} {unit}" for name, unit in gains.items()}
+    return said
