@@ -1,0 +1,147 @@
+"""What the loop does with one motion when table or history are not those of the design: copies of the smoothed loop.
+
+A scenario is a table that the motion may meet. Its loop is lifted (lifted.py) and its friction follows its own path,
+so that both the feedback and the friction's reaction to an error act within the motion. Symbols: n samples of the copy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from design.deadbeat import vibrating, with_frequency_error
+from design.lifted import lift
+from design.ocp import Program
+from models.controller import PID
+from models.friction import Friction, elements
+from models.plant import Plant
+from models.smooth_friction import law
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A table: `plant` with `friction`, met at history number `history`; `weight` [1] in a mean over scenarios."""
+
+    plant: Plant
+    friction: Friction
+    history: int
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """The loop's sample time [s], PID and its reference's wait [samples]; samples [first, last) whose error counts."""
+
+    sample_time: float
+    pid: PID
+    reference_delay: int
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Relative errors [1], one standard deviation each, of friction force, presliding length, mass and frequencies."""
+
+    force: float
+    length: float
+    mass: float
+    frequency: float
+
+
+def with_mass_error(plant: Plant, error: float) -> Plant:
+    """The plant whose every mass is off by the relative `error` [1]."""
+    return replace(plant, modes=tuple(replace(mode, gain=mode.gain / (1 + error)) for mode in plant.modes))
+
+
+def with_friction_error(friction: Friction, force: float, length: float) -> Friction:
+    """The friction with every force and every length off by relative errors [1]."""
+    stiffness = np.array(friction.stiffness) * (1 + force) / (1 + length)
+    return elements(stiffness, np.array(friction.limit) * (1 + length), np.array(friction.damping))
+
+
+def tables(plant: Plant, friction: Friction, errors: Errors) -> tuple[tuple[Plant, Friction, float], ...]:
+    """(plant, friction, weight): each error [1] at plus and minus its standard deviation, one at a time.
+
+    The weights sum the mean squares of independent errors.
+    """
+    found: list[tuple[Plant, Friction, float]] = []
+    for sign in (-0.5, 0.5):
+        size = 2 * sign
+        if errors.force:
+            found.append((plant, with_friction_error(friction, size * errors.force, 0.0), 0.5))
+        if errors.length:
+            found.append((plant, with_friction_error(friction, 0.0, size * errors.length), 0.5))
+        if errors.mass:
+            found.append((with_mass_error(plant, size * errors.mass), friction, 0.5))
+        if errors.frequency:
+            found += [
+                (with_frequency_error(plant, mode, size * errors.frequency), friction, 0.5) for mode in vibrating(plant)
+            ]
+    return tuple(found)
+
+
+def follow_loop(
+    program: Program,
+    name: str,
+    scenario: Scenario,
+    feedback: Feedback,
+    stroke: float,
+    thrust: ca.MX,
+    reference: ca.MX,
+    ratio: ca.MX,
+) -> tuple[Any, Any]:
+    """(position (n + 1,) [m], command (n,) [N]) of the scenario's loop under u_ff (n,) [N] and x_T* (n,) [m].
+
+    Adds the loop's variables to `program` and a parameter z_`name`: its elements' state at the start.
+    """
+    n = feedback.last
+    lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
+    stiffness, limit = np.array(scenario.friction.stiffness), np.array(scenario.friction.limit)
+    unit = float(stiffness @ limit)
+    middle = program.variable(f"middle_of_{name}", np.full(n, stroke))
+    force = program.variable(f"force_of_{name}", np.full(n, unit))  # from the start's on
+    z = ca.reshape(program.variable(f"z_of_{name}", np.tile(limit, n)), limit.size, n)
+    start = program.parameter(f"start_{name}", limit.size)
+    inputs = ca.vertcat(thrust, reference, force)
+    program.require(middle - lifted.middle @ inputs, 0, 0, stroke)
+    moved = ca.diff(ca.vertcat(0, middle)).T
+    constants = (ca.repmat(one, 1, n) for one in (ratio, stiffness, limit))
+    after, pull = law(limit.size).map(n)(ca.horzcat(start, z[:, :-1]), moved, *constants)
+    program.require(ca.vec(z - after), 0, 0, np.tile(limit, n))
+    program.require(force - (pull.T - ca.dot(stiffness, start)), 0, 0, unit)
+    error = program.variable(f"error_of_{name}", np.full(feedback.last - feedback.first, stroke))
+    position = lifted.position[feedback.first : feedback.last] @ inputs
+    program.require(error - (position - stroke), 0, 0, stroke)  # a variable, so that its square is sparse
+    return error, lifted.command @ inputs + ca.dot(stiffness, start)
+
+
+def guess_loop(
+    name: str, scenario: Scenario, feedback: Feedback, start: Array, thrust: Array, reference: Array
+) -> dict[str, Array]:
+    """Values of the copy's variables (SI) on the exact elements' path: u_ff (n,) [N], x_T* (n,) [m], start (N,) [m]."""
+    n = feedback.last
+    lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
+    stiffness, limit = np.array(scenario.friction.stiffness), np.array(scenario.friction.limit)
+    known = lifted.on_thrust(lifted.middle) @ thrust + lifted.on_reference(lifted.middle) @ reference
+    reaction = lifted.on_friction(lifted.middle)
+    middle, force, states = np.zeros(n), np.zeros(n), [start]
+    for k in range(n):
+        middle[k] = known[k] + reaction[k, :k] @ force[:k]
+        states.append(np.clip(states[-1] + middle[k] - (middle[k - 1] if k else 0.0), -limit, limit))
+        force[k] = stiffness @ (states[-1] - start)
+    error = (lifted.position @ np.concatenate([thrust, reference, force]))[feedback.first : feedback.last] - reference[
+        -1
+    ]
+    return {
+        f"middle_of_{name}": middle,
+        f"force_of_{name}": force,
+        f"z_of_{name}": np.ravel(states[1:]),
+        f"error_of_{name}": error,
+    }
