@@ -2,6 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 ENVIRONMENT := .venv/.complete
+# The matrices are small: threads of BLAS would only wait for each other.
+export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help study test check benchmark lock clean
 

@@ -20,7 +20,7 @@ from models.friction import Friction, deflections, elements
 
 Array = NDArray[np.float64]
 GRID = 80  # limits of the convex stage
-POINTS = 600  # of the curve that the NLP looks at; between its points a path has only to be monotone
+POINTS = 300  # of the curve that the NLP looks at; between its points a path has only to be monotone
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def _refined(
             "hessian_approximation": "limited-memory",
             "print_level": 0,
             "sb": "yes",
-            "max_iter": 300,
+            "max_iter": 200,
             "tol": 1e-9,
         },
         "print_time": False,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawing
 from models.quantity import show
 from reports import style
 from reports.report import Figure, Report
+from studies.wording import filters
 
 Results = Mapping[str, Any]
 
@@ -33,14 +34,7 @@ def tell(whole: Results) -> Report:
     ]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
     question = "Which deadbeat feedforward suits this machine, and does it hold on the nonsmooth machine?"
-    filters: dict[str, Callable[..., Any]] = {
-        "show": _show,
-        "percent": _percent,
-        "amount": _amount,
-        "slowest": _slowest,
-        "micrometres": lambda length: f"{round(1e6 * length, 3):g}",
-    }
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters)
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters())
 
 
 BODE = (
@@ -72,31 +66,6 @@ LISSAJOUS = (
 _DISPERSION_KEYS = tuple(
     f"results.{case}.{key}" for case in ("without", "with") for key in ("time_s", "dispersion_m", "worst_dispersion_m")
 )
-
-
-def _show(number: float | None, unit: str, digits: int = 4) -> str:
-    """A number for the text; None stands for one that is not finite."""
-    return "never" if number is None else show(number, unit, digits).replace(" ", "\u00a0")
-
-
-def _percent(ratio: float | None) -> str:
-    return "–" if ratio is None else f"{100 * ratio:+.1f} %"
-
-
-def _slowest(times: Iterable[float | None]) -> float | None:
-    """The largest of the times; None, a motion that never settles, is larger than any."""
-    every = list(times)
-    return None if None in every else max(time for time in every if time is not None)
-
-
-def _amount(parameter: Results) -> str:
-    """A parameter's number or numbers."""
-    number, unit = parameter["number"], parameter["unit"]
-    if not isinstance(number, list):
-        return _show(number, unit, 6)
-    if len(set(number)) == 1:
-        return f"{_show(number[0], unit, 6)} (each of {len(number)})"
-    return ", ".join(_show(item, unit, 6) for item in number)
 
 
 def _bode(whole: Results) -> Drawing:

@@ -1,4 +1,4 @@
-"""`python -m studies.response_variation`: the paper's figures and numbers from the model, and the set that fits them."""
+"""`python -m studies.response_variation`: the paper's figures and numbers from the model, and the set that fits."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--ensemble",
         type=Path,
         metavar="FILE",
-        help="the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; only the machine itself "
-        "where --machine is given)",
+        help="the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; "
+        "only the machine itself where --machine is given)",
     )
     parser.add_argument(
         "--search",
         action="store_true",
-        help="find the set anew, seeded by --seed, which takes a minute or two; ensemble.toml and most_central.toml are "
-        "written beside the results",
+        help="find the set anew, seeded by --seed, in a minute or two; "
+        "ensemble.toml and most_central.toml are written beside the results",
     )
     parser.add_argument(
         "--members", type=_count, default=60, metavar="N", help="tables that --search keeps, 2 to 160 (default: 60)"

@@ -17,8 +17,8 @@ from studies.validation import Validation
 def mechanism(machine: Machine, controller: Controller, without: Validation) -> dict[str, Any]:
     """Slopes [N/m], steady friction [N] and settling times [s] with exchanged initial friction, without compensation.
 
-    For the exchange a single motion is simulated from rest, once with the elements as they stand before the reversal and
-    once as before the last inching motion; nothing else changes.
+    For the exchange a single motion is simulated from rest, once with the elements as they stand before the reversal
+    and once as before the last inching motion; nothing else changes.
     """
     positive, slopes = without.positive(), slopes_met(without)
     ends = [without.response.friction[one.motion.stop - 1] for one in positive]

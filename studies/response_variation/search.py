@@ -51,7 +51,7 @@ class Range:
 
 RANGES: Final = (
     Range("mass", 15.0, 60.0, "kg", "mass of table and flexible load"),
-    Range("stand", 10.0, 80.0, "1", "mass of the stand over that of the table"),
+    Range("stand", 10.0, 80.0, "1", "stand's mass over the table's"),
     Range("load", 0.01, 0.08, "1", "flexible load's share of the mass"),
     Range("damping_1", 0.005, 0.04, "1", "damping ratio of the mode at 38 Hz"),
     Range("damping_2", 0.005, 0.04, "1", "damping ratio of the mode at 81 Hz"),
@@ -60,12 +60,12 @@ RANGES: Final = (
     Range("a", 0.6, 1.3, "1", "derivative gain over M w"),
     Range("b", 0.25, 0.9, "1", "proportional gain over kd w"),
     Range("c", 0.03, 0.3, "1", "integral gain over kp w"),
-    Range("derivative_filter", 0.1e-3, 0.8e-3, "s", "time constant of the derivative's filter"),
-    Range("slope_1", 776e3, 824e3, "N/m", "comprehensive slope of Region 1"),
-    Range("slope_2", 97e3, 103e3, "N/m", "comprehensive slope of Region 2"),
+    Range("derivative_filter", 0.1e-3, 0.8e-3, "s", "filter time of the derivative"),
+    Range("slope_1", 776e3, 824e3, "N/m", "slope of Region 1"),
+    Range("slope_2", 97e3, 103e3, "N/m", "slope of Region 2"),
     Range("smallest", 0.5e-6, 3e-6, "m", "smallest limit of the friction elements"),
-    Range("largest", 8e-6, 16e-6, "m", "largest limit of the nine elements of Region 1"),
-    Range("shape", 0.3, 3.0, "1", "exponent p of K_i X_i ~ X_i^p over the nine elements"),
+    Range("largest", 8e-6, 16e-6, "m", "largest limit within Region 1"),
+    Range("shape", 0.3, 3.0, "1", "exponent of the elements' forces"),
 )
 LOW: Final = np.log([one.low for one in RANGES])
 HIGH: Final = np.log([one.high for one in RANGES])
@@ -94,6 +94,7 @@ def search(
             population += _evaluated(base, _uniform(base, rng, 4 * BATCH), pool)
             tell(0.2 * len(population) / (2 * POPULATION), f"first tables: {len(population)} of {2 * POPULATION}")
         population = sorted(population, key=lambda member: member.distance)[:POPULATION]
+        first = population[-1].distance
         while (worst := population[-1].distance) > 1:
             aim = max(1.0, population[len(population) // 2].distance)
             near = [member for member in population if member.distance <= aim]
@@ -101,7 +102,10 @@ def search(
             while len(near) < POPULATION:
                 drawn = _perturbed(base, near, spread, rng)
                 near += [member for member in _evaluated(base, drawn, pool) if member.distance <= aim]
-                tell(0.2 + 0.7 / max(worst, 1.0), f"{len(near)} of {POPULATION} tables within {aim * TOLERANCE:.1%}")
+                tell(
+                    0.2 + 0.8 * (1 - math.log(worst) / math.log(first)),
+                    f"{len(near)} of {POPULATION} tables within {aim * TOLERANCE:.1%}",
+                )
             population = sorted(near, key=lambda member: member.distance)[:POPULATION]
     return _distinct(population, count)
 

@@ -80,10 +80,12 @@ def test_the_naive_method_is_first_order_and_far_worse() -> None:
     thrust = 12.0 * np.sign(np.sin(np.arange(200) * 0.3))
     controller = Controller(TS, replace(machine.control.pid, kp=0.0, ki=0.0, kd=0.0), 0, (0.0,), (1.0,))
     truth, _ = respond(machine, controller, thrust)
-    naive = [np.max(np.abs(_naive(machine, thrust, count) - truth)) for count in (8, 16, 32)]
-    ours = [np.max(np.abs(simulate(machine, controller, thrust, substeps=c).position - truth)) for c in (8, 16, 32)]
-    assert naive[0] / naive[2] == pytest.approx(4, rel=0.3)  # first order: 32 / 8
-    assert ours[0] / ours[2] == pytest.approx(16, rel=0.4)  # second order
+    substeps = np.array([8, 16, 32, 64])
+    naive = [np.max(np.abs(_naive(machine, thrust, int(count)) - truth)) for count in substeps]
+    ours = [np.max(np.abs(simulate(machine, controller, thrust, substeps=int(c)).position - truth)) for c in substeps]
+    order_naive, order = (-np.polyfit(np.log(substeps), np.log(errors), 1)[0] for errors in (naive, ours))
+    assert order_naive == pytest.approx(1, abs=0.15)
+    assert order == pytest.approx(2, abs=0.3)
     assert naive[0] > 20 * ours[0]
 
 

@@ -1,0 +1,61 @@
+"""Words and numbers that every report writes alike: the Jinja2 filters of the studies' templates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from models.quantity import show
+
+
+def filters() -> dict[str, Callable[..., Any]]:
+    """The filters by the names that templates use."""
+    return {
+        "show": quantity,
+        "percent": percent,
+        "amount": amount,
+        "slowest": slowest,
+        "micrometres": micrometres,
+        "words": words,
+    }
+
+
+def quantity(number: float | None, unit: str, digits: int = 4) -> str:
+    """A number (SI) with its unit, which do not come apart at a line's end; None stands for one that is not finite."""
+    return "never" if number is None else _unbroken(show(number, unit, digits))
+
+
+def _unbroken(text: str) -> str:
+    """The text with no place at which a line may end: no-break spaces, and a word joiner behind a slash."""
+    return text.replace(" ", "\u00a0").replace("/", "/\u2060")
+
+
+def percent(ratio: float | None) -> str:
+    """A relative difference with its sign, in percent."""
+    return "–" if ratio is None else f"{100 * ratio:+.1f} %"
+
+
+def slowest(times: Iterable[float | None]) -> float | None:
+    """The largest of the times [s]; None, a motion that never settles, is larger than any."""
+    every = list(times)
+    return None if None in every else max(time for time in every if time is not None)
+
+
+def micrometres(length: float) -> str:
+    """A length [m] in micrometres, without the unit."""
+    return f"{round(1e6 * length, 3):g}"
+
+
+def amount(parameter: Mapping[str, Any]) -> str:
+    """A parameter's number, or its numbers, with the unit."""
+    number, unit = parameter["number"], parameter["unit"]
+    if not isinstance(number, list):
+        return quantity(number, unit, 6)
+    if len(set(number)) == 1:
+        return f"{quantity(number[0], unit, 6)} (each of {len(number)})"
+    return ", ".join(quantity(item, unit, 6) for item in number)
+
+
+def words(name: str) -> str:
+    """A dotted name as words that a table may break: "plant.dead_time" becomes "plant: dead time"."""
+    return name.replace(".", ": ", 1).replace(".", " ").replace("_", " ")

@@ -1,0 +1,97 @@
+"""The paper's evidence: its numbers on the default table, the set that meets them, and the search that finds it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from design.controller import default_controller
+from models.ensemble import load_ensemble
+from models.machine import DEFAULT, load
+from studies.command import BAD_INPUT, DONE, main
+from studies.response_variation import search as searching
+from studies.response_variation.__main__ import STUDY
+from studies.response_variation.search import HIGH, LARGEST_MS, LOW, TOLERANCE, largest_sensitivity, table
+from studies.response_variation.tables import COORDINATES, coordinates
+from studies.validation import validate
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What one quick run wrote."""
+    output = tmp_path_factory.mktemp("variation") / "out"
+    assert main(STUDY, ["--quick", "--output", str(output)]) == DONE
+    return output
+
+
+def results(folder: Path) -> Any:
+    return json.loads((folder / "results.json").read_text(encoding="utf-8"))
+
+
+def test_every_published_outcome_is_met_within_three_per_cent(folder: Path) -> None:
+    whole = results(folder)
+    outcomes = {row["name"]: row for row in whole["results"]["paper"] if row["outcome"]}
+    assert len(outcomes) == 8
+    for row in outcomes.values():
+        assert abs(row["here"] / row["paper"] - 1) <= 0.03, row["name"]
+    assert all(check["holds"] for check in whole["checks"])
+
+
+def test_the_history_makes_the_variation(folder: Path) -> None:
+    """Exchange the friction's history between reversal and inching, and the responses are exchanged."""
+    mechanism = results(folder)["results"]["mechanism"]["central"]
+    assert mechanism["reversal_settling_s"] > mechanism["inching_settling_s"] + 0.02
+    assert mechanism["reversal_with_inching_history_s"] == pytest.approx(mechanism["inching_settling_s"], abs=2e-3)
+    assert mechanism["inching_with_reversal_history_s"] == pytest.approx(mechanism["reversal_settling_s"], abs=2e-3)
+    assert mechanism["slope_reversal_N_per_m"] > 4 * mechanism["slope_inching_N_per_m"]
+    assert np.all(np.diff(mechanism["steady_friction_N"]) > 0)
+
+
+def test_the_model_leaves_a_gap_and_says_how_large(folder: Path) -> None:
+    gap = results(folder)["results"]["gap"]
+    assert gap["central"]["dispersion_m"] < 2.4e-6
+    median = gap["dispersion_quantiles_m"][2]
+    assert gap["unexplained_m"] ** 2 + median**2 == pytest.approx(2.4e-6**2)
+
+
+@pytest.mark.parametrize("index", [0, 13, 29, 44, 59])
+def test_members_of_the_kept_set_meet_the_published_outcomes(index: int) -> None:
+    member = load_ensemble()[index]
+    outcome = validate(member, default_controller(member).without_compensation())
+    reversal = next(one.settling_time for one in outcome.positive() if one.motion.reversal)
+    assert reversal == pytest.approx(52e-3, rel=TOLERANCE)
+    assert outcome.worst_dispersion == pytest.approx(4.8e-6, rel=TOLERANCE)
+    assert largest_sensitivity(member) <= LARGEST_MS
+    assert max(one.peak_thrust for one in outcome.achieved) <= 150
+
+
+def test_a_table_has_the_parameters_that_it_was_made_from() -> None:
+    theta = LOW + 0.4 * (HIGH - LOW)
+    said = dict(zip((one.name for one in searching.RANGES), np.exp(theta), strict=True))
+    found = dict(zip((one.name for one in COORDINATES), coordinates(table(load(), theta)), strict=True))
+    for name in set(said) & set(found):
+        assert found[name] == pytest.approx(said[name], rel=2e-3), name
+    assert table(load(), theta).friction.coulomb_force == pytest.approx(16.5, rel=1e-4)
+
+
+def test_the_search_finds_tables_and_repeats_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small search: the same seed gives the same tables, and each is within the tolerance."""
+    monkeypatch.setattr(searching, "POPULATION", 8)
+    found = [searching.search(load(), 5, 3, workers=1, tell=lambda _share, _text: None) for _ in range(2)]
+    assert [list(a.theta) for a in found[0]] == [list(b.theta) for b in found[1]]
+    assert len({tuple(member.theta) for member in found[0]}) == 5
+    assert all(member.distance <= 1 for member in found[0])
+
+
+def test_a_machine_without_published_outcomes_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = re.sub(r"\[published\][\s\S]*", "", DEFAULT.read_text(encoding="utf-8"))
+    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
+    assert main(STUDY, ["--machine", str(tmp_path / "own.toml"), "--output", str(tmp_path / "out")]) == BAD_INPUT
+    assert "no [published] outcomes" in capsys.readouterr().err
+    assert main(STUDY, ["--ensemble", "nowhere.toml", "--output", str(tmp_path / "out")]) == BAD_INPUT
+    assert not (tmp_path / "out").exists()
