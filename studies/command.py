@@ -85,25 +85,32 @@ class Progress:
         print(f"[{share:4.0%} after {elapsed:.1f} s{rest}] {text}", file=self._stream, flush=True)
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
+    """argparse, with its complaints as BadInputError: one line, exit status 2."""
+
     def error(self, message: str) -> NoReturn:
         raise BadInputError(f"{message}; see python -m {self.prog} --help")
 
 
 def main(study: Study, arguments: Sequence[str] | None = None) -> int:
     """Runs the study as a command and returns its exit status; see `--help` of any study."""
+    return guarded(lambda: _run(study, parser_of(study).parse_args(arguments)))
+
+
+def guarded(work: Callable[[], int]) -> int:
+    """The exit status of `work`, or BAD_INPUT with one line on stderr where it raises BadInputError."""
     for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(threads, "1")  # the matrices are small, and sums keep their order
     try:
-        options = _parser(study).parse_args(arguments)
-        return _run(study, options)
+        return work()
     except BadInputError as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
 
 
-def _parser(study: Study) -> argparse.ArgumentParser:
-    parser = _Parser(
+def parser_of(study: Study) -> argparse.ArgumentParser:
+    """The study's options and those of all."""
+    parser = Parser(
         prog=f"studies.{study.name}",
         usage=f"python -m studies.{study.name} [options]",
         description=study.question,
@@ -161,7 +168,7 @@ def plain(content: Any) -> Any:
 
 def _run(study: Study, options: argparse.Namespace) -> int:
     output: Path = options.output or Path("reports/out") / study.name
-    _require_writable(output)
+    require_writable(output)
     from models.machine import DEFAULT, MachineError, load, to_json
     from studies.manifest import manifest
 
@@ -176,7 +183,7 @@ def _run(study: Study, options: argparse.Namespace) -> int:
     answer = study.compute(machine, options, progress)
     checks = [{**vars(check), "holds": bool(check.holds)} for check in answer.checks]
     whole = plain({"study": study.name, "machine": to_json(machine), "results": answer.results, "checks": checks})
-    with _in_one_piece(output) as folder:
+    with in_one_piece(output) as folder:
         for name, content in {"results.json": whole, **answer.files}.items():
             text = content if isinstance(content, str) else to_text(content)
             (folder / name).write_text(text, encoding="utf-8")
@@ -218,7 +225,7 @@ def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Prog
     return {figure.name: list(figure.keys) for figure in report.figures}
 
 
-def _require_writable(output: Path) -> None:
+def require_writable(output: Path) -> None:
     """Raises BadInputError, before any work, for a folder that can't be written."""
     existing = next(place for place in (output, *output.absolute().parents) if place.exists())
     if not existing.is_dir():
@@ -228,7 +235,7 @@ def _require_writable(output: Path) -> None:
 
 
 @contextmanager
-def _in_one_piece(output: Path) -> Iterator[Path]:
+def in_one_piece(output: Path) -> Iterator[Path]:
     """A folder that becomes `output` when the block ends, and vanishes when it fails: nothing is left half-written.
 
     Files of an earlier run, and only those, make way.

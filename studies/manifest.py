@@ -23,16 +23,28 @@ def manifest(
 
     The machine file is kept beside the results as machine.toml, so that its hash can be checked without this machine.
     """
-    shown = {name: value for name, value in options.items() if name not in {"output", "machine", "controller"}}
-    controller = options.get("controller")
+    files = [(name, file) for name, value in sorted(options.items()) if name != "output" for file in _paths(value)]
+    shown = {
+        name: value
+        for name, value in options.items()
+        if name not in {"output", "machine", *(name for name, _ in files)}
+    }
     outputs = sorted(file for file in folder.rglob("*") if file.is_file())
     return {
         "study": study,
         "options": shown,
         "inputs": {
-            "machine": {"file": machine.name, "copy": "machine.toml", "sha256": sha256(machine)},
-            "controller": controller
-            and {"file": controller.name, "copy": "given_controller.json", "sha256": sha256(controller)},
+            "machine": {
+                "file": machine.name,
+                "default": options.get("machine") is None,
+                "copy": "machine.toml",
+                "sha256": sha256(machine),
+            },
+            "files": [
+                {"option": name, "file": _named(file), "sha256": sha256(file)}
+                for name, file in files
+                if name != "machine"
+            ],
             "source": {"sha256": tree_hash(source_files()), **_commit()},
             "lock": {"file": "requirements.lock", "sha256": sha256(ROOT / "requirements.lock")},
         },
@@ -40,6 +52,18 @@ def manifest(
         "outputs": {file.relative_to(folder).as_posix(): sha256(file) for file in outputs},
         "figures": dict(figures),
     }
+
+
+def _paths(value: object) -> list[Path]:
+    """The files that an option's value names."""
+    items = value if isinstance(value, list | tuple) else [value]
+    return [item for item in items if isinstance(item, Path)]
+
+
+def _named(file: Path) -> str:
+    """The file's path from the project's root where it lies below it, else as it was given."""
+    whole = file.resolve()
+    return (whole.relative_to(ROOT) if whole.is_relative_to(ROOT) else file).as_posix()
 
 
 def sha256(file: Path) -> str:

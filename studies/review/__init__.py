@@ -1,0 +1,1 @@
+"""Does this report still follow from its inputs?"""

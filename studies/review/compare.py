@@ -1,0 +1,105 @@
+"""Two designs side by side: what differs in the machine, the checks that turned, the figures laid over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure as Drawing
+
+from models.quantity import show
+from reports import style
+from reports.report import Figure, Report, select
+from studies.catalogue import find
+from studies.command import BadInputError
+from studies.review.differences import differences
+from studies.review.follows import read_manifest
+from studies.wording import filters
+
+LARGEST_LIST = 40  # numbers of the results that are listed; the others are counted
+
+
+def compare(before: Any, after: Any) -> dict[str, Any]:
+    """What changed from one results.json to another of the same study; plain data, SI."""
+    checks_after = {check["name"]: check for check in after["checks"]}
+    rows = []
+    for check in before["checks"]:
+        other = checks_after.pop(check["name"], None)
+        turned = other is not None and other["holds"] is not check["holds"]
+        rows.append({"name": check["name"], "unit": check["unit"], "before": check, "after": other, "turned": turned})
+    rows += [
+        {"name": check["name"], "unit": check["unit"], "before": None, "after": check, "turned": False}
+        for check in checks_after.values()
+    ]
+    scalars = [one for one in differences(before["results"], after["results"]) if "[" not in one.where]
+    return {
+        "study": before["study"],
+        "machines": [before["machine"]["name"], after["machine"]["name"]],
+        "machine": [_listed(one) for one in differences(before["machine"], after["machine"])],
+        "checks": rows,
+        "numbers": [_listed(one) for one in scalars[:LARGEST_LIST]],
+        "more_numbers": max(len(scalars) - LARGEST_LIST, 0),
+        "before": before,
+        "after": after,
+    }
+
+
+def read(folder: Path) -> Any:
+    """The results.json of a report's folder. Raises BadInputError for a folder without one."""
+    import json
+
+    read_manifest(folder)
+    try:
+        return json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInputError(f"{folder}/results.json: can't be read; run the study again") from error
+
+
+def tell(content: Mapping[str, Any]) -> Report:
+    """The change as a report, with every figure that both results can be drawn to."""
+    study = find(content["study"])
+    assert study is not None
+    figures = tuple(_overlaid(figure) for figure in study.report(content["after"]).figures if _drawn(figure, content))
+    title = f"Change: {study.name.replace('_', ' ')}"
+    question = "What changes from one design to the other?"
+    return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), "verdict_of": _verdict})
+
+
+def _listed(one: Any) -> dict[str, Any]:
+    return {"where": one.where, "before": str(one.before), "after": str(one.after), "relative": one.relative}
+
+
+def _verdict(check: Mapping[str, Any] | None) -> str:
+    if check is None:
+        return "–"
+    mark = "✓" if check["holds"] else "✗ MISSED"
+    return f"{mark} {show(check['value'], check['unit']) if check['value'] is not None else 'never'}"
+
+
+def _drawn(figure: Figure, content: Mapping[str, Any]) -> bool:
+    """Whether both results have what the figure is drawn from."""
+    try:
+        select(content["before"], figure)
+        select(content["after"], figure)
+    except KeyError:
+        return False
+    return True
+
+
+def _overlaid(figure: Figure) -> Figure:
+    """The figure drawn from the results after, with the lines of those before in grey beneath."""
+
+    def draw(whole: Mapping[str, Any]) -> Drawing:
+        after, before = figure.draw(whole["after"]), figure.draw(whole["before"])
+        for axes, earlier in zip(after.axes, before.axes, strict=False):
+            for line in earlier.get_lines():
+                if line.get_transform() != earlier.transData:
+                    continue  # limits and targets, which stand over the whole width
+                x, y = line.get_data()
+                axes.plot(x, y, color=style.LIMIT, linewidth=0.8, linestyle="-", alpha=0.5, zorder=0.9)
+        return after
+
+    keys = tuple(f"{side}.{key}" for side in ("before", "after") for key in figure.keys)
+    caption = f"{figure.caption} Grey: before; coloured: after."
+    return Figure(figure.name, caption, keys, draw)
