@@ -75,6 +75,18 @@ def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -
     return np.asarray(rational * np.exp(-1j * w * plant.dead_time))
 
 
+def bode(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> tuple[Array, Array]:
+    """(magnitude [m/N], phase [rad]), each (n,), of P_l or P_e at omega (n,) [rad/s], dead time included.
+
+    The phase is that of the delay-free part, taken between -350 and 10 degrees, less omega L. So it falls at an undamped
+    resonance, where unwrapping from one frequency to the next could not tell +180 from -180 degrees.
+    """
+    w = np.asarray(omega, float)
+    rational = transfer(state_space(plant, stiffness), 1j * w)
+    angle = np.angle(rational)
+    return np.abs(rational), np.where(angle > math.pi / 18, angle - 2 * math.pi, angle) - w * plant.dead_time
+
+
 def transfer(system: control.StateSpace, points: ArrayLike) -> NDArray[np.complex128]:
     """C (p I - A)^-1 B + D of a system with one input and one output, at complex points p (n,); any unit [-].
 

@@ -30,7 +30,7 @@ from design.deadbeat import (
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, parameters
-from models.plant import Plant, delay_split, frequency_response
+from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.validation import Validation, agreement, linear_response, validate
@@ -154,15 +154,8 @@ def _bode(machine: Machine, *, quick: bool) -> dict[str, Any]:
     slopes = {"P_l": 0.0, "P_e1": machine.presliding.stiffness_1, "P_e2": machine.presliding.stiffness_2}
     curves: dict[str, Any] = {"frequency_Hz": frequency}
     for name, slope in slopes.items():
-        response = frequency_response(machine.plant, 2 * math.pi * frequency, slope)
-        phase = np.unwrap(np.angle(response))
-        phase -= 2 * math.pi * round(phase[0] / (2 * math.pi) - 1e-9)  # from 0 or -180 degrees on
-        phase -= 2 * math.pi if phase[0] > 0.5 * math.pi else 0.0
-        curves[name] = {
-            "magnitude_m_per_N": np.abs(response),
-            "phase_deg": np.degrees(phase),
-            "stiffness_N_per_m": slope,
-        }
+        magnitude, phase = bode(machine.plant, 2 * math.pi * frequency, slope)
+        curves[name] = {"magnitude_m_per_N": magnitude, "phase_deg": np.degrees(phase), "stiffness_N_per_m": slope}
     return curves
 
 

@@ -19,7 +19,7 @@ from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble, to_text
 from models.friction import branch, follow
 from models.machine import Machine, MachineError
-from models.plant import frequency_response
+from models.plant import bode
 from models.record import feeding_sequence
 from studies.command import Answer, BadInputError, Check, Progress
 from studies.response_variation.choice import error_against_count
@@ -127,15 +127,13 @@ def _bode(machines: Sequence[Machine]) -> dict[str, Any]:
     slopes = {"P_l": 0.0, "P_e1": first.presliding.stiffness_1, "P_e2": first.presliding.stiffness_2}
     curves: dict[str, Any] = {"frequency_Hz": frequency}
     for name, slope in slopes.items():
-        responses = [frequency_response(one.plant, 2 * math.pi * frequency, slope) for one in machines]
-        magnitudes = np.abs(responses)
-        phase = np.unwrap(np.angle(responses[0]))
-        phase -= 2 * math.pi if phase[0] > 0.5 * math.pi else 0.0
+        both = [bode(one.plant, 2 * math.pi * frequency, slope) for one in machines]
+        magnitudes = np.array([magnitude for magnitude, _ in both])
         curves[name] = {
             "magnitude_m_per_N": magnitudes[0],
             "low_m_per_N": np.min(magnitudes, axis=0),
             "high_m_per_N": np.max(magnitudes, axis=0),
-            "phase_deg": np.degrees(phase),
+            "phase_deg": np.degrees(both[0][1]),
             "stiffness_N_per_m": slope,
         }
     return curves

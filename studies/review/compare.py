@@ -13,7 +13,7 @@ from reports import style
 from reports.report import Figure, Report, select
 from studies.catalogue import find
 from studies.command import BadInputError
-from studies.review.differences import differences
+from studies.review.differences import differences, short
 from studies.review.follows import read_manifest
 from studies.wording import filters
 
@@ -67,7 +67,7 @@ def tell(content: Mapping[str, Any]) -> Report:
 
 
 def _listed(one: Any) -> dict[str, Any]:
-    return {"where": one.where, "before": str(one.before), "after": str(one.after), "relative": one.relative}
+    return {"where": one.where, "before": short(one.before), "after": short(one.after), "relative": one.relative}
 
 
 def _verdict(check: Mapping[str, Any] | None) -> str:
@@ -97,7 +97,8 @@ def _overlaid(figure: Figure) -> Figure:
                 if line.get_transform() != earlier.transData:
                     continue  # limits and targets, which stand over the whole width
                 x, y = line.get_data()
-                axes.plot(x, y, color=style.LIMIT, linewidth=0.8, linestyle="-", alpha=0.5, zorder=0.9)
+                look = {"color": style.LIMIT, "linewidth": 0.8, "linestyle": "-", "alpha": 0.5, "zorder": 0.9}
+                axes.plot(x, y, drawstyle=line.get_drawstyle(), **look)
         return after
 
     keys = tuple(f"{side}.{key}" for side in ("before", "after") for key in figure.keys)

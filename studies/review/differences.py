@@ -18,7 +18,7 @@ class Difference:
 
     def __str__(self) -> str:
         size = "" if self.relative is None else f" (relative difference {self.relative:.2g})"
-        return f"{self.where}: {_short(self.before)} before, {_short(self.after)} now{size}"
+        return f"{self.where}: {short(self.before)} before, {short(self.after)} now{size}"
 
 
 def differences(before: Any, after: Any, where: str = "") -> Iterator[Difference]:
@@ -43,6 +43,7 @@ def _relative(before: Any, after: Any) -> float | None:
     return float(abs(after - before) / max(abs(before), abs(after)))
 
 
-def _short(item: Any) -> str:
+def short(item: Any) -> str:
+    """What stands at a place, in sixty letters at most; a number (SI) to ten digits."""
     text = f"{item:.10g}" if isinstance(item, float) else str(item)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from design.deadbeat import polynomials
 from models.machine import load
-from models.plant import Mode, Plant, delay_split, equations, frequency_response, sampled, state_space
+from models.plant import Mode, Plant, bode, delay_split, equations, frequency_response, sampled, state_space
 
 PLANT = load().plant
 TS = 5e-4
@@ -53,6 +53,17 @@ def test_the_bode_data_of_the_table_agree_to_nine_digits() -> None:
     for stiffness in (0.0, 8e5, 1e5):
         ratio = frequency_response(PLANT, omega, stiffness) / closed_form(PLANT, omega, stiffness)
         assert np.max(np.abs(ratio - 1)) < 1e-9
+
+
+def test_the_phase_falls_at_every_resonance_and_with_the_dead_time() -> None:
+    omega = 2 * math.pi * np.geomspace(0.5, 900, 3000)
+    for stiffness, first in ((0.0, -math.pi), (8e5, 0.0), (1e5, 0.0)):
+        magnitude, phase = bode(PLANT, omega, stiffness)
+        response = frequency_response(PLANT, omega, stiffness)
+        assert magnitude * np.exp(1j * phase) == pytest.approx(response, rel=1e-9)
+        assert phase[0] == pytest.approx(first, abs=0.02)
+        assert phase[-1] == pytest.approx(-math.pi - omega[-1] * PLANT.dead_time, abs=0.05)
+        assert np.all(phase < 0.1)
 
 
 def test_the_expression_is_symbolic() -> None:
