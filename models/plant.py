@@ -78,8 +78,8 @@ def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -
 def bode(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> tuple[Array, Array]:
     """(magnitude [m/N], phase [rad]), each (n,), of P_l or P_e at omega (n,) [rad/s], dead time included.
 
-    The phase is that of the delay-free part, taken between -350 and 10 degrees, less omega L. So it falls at an undamped
-    resonance, where unwrapping from one frequency to the next could not tell +180 from -180 degrees.
+    The phase is that of the delay-free part, taken between -350 and 10 degrees, less omega L. So it falls at an
+    undamped resonance, where unwrapping from one frequency to the next could not tell +180 from -180 degrees.
     """
     w = np.asarray(omega, float)
     rational = transfer(state_space(plant, stiffness), 1j * w)

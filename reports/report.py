@@ -45,7 +45,7 @@ class Report:
     """What a report asks and how it is told: a Jinja2 Markdown `template` with `figures` placed in it.
 
     `title` and `question` (one sentence) are Markdown; `filters` are the study's own Jinja2 filters, such as the
-    rounding of its numbers.
+    rounding of its numbers; `tables` say, by the table's label without its "tbl:", which keys it is made from.
     """
 
     title: str
@@ -53,6 +53,7 @@ class Report:
     template: Path
     figures: tuple[Figure, ...]
     filters: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    tables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def render(

@@ -36,7 +36,7 @@ def fill(
         return f"\n\n![{caption}](figures/{name}.svg){{#fig:{name}}}\n\n"
 
     environment = Environment(
-        loader=FileSystemLoader(template.parent),
+        loader=FileSystemLoader([template.parent, template.parent.parent]),  # what studies share is one above
         undefined=StrictUndefined,
         finalize=_printable,
         trim_blocks=True,

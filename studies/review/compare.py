@@ -97,7 +97,13 @@ def _overlaid(figure: Figure) -> Figure:
                 if line.get_transform() != earlier.transData:
                     continue  # limits and targets, which stand over the whole width
                 x, y = line.get_data()
-                look = {"color": style.LIMIT, "linewidth": 0.8, "linestyle": "-", "alpha": 0.5, "zorder": 0.9}
+                look: dict[str, Any] = {
+                    "color": style.LIMIT,
+                    "linewidth": 0.8,
+                    "linestyle": "-",
+                    "alpha": 0.5,
+                    "zorder": 0.9,
+                }
                 axes.plot(x, y, drawstyle=line.get_drawstyle(), **look)
         return after
 
