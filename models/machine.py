@@ -15,6 +15,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
+from models.columns import Columns
 from models.controller import PID
 from models.friction import Friction, branch
 from models.plant import Plant
@@ -112,6 +113,7 @@ class Machine:
     specification: Specification
     presliding: Presliding = None  # type: ignore[assignment]  # derived by `load` where a file leaves it out
     published: Published | None = None
+    record: Columns | None = None
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
     @property

@@ -23,8 +23,12 @@ class Record:
 
     def last(self, count: int) -> Record:
         """The last `count` samples."""
+        return self.part(max(self.position.size - count, 0), self.position.size)
+
+    def part(self, start: int, stop: int) -> Record:
+        """Samples start .. stop."""
         signals = (self.target, self.reference, self.feedforward, self.command, self.position)
-        return Record(self.sample_time, *(signal[-count:] for signal in signals))
+        return Record(self.sample_time, *(signal[start:stop] for signal in signals))
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,26 @@ def motions(target: Array, initial: float = 0.0) -> tuple[Motion, ...]:
     found: list[Motion] = []
     for start, stop in zip(starts, [*starts[1:], len(target)], strict=True):
         origin, goal = float(before[start]), float(target[start])
+        reversal = not found or (goal > origin) != (found[-1].target > found[-1].origin)
+        found.append(Motion(int(start), int(stop), origin, goal, reversal))
+    return tuple(found)
+
+
+def cut(record: Record) -> tuple[Motion, ...]:
+    """The motions of a record: where its target steps, or, for a target that moves along, from one halt to the next.
+
+    A halt of the reference is where its speed is zero or changes its sign; a motion starts there.
+    """
+    r = record.target
+    steps = np.count_nonzero(np.diff(r))
+    if 0 < steps < r.size / 20:
+        return motions(r, float(record.reference[0]))  # at rest before the record, or on its way already
+    speed = np.sign(np.diff(record.reference, append=record.reference[-1]))
+    before = np.concatenate([[0.0], speed[:-1]])
+    starts = np.flatnonzero((speed != 0) & (speed != before))
+    found: list[Motion] = []
+    for start, stop in zip(starts, [*starts[1:], r.size], strict=True):
+        origin, goal = float(record.reference[start]), float(record.reference[stop - 1])
         reversal = not found or (goal > origin) != (found[-1].target > found[-1].origin)
         found.append(Motion(int(start), int(stop), origin, goal, reversal))
     return tuple(found)

@@ -1,0 +1,88 @@
+"""Which column of a file holds which signal of a record, in which unit, by which factor: a table, not code.
+
+An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/V", "-1" as a factor turns a sign.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from models.quantity import QuantityError, parse
+
+_ENTRY: Final = re.compile(r"\s*(?P<name>[^\[\]*]+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*(?:\*\s*(?P<factor>[^*]+))?\s*")
+_NUMBER: Final = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
+_ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232}
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where one signal comes from: the file's column `name`, times `factor` to SI; decibels: 20 log10 of it."""
+
+    name: str
+    factor: float
+    decibels: bool = False
+
+
+@dataclass(frozen=True)
+class Columns:
+    """One entry a signal: of a record over time, and of a measured frequency response. See the module's head."""
+
+    time: str = "time_s"
+    target: str = "target_m"
+    reference: str = "reference_m"
+    feedforward: str = "feedforward_N"
+    command: str = "command_N"
+    position: str = "position_m"
+    frequency: str = "frequency_Hz"
+    magnitude: str = "magnitude_m_per_N"
+    phase: str = "phase_deg"
+    deviation: str = "relative_deviation"
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            self.source(field.name)
+
+    def source(self, signal: str) -> Source:
+        """The column of a signal and its factor to SI units [UNITS]. Raises ValueError, a sentence, for a bad entry."""
+        entry = getattr(self, signal)
+        match = _ENTRY.fullmatch(entry) if isinstance(entry, str) else None
+        if match is None:
+            raise ValueError(f'{signal}: {entry!r} is no column; write it like "{signal} [mm]" or "x [V] * 35.2 N/V"')
+        unit, factor = match["unit"] or "", (match["factor"] or "1").strip()
+        if unit.lower() == "db":
+            return Source(match["name"], _factor("", factor, "1", signal), decibels=True)
+        if signal == "phase":
+            if unit and unit not in _ANGLES:
+                raise ValueError(f"phase: [{unit}] is no angle; write [deg] or [rad]")
+            return Source(match["name"], _ANGLES[unit or "deg"] * _factor("", factor, "1", signal))
+        return Source(match["name"], _factor(unit, factor, UNITS[signal], signal))
+
+
+UNITS: Final = {
+    "time": "s",
+    "target": "m",
+    "reference": "m",
+    "feedforward": "N",
+    "command": "N",
+    "position": "m",
+    "frequency": "Hz",
+    "magnitude": "m/N",
+    "phase": "1",
+    "deviation": "1",
+}
+
+
+def _factor(unit: str, factor: str, wanted: str, signal: str) -> float:
+    """The SI value of `factor` times one `unit`; no unit at all means that the column is in SI already."""
+    match = _NUMBER.fullmatch(factor)
+    if match is None:
+        raise ValueError(f'{signal}: the factor {factor!r} is no number with a unit; write it like "35.2 N/V" or "-1"')
+    number, own = match.groups()
+    units = " * ".join(part for part in (f"({own})" if own else "", f"({unit})" if unit else "") if part)
+    try:
+        return parse(f"{number} {units or wanted}", wanted)
+    except QuantityError as error:
+        raise ValueError(f"{signal}: {error}") from error

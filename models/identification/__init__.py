@@ -1,0 +1,1 @@
+"""From measured records to the numbers of a machine, each with its uncertainty."""

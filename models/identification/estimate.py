@@ -1,0 +1,79 @@
+"""What every identification gives: values with their covariance, and what the data can't tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ALIKE: Final = 0.95  # correlation from which on two parameters can hardly be told apart
+LOOSE: Final = 0.5  # relative standard deviation from which on a record does not show a parameter
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """p parameters: names, units, values (p,) [SI] and their covariance (p, p) [SI]."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    covariance: Array
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations (p,) [SI]."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix (p, p) [1]."""
+        std = np.where(self.deviations > 0, self.deviations, 1.0)
+        return np.asarray(self.covariance / np.outer(std, std))
+
+    def value(self, name: str) -> float:
+        """The value of one parameter [SI]."""
+        return float(self.values[self.names.index(name)])
+
+    def deviation(self, name: str) -> float:
+        """The standard deviation of one parameter [SI]."""
+        return float(self.deviations[self.names.index(name)])
+
+
+def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tuple[str, ...]:
+    """Plain words on what the record can't identify [SI]: parameters that it hardly shows, and pairs that look alike.
+
+    may_be_zero: parameters such as an offset, for which a large deviation beside the value means nothing.
+    """
+    said = []
+    for name, value, std in zip(estimate.names, estimate.values, estimate.deviations, strict=True):
+        if name not in may_be_zero and not std < LOOSE * abs(value):
+            said.append(
+                f"This record does not show the {name}: its standard deviation is {std / abs(value):.0%} of it."
+            )
+    pairs = np.argwhere(np.triu(np.abs(estimate.correlation), 1) > ALIKE)
+    for i, j in pairs:
+        said.append(
+            f"This record hardly tells {estimate.names[i]} from {estimate.names[j]} "
+            f"(correlation {estimate.correlation[i, j]:+.3f}): only a combination of both is known well."
+        )
+    return tuple(said)
+
+
+def newey_west(jacobian: Array, residual: Array, lags: int) -> Array:
+    """Covariance (p, p) of a least-squares estimate [parameters squared] whose errors are coloured over `lags` samples.
+
+    jacobian (n, p), residual (n,). Newey and West (1987), with Bartlett's weights.
+    """
+    n, p = jacobian.shape
+    bread = np.linalg.pinv(jacobian.T @ jacobian)
+    scores = jacobian * residual[:, None]
+    middle = scores.T @ scores
+    for lag in range(1, min(lags, n - 1) + 1):
+        cross = scores[lag:].T @ scores[:-lag]
+        middle += (1 - lag / (lags + 1)) * (cross + cross.T)
+    return np.asarray(bread @ middle @ bread * n / max(n - p, 1))

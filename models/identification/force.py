@@ -1,0 +1,303 @@
+"""Friction from a record by inverse dynamics: u = M a + c v + offset + sum K_i z_i(x), the elements of eqs. (3)-(8).
+
+At given limits X_i everything is linear in the force; the limits, and a delay if wanted, are found by least squares on
+what the linear part leaves (variable projection; Golub and Pereyra, 1973). Elements are added one after the other, each
+where it takes away most, as long as BIC falls by ten. Position and force go through the same zero-phase low-pass, then
+as few samples are kept as the pass band needs. The path has a wider low-pass of its own: a narrow one rounds the
+reversals, without one noise moves the elements. The covariance holds half of what a third of an octave of its cut-off
+changes. Symbols as in models.friction; n samples kept, p parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+from scipy.signal import butter, cheby1, sosfiltfilt
+
+from models.friction import Friction, branch, deflections, elements
+from models.identification.estimate import Estimate, newey_west
+from models.record import Record
+
+Array = NDArray[np.float64]
+
+SMOOTHING: Final = (
+    5.6,
+    4.8,
+    6.6,
+)  # the path's low-pass over the force's; the two beside it show what the choice matters
+GRID: Final = 60  # limits at which an element more is tried
+MOST_ELEMENTS: Final = 10
+STRONG: Final = 10.0  # by which BIC must fall for an element more
+SPACING: Final = 1.25  # least ratio of two neighbouring limits
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What acts beside the elements. mass [kg]: known and taken off; None: identified. Others: identified or absent.
+
+    by_direction: viscous friction of its own for each direction; bent: a part c' v^2 beside c v, so that it may grow
+    less than in proportion; delay: the position answers a delay after the command (known_delay [s] beside it).
+    """
+
+    mass: float | None = None
+    viscous: bool = False
+    by_direction: bool = False
+    bent: bool = False
+    delay: bool = False
+    known_delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class ForceFit:
+    """Elements, the estimate of all parameters, BIC by number of elements, and what is modelled.
+
+    time [s], measured and modelled force [N], path [m], friction's share [N] (n,); used: which were fitted.
+    """
+
+    friction: Friction
+    estimate: Estimate
+    criterion: tuple[float, ...]
+    time: Array
+    path: Array
+    measured: Array
+    modelled: Array
+    rolling: Array
+    used: NDArray[np.bool_]
+
+    def error(self, *, used: bool) -> float:
+        """Norm of the force error over that of the force, on the samples used in the fit or on the others [1]."""
+        part = self.used if used else ~self.used
+        return float(np.linalg.norm((self.measured - self.modelled)[part]) / np.linalg.norm(self.measured[part]))
+
+    def curve(self, distance: Array) -> tuple[Array, Array]:
+        """Force climbed [N] at `distance` (m,) [m] behind a reversal from full slip, and its standard deviation [N]."""
+        s, count = np.asarray(distance, float)[:, None], len(self.friction.limit)
+        stiffness, limit = np.array(self.friction.stiffness), np.array(self.friction.limit)
+        slopes = np.hstack([np.minimum(s, 2 * limit), np.where(s > 2 * limit, 2 * stiffness, 0.0)])
+        last = self.estimate.covariance[-2 * count :, -2 * count :]
+        return branch(self.friction, distance), np.sqrt(np.einsum("ij,jk,ik->i", slopes, last, slopes))
+
+    def slip_force(self) -> tuple[float, float]:
+        """T_fc = sum K_i X_i and its standard deviation [N]."""
+        far = np.array([4 * max(self.friction.limit)])
+        climbed, std = self.curve(far)
+        return float(climbed[0]) / 2, float(std[0]) / 2
+
+
+@dataclass(frozen=True)
+class _Data:
+    """Filtered signals at all samples, and which of them are kept."""
+
+    sample_time: float
+    path: Array
+    force: Array
+    keep: NDArray[np.int64]
+    fitted: NDArray[np.bool_]
+    pass_band: object
+    terms: Terms
+
+
+def identify(
+    record: Record, terms: Terms, *, pass_band: float, fit_until: float = math.inf, most: int = MOST_ELEMENTS
+) -> ForceFit:
+    """Elements and the wanted terms from a record; see the module's head.
+
+    pass_band [Hz] of the low-pass; fit_until [s]: later samples are kept for judging. The elements' state is unknown
+    until the path has turned after its first span, so the fit begins there.
+    Raises ValueError for a record that can't show friction.
+    """
+    data = _prepared(record, terms, pass_band, fit_until)
+    limits = np.zeros(0)
+    best, delay = _solved(data, limits, 0.0), 0.0
+    criterion = [best[2]]
+    grid = np.geomspace(*_range(data), GRID)
+    while limits.size < most:
+        wider = _with_element(data, limits, delay, grid)
+        if wider is None:
+            break
+        trial, shift = _refined(data, wider, delay)
+        solved = _solved(data, trial, shift)
+        criterion.append(solved[2])
+        positive = np.all(solved[0][solved[0].size - trial.size :] > 0)
+        if not positive or criterion[-1] > min(criterion[:-1]) - STRONG:
+            break
+        limits, delay, best = trial, shift, solved
+    if limits.size == 0:
+        raise ValueError("no friction element takes anything away from the force; check signs, or record a reversal")
+    found = _answer(data, limits, delay, tuple(criterion))
+    apart = []
+    for smoothing in SMOOTHING[1:]:
+        other = _prepared(record, terms, pass_band, fit_until, smoothing)
+        shown = _refined(other, limits, delay)
+        apart.append(_values(other, *shown))
+    systematic = 0.5 * (apart[0] - apart[1])
+    covariance = found.estimate.covariance + np.outer(systematic, systematic)
+    return replace(found, estimate=replace(found.estimate, covariance=covariance))
+
+
+def _prepared(
+    record: Record, terms: Terms, pass_band: float, fit_until: float, smoothing: float = SMOOTHING[0]
+) -> _Data:
+    ts = record.sample_time
+    if np.ptp(record.position) == 0 or np.ptp(record.command) == 0:
+        raise ValueError("position or command is constant: the record shows no friction; record slow reversals")
+    low = cheby1(8, 0.05, min(pass_band * 2 * ts, 0.9), output="sos")
+    smooth = butter(4, min(smoothing * pass_band * 2 * ts, 0.9), output="sos")
+    path = sosfiltfilt(smooth, record.position)
+    stride = max(int(0.4 / (pass_band * ts)), 1)
+    edge = min(round(4.0 / (pass_band * ts)), record.position.size // 10)
+    start = max(_memory_ends(path), edge)
+    keep = np.arange(start, record.position.size - edge, stride)
+    if keep.size < 40:
+        raise ValueError("too little is left behind the first reversal; record two slow loops or more")
+    return _Data(ts, path, np.asarray(record.command, float), keep, keep * ts <= fit_until, low, terms)
+
+
+def _memory_ends(path: Array) -> int:
+    """The first extreme of the path: what happened before it, large elements may still remember."""
+    away = np.abs(path - 0.5 * (np.max(path) + np.min(path)))
+    return int(np.argmax(away >= np.max(away) - 0.02 * np.ptp(path)))
+
+
+def _range(data: _Data) -> tuple[float, float]:
+    """Least and largest limit [m] looked at: from what a scale shows on, up to 0.45 of the path's span."""
+    span = float(np.ptp(data.path))
+    return max(2e-3 * min(span, 2e-4), 4e-7), 0.45 * min(span, 5e-2)
+
+
+def _states(limits: Array, path: Array) -> Array:
+    """z (samples, N) [m], from full slip on at the first extreme (the record came from there)."""
+    start = _memory_ends(path)
+    direction = np.sign(path[start] - np.mean(path))
+    z = np.zeros((path.size, limits.size))
+    z[start:] = deflections(limits, path[start:], direction * limits)
+    return z
+
+
+def _shifted(data: _Data, delay: float) -> Array:
+    total = delay + data.terms.known_delay
+    if total == 0:
+        return data.path
+    time = np.arange(data.path.size) * data.sample_time
+    return np.asarray(CubicSpline(time, data.path)(np.clip(time + total, 0, time[-1])))
+
+
+def _columns(data: _Data, limits: Array, delay: float) -> tuple[Array, Array]:
+    """(columns (n, p), force (n,)) at the samples kept, filtered; the elements' columns are the last."""
+    terms, ts = data.terms, data.sample_time
+    path = _shifted(data, delay)
+    speed = np.gradient(path, ts)
+    acceleration = np.gradient(speed, ts)
+    force = data.force - (terms.mass or 0.0) * acceleration
+    columns = [] if terms.mass is not None else [acceleration]
+    ways = [np.maximum(speed, 0), np.minimum(speed, 0)] if terms.by_direction else [speed]
+    if terms.viscous:
+        columns += ways
+    if terms.bent:
+        columns += [way * np.abs(way) for way in ways]
+    columns += [np.ones(path.size), *_states(limits, path).T]
+    both = sosfiltfilt(data.pass_band, np.column_stack([*columns, force]), axis=0)[data.keep]
+    return both[:, :-1], both[:, -1]
+
+
+def _solved(data: _Data, limits: Array, delay: float) -> tuple[Array, Array, float]:
+    """(linear parameters, residual at the fitted samples, BIC)."""
+    columns, force = _columns(data, limits, delay)
+    columns, force = columns[data.fitted], force[data.fitted]
+    scale = np.maximum(np.max(np.abs(columns), axis=0), 1e-300)
+    weights = np.linalg.lstsq(columns / scale, force, rcond=None)[0] / scale
+    residual = force - columns @ weights
+    n, free = residual.size, weights.size + limits.size + data.terms.delay
+    return weights, residual, n * math.log(float(residual @ residual) / n) + free * math.log(n)
+
+
+def _with_element(data: _Data, limits: Array, delay: float, grid: Array) -> Array | None:
+    """The limits and one more, where with non-negative stiffnesses it takes away most; None if nowhere."""
+    apart = grid[[bool(np.all(np.abs(np.log(x / limits)) > math.log(SPACING))) for x in grid]] if limits.size else grid
+    if apart.size == 0:
+        return None
+    columns, force = _columns(data, np.concatenate([limits, apart]), delay)
+    columns, force = columns[data.fitted], force[data.fitted]
+    fixed = columns.shape[1] - apart.size
+    basis, _ = np.linalg.qr(columns[:, :fixed])
+    left = force - basis @ (basis.T @ force)
+    tried = columns[:, fixed:] - basis @ (basis.T @ columns[:, fixed:])
+    load = tried.T @ left
+    gained = np.where(load > 0, load**2 / np.maximum(np.sum(tried**2, axis=0), 1e-300), 0.0)
+    if not np.any(gained > 0):
+        return None
+    return np.sort(np.append(limits, apart[int(np.argmax(gained))]))
+
+
+def _refined(data: _Data, limits: Array, delay: float) -> tuple[Array, float]:
+    """Limits and delay [s] by least squares on what the linear part leaves."""
+    ts, count = data.sample_time, limits.size
+
+    def left(theta: Array) -> Array:
+        shift = theta[count] * ts if data.terms.delay else 0.0
+        return _solved(data, np.exp(theta[:count]), shift)[1]
+
+    start = np.append(np.log(limits), [delay / ts] if data.terms.delay else [])
+    low, high = np.log(_range(data)[0] / 2), np.log(_range(data)[1] * 1.05)
+    bounds = (
+        np.append(np.full(count, low), [-5.0] if data.terms.delay else []),
+        np.append(np.full(count, high), [5.0] if data.terms.delay else []),
+    )
+    found = least_squares(left, np.clip(start, *bounds), bounds=bounds, diff_step=1e-3, max_nfev=15, x_scale="jac")
+    return np.sort(np.exp(found.x[:count])), float(found.x[count]) * ts if data.terms.delay else 0.0
+
+
+def _answer(data: _Data, limits: Array, delay: float, criterion: tuple[float, ...]) -> ForceFit:
+    weights, residual, _ = _solved(data, limits, delay)
+    columns, force = _columns(data, limits, delay)
+    count = limits.size
+    stiffness = weights[weights.size - count :]
+    jacobian = [columns]
+    if data.terms.delay:
+        ahead, behind = (_columns(data, limits, delay + s * 1e-2 * data.sample_time) for s in (1, -1))
+        change = (ahead[0] @ weights - ahead[1]) - (behind[0] @ weights - behind[1])
+        jacobian.insert(0, (change / (2e-2 * data.sample_time))[:, None])
+    for i in range(count):
+        moved = [limits * np.where(np.arange(count) == i, 1 + s * 2e-3, 1.0) for s in (1, -1)]
+        more, less = (_columns(data, other, delay)[0] @ weights for other in moved)
+        jacobian.append(((more - less) / (4e-3 * limits[i]))[:, None])
+    whole = np.hstack(jacobian)[data.fitted]
+    scale = np.maximum(np.max(np.abs(whole), axis=0), 1e-300)
+    covariance = newey_west(whole / scale, residual, lags=4)
+    covariance = covariance / np.outer(scale, scale)
+    names, units = _names(data.terms, count)
+    values = _values(data, limits, delay)
+    modelled = columns @ weights
+    return ForceFit(
+        elements(stiffness, limits),
+        Estimate(names, units, values, covariance),
+        criterion,
+        np.asarray(data.keep * data.sample_time, float),
+        data.path[data.keep],
+        force,
+        modelled,
+        columns[:, columns.shape[1] - count :] @ stiffness,
+        data.fitted,
+    )
+
+
+def _values(data: _Data, limits: Array, delay: float) -> Array:
+    """All parameters (p,) in the order of `_names`."""
+    return np.concatenate([[delay] if data.terms.delay else [], _solved(data, limits, delay)[0], limits])
+
+
+def _names(terms: Terms, count: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    ways = ("forwards", "backwards") if terms.by_direction else ("",)
+    pairs = [("delay", "s")] if terms.delay else []
+    pairs += [] if terms.mass is not None else [("mass", "kg")]
+    pairs += [(f"viscous friction {way}".strip(), "N s/m") for way in ways] if terms.viscous else []
+    pairs += [(f"bend of the viscous friction {way}".strip(), "N s2/m2") for way in ways] if terms.bent else []
+    pairs += [("offset", "N"), *((f"element {i + 1} stiffness", "N/m") for i in range(count))]
+    pairs += [(f"element {i + 1} limit", "m") for i in range(count)]
+    return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)

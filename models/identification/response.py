@@ -1,0 +1,141 @@
+"""The frequency response of the plant from a record with a known excitation, in open or closed loop.
+
+With r the excitation, u the command and x the position, S_ab their cross spectra:
+
+    P(f) = S_xr(f) / S_ur(f)
+
+which is free of the bias that S_xu / S_uu has under feedback, as r is independent of the noise (Ljung, System
+Identification, 13.5; Pintelon and Schoukens, 2.6). A periodic excitation is averaged over its periods, without leakage;
+any other over Hann windows. Frequencies f [Hz]; M periods or windows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.record import Record
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below are not looked at
+NEIGHBOURS: Final = 4  # lines on each side over which the noise's power is averaged
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """P (n,) [m/N] at frequencies (n,) [Hz], the variance of each |error|^2 (NaN: unknown) and the coherence (n,).
+
+    sample_time [s]: a response of the plant behind a zero-order hold at the samples; 0: of the continuous plant.
+    rolling: the record never stood still nor turned round, so that rolling friction was constant and bends nothing.
+    """
+
+    frequency: Array
+    response: Complex
+    variance: Array
+    coherence: Array
+    sample_time: float
+    rolling: bool = False
+
+
+def period(signal: Array) -> int | None:
+    """The shortest period [samples] with which a signal (n,) [any unit] repeats at least twice, or None."""
+    active = np.flatnonzero(np.abs(signal) > 0)
+    if active.size < 32:
+        return None
+    s = signal[active[0] : active[-1] + 1]
+    n = s.size
+    spectrum = np.fft.rfft(s, 2 * n)
+    product = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
+    energy = np.concatenate([[0.0], np.cumsum(s**2)])
+    lag = np.arange(1, n // 2)
+    apart = energy[n - lag] + energy[n] - energy[lag] - 2 * product[lag]
+    repeats = lag[apart < 1e-6 * energy[n]]
+    repeats = repeats[repeats > 8]
+    return int(repeats[0]) if repeats.size else None
+
+
+def measured(record: Record, windows: int = 15) -> FrequencyResponse:
+    """P from a record that is excited through its feedforward; see the module's head.
+
+    windows: for an excitation that is not periodic. Raises ValueError for a record without an excitation.
+    """
+    excitation = record.feedforward
+    if np.ptp(excitation) == 0:
+        raise ValueError("the record has no excitation: its feedforward is constant; log the excitation there")
+    length = period(excitation)
+    signals = (excitation, record.command, record.position)
+    if length is None:
+        r, u, x = _windows(signals, windows)
+        count = 0.6 * r.shape[0]  # windows that overlap by half are not independent
+        size = 2 * (r.shape[1] - 1)
+        first, last = 0, record.position.size
+    else:
+        first, last = _stretch(excitation, length)
+        r, u, x = _periods([signal[first:last] for signal in signals], length)
+        count, size = float(r.shape[0]), length
+    if r.shape[0] < 2:
+        raise ValueError("the excitation repeats less than three times; record more periods of it")
+    frequency = np.fft.rfftfreq(size, record.sample_time)
+    power = np.mean(np.abs(r) ** 2, axis=0)
+    used = (power > WEAKEST**2 * np.max(power[1:])) & (frequency > 0) & (frequency < 0.45 / record.sample_time)
+    r, u, x, power = r[:, used], u[:, used], x[:, used], power[used]
+    cross_x, cross_u = np.mean(x * np.conj(r), axis=0), np.mean(u * np.conj(r), axis=0)
+    response = cross_x / cross_u
+    error = np.sum(np.abs(x - response * u) ** 2, axis=0) / (r.shape[0] - 1)
+    variance = _smoothed(error) * power / (count * np.abs(cross_u) ** 2)
+    coherence = np.abs(cross_x) ** 2 / (np.mean(np.abs(x) ** 2, axis=0) * power)
+    rolling = _rolling(record.position[first:last], record.sample_time)
+    return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling)
+
+
+def _stretch(excitation: Array, length: int) -> tuple[int, int]:
+    """First and last sample of the whole periods, the first of them left out: the response was not periodic yet."""
+    active = np.flatnonzero(np.abs(excitation) > 0)
+    first = int(active[0]) + length
+    return first, first + (int(active[-1]) + 1 - first) // length * length
+
+
+def _periods(signals: list[Array], length: int) -> tuple[Complex, Complex, Complex]:
+    """Spectra (M, f) of each period; what moves along steadily is taken off."""
+    spectra = []
+    for signal in signals:
+        rows = signal.reshape(-1, length)
+        means = rows.mean(axis=1)
+        slope = (means[-1] - means[0]) / ((rows.shape[0] - 1) * length) if rows.shape[0] > 1 else 0.0
+        level = signal - slope * np.arange(signal.size)
+        spectra.append(np.fft.rfft(level.reshape(-1, length), axis=1) / length)
+    return spectra[0], spectra[1], spectra[2]
+
+
+def _windows(signals: tuple[Array, ...], count: int) -> tuple[Complex, Complex, Complex]:
+    """Spectra (M, f) under Hann windows that overlap by half, each without its mean and trend."""
+    n = signals[0].size
+    length = 2 * n // (count + 1) // 2 * 2
+    window = np.hanning(length + 1)[:-1]
+    starts = range(0, n - length + 1, length // 2)
+    line = np.linspace(-1, 1, length)
+    spectra = []
+    for signal in signals:
+        rows = np.stack([signal[start : start + length] for start in starts])
+        rows = rows - rows.mean(axis=1, keepdims=True)
+        rows = rows - np.outer(rows @ line / (line @ line), line)
+        spectra.append(np.fft.rfft(rows * window, axis=1) / length)
+    return spectra[0], spectra[1], spectra[2]
+
+
+def _smoothed(power: Array) -> Array:
+    """The mean over each line and its neighbours: noise has a smooth spectrum, its estimate from M periods has not."""
+    width = np.ones(2 * NEIGHBOURS + 1)
+    return np.asarray(np.convolve(power, width, "same") / np.convolve(np.ones(power.size), width, "same"))
+
+
+def _rolling(position: Array, sample_time: float) -> bool:
+    """Whether the axis moved in one direction throughout, judged over 10 ms so that noise does not count."""
+    span = max(round(0.01 / sample_time), 1)
+    moved = position[span:] - position[:-span]
+    return bool(np.all(moved > 0) or np.all(moved < 0))

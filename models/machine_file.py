@@ -1,0 +1,63 @@
+"""Writes a machine as the TOML that `models.machine.load` reads, every value with its source."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from models.columns import Columns
+from models.machine import Machine, Provenance
+from models.quantity import declaration
+
+
+def to_toml(machine: Machine) -> str:
+    """The text of a machine file; facts of the hysteresis curve that follow from the elements are left out."""
+    derived = machine.sources.get("presliding.coulomb_force", Provenance("derived", "")).kind == "derived"
+    lines = [f"name = {_text(machine.name)}"]
+    for field in dataclasses.fields(machine):
+        part = getattr(machine, field.name)
+        if isinstance(part, Columns):
+            lines += ["", f"[{field.name}]", *_columns(part)]
+        elif dataclasses.is_dataclass(part) and not (field.name == "presliding" and derived):
+            lines += _table(part, field.name, machine.sources)
+    return "\n".join(lines) + "\n"
+
+
+def _table(part: Any, where: str, sources: Mapping[str, Provenance], head: str | None = None) -> Iterator[str]:
+    yield from ("", head or f"[{where}]")
+    inner: list[str] = []
+    for field in dataclasses.fields(part):
+        item, declared, path = getattr(part, field.name), declaration(field), f"{where}.{field.name}"
+        if declared is not None:
+            source = sources.get(path, Provenance("assumed", "set in a program"))
+            note = f", note = {_text(source.note)}" if source.note else ""
+            shown = f"{source.kind}: {source.detail}"
+            yield f"{field.name} = {{ value = {_value(item, declared.unit)}, source = {_text(shown)}{note} }}"
+        elif isinstance(item, tuple):
+            for i, member in enumerate(item):
+                inner += _table(member, f"{path}.{i + 1}", sources, f"[[{path}]]")
+        elif dataclasses.is_dataclass(item):
+            inner += _table(item, path, sources)
+    yield from inner
+
+
+def _columns(columns: Columns) -> Iterator[str]:
+    plain = Columns()
+    for field in dataclasses.fields(columns):
+        entry = getattr(columns, field.name)
+        if entry != getattr(plain, field.name):
+            yield f"{field.name} = {_text(entry)}"
+
+
+def _value(item: Any, unit: str) -> str:
+    if isinstance(item, tuple):
+        return "[" + ", ".join(_value(member, unit) for member in item) + "]"
+    if isinstance(item, int):
+        return str(item)
+    return _text(f"{float(item)!r} {unit}" if unit != "1" else repr(float(item)))
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,110 @@
+"""Records of a simulated table, quantised and noisy, friction on: what a user would measure, with the truth known.
+
+The excitation acts while the axis rolls in one direction, so that friction is constant; the hysteresis is a slow sweep
+with inner loops; the motions are short strokes of the specification, and half as long.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.controller import default_controller
+from models.controller import Controller, References
+from models.friction import elements
+from models.machine import Machine
+from models.record import Record, feeding_sequence
+from models.simulator import simulate
+
+Array = NDArray[np.float64]
+
+SPEED: Final = 0.01  # m/s at which the axis rolls under the excitation
+PERIODS: Final = 10
+BAND: Final = (4.0, 400.0)  # Hz
+LINES: Final = 80
+AMPLITUDE: Final = 0.08  # of the rated thrust, over the square root of the lines
+
+
+def noisy(machine: Machine) -> Machine:
+    """The machine with noise on its scale, 0.3 of a step, if its file states none."""
+    scale = machine.scale
+    return machine if scale.noise > 0 else replace(machine, scale=replace(scale, noise=0.3 * scale.resolution))
+
+
+def another(machine: Machine, seed: int) -> Machine:
+    """A table like this one: modes, dead time and friction drawn anew, with three elements that data can tell apart."""
+    draw = np.random.default_rng(seed)
+    scatter = [(0.1, 0.05, 0.2)] * len(machine.plant.modes)
+    modes = tuple(
+        replace(
+            mode,
+            gain=mode.gain * float(np.exp(g * draw.standard_normal())),
+            frequency=mode.frequency * float(np.exp(f * draw.standard_normal())),
+            damping=mode.damping * float(np.exp(z * draw.standard_normal())),
+        )
+        for mode, (g, f, z) in zip(machine.plant.modes, scatter, strict=True)
+    )
+    delay = machine.plant.dead_time + machine.sample_time * float(draw.uniform(-0.4, 0.4))
+    limit = np.array([2.5e-6, 12e-6, 80e-6]) * np.exp(0.15 * draw.standard_normal(3))
+    force = machine.friction.coulomb_force * np.array([0.45, 0.3, 0.25]) * np.exp(0.15 * draw.standard_normal(3))
+    plant = replace(machine.plant, modes=modes, dead_time=delay)
+    return replace(machine, plant=plant, friction=elements(force / limit, limit))
+
+
+def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
+    """A table that departs from the machine as a motion fit can find: its (mass, friction level, presliding length)
+    [1], dead time [s] and offset [N]."""
+    draw = np.random.default_rng(seed)
+    mass, level, length = np.exp(np.array([0.05, 0.1, 0.05]) * draw.standard_normal(3))
+    delay = machine.plant.dead_time + 0.2 * machine.sample_time * float(draw.uniform(-1, 1))
+    modes = tuple(replace(mode, gain=mode.gain / mass) for mode in machine.plant.modes)
+    limit = np.array(machine.friction.limit) * length
+    stiffness = np.array(machine.friction.stiffness) * level / length
+    plant = replace(machine.plant, modes=modes, dead_time=delay)
+    truth = np.array([mass, level, length, delay, draw.standard_normal()])
+    return replace(machine, plant=plant, friction=elements(stiffness, limit)), truth
+
+
+def excitation(machine: Machine, seed: int) -> Record:
+    """A multisine on the feedforward while the axis rolls at a constant speed."""
+    draw, ts = np.random.default_rng(seed), machine.sample_time
+    length = round(1.0 / ts)
+    top = min(BAND[1], 0.4 / ts)
+    lines = np.unique(np.round(np.geomspace(BAND[0], top, LINES)).astype(int))
+    size = AMPLITUDE * machine.drive.rated_thrust / np.sqrt(lines.size)
+    angle = 2 * np.pi * np.outer(np.arange(length) / length, lines)
+    wave = size * np.sum(np.cos(angle + draw.uniform(0, 2 * np.pi, lines.size)), axis=1)
+    count = (PERIODS + 2) * length
+    force = np.concatenate([np.zeros(length), np.tile(wave, PERIODS + 1)])
+    return _run(machine, SPEED * ts * np.arange(count, dtype=np.float64), force, seed)
+
+
+def hysteresis(machine: Machine, seed: int) -> Record:
+    """Two slow sweeps over 2.5 presliding lengths either way, then two inner ones."""
+    t = np.arange(round(12.0 / machine.sample_time)) * machine.sample_time
+    wide = 2.5 * max(machine.friction.limit)
+    path: Array = np.where(t < 8, wide * np.sin(np.pi * t / 2), 0.25 * wide * np.sin(np.pi * (t - 8)))
+    return _run(machine, np.asarray(path, np.float64), np.zeros(t.size), seed)
+
+
+def motions(machine: Machine, seed: int, offset: float = 0.0, nominal: Machine | None = None) -> Record:
+    """Strokes of the specification and half as long, a constant force of `offset` [N] on the table.
+
+    The feedforward is the nominal machine's, as a controller has it that was designed before.
+    """
+    controller = default_controller(nominal or machine).without_compensation()
+    ts, stroke = machine.sample_time, machine.specification.stroke
+    short = feeding_sequence(stroke, machine.specification.motions, 0.15, ts)
+    target = np.concatenate([short, feeding_sequence(0.5 * stroke, 4, 0.15, ts), short])
+    record = simulate(machine, controller, target, seed=seed).record
+    return replace(record, command=record.command - offset)
+
+
+def _run(machine: Machine, reference: Array, force: Array, seed: int) -> Record:
+    control = machine.control
+    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
+    given = References(reference, force, np.zeros(force.size))
+    return simulate(machine, controller, reference, given=given, seed=seed).record

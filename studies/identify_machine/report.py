@@ -1,0 +1,162 @@
+"""How an identification is told: its figures and the words around them (report.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import MultipleLocator
+from scipy.stats import norm
+
+from reports import style
+from reports.report import Figure, Report
+from studies.wording import filters
+
+Results = Mapping[str, Any]
+
+
+def tell(whole: Results) -> Report:
+    """The report on what results.json holds; a figure for each kind of record that there was."""
+    results = whole["results"]
+    possible = (
+        ("response", Figure("bode", BODE, ("results.response",), _bode)),
+        ("hysteresis", Figure("hysteresis", HYSTERESIS, ("results.hysteresis",), _hysteresis)),
+        ("motion", Figure("motion", MOTION, ("results.motion",), _motion)),
+        ("dynamics", Figure("dynamics", DYNAMICS, ("results.dynamics",), _dynamics)),
+        ("round_trip", Figure("round_trip", ROUND_TRIP, ("results.round_trip",), _round_trip)),
+    )
+    figures = tuple(figure for part, figure in possible if part in results)
+    title = f"Identification: {whole['machine']['name']}"
+    question = "Which machine is this, as its records show it, and how surely?"
+    return Report(title, question, Path(__file__).parent / "report.md", figures, filters())
+
+
+BODE = (
+    "Measured frequency response and the $P_l$ fitted to it; below, what is left beside the standard deviation of each "
+    "measured line. Crosses: lines left out."
+)
+HYSTERESIS = (
+    "Left: friction force over position, measured and as the identified elements give it. Right: force climbed "
+    "behind a reversal from full slip, with two standard deviations either way."
+)
+MOTION = "Command of the motion record, and what the simulated loop with the replayed controller leaves of it."
+DYNAMICS = (
+    "Force of the record and of the identified model (above), and their difference (below). The model was fitted to "
+    "the part left of the line; the right part only judges it."
+)
+ROUND_TRIP = (
+    "Errors of all identified values of the simulated tables, over their stated standard deviations: share below each "
+    "size, beside what it is if the stated deviations are right. A curve above the line: deviations stated too large."
+)
+
+
+def _bode(whole: Results) -> Drawing:
+    r = whole["results"]["response"]
+    figure, axes = style.subplots(3, 1, 120, sharex=True, height_ratios=[2, 2, 1.3])
+    magnitude, phase, rest = axes[:, 0]
+    f, used = np.array(r["frequency_Hz"]), np.array(r["used"], bool)
+    dots = {"linestyle": "none", "marker": "o", "markersize": 3.0, "color": style.SKY}
+    out = {"linestyle": "none", "marker": "x", "markersize": 3.5, "color": style.LIMIT}
+    line = {"color": style.VERMILION, "linestyle": "-"}
+    both = ((magnitude, "m_per_N", 1.0), (phase, "deg", 1.0))
+    for ax, unit, _ in both:
+        measured, modelled = np.array(r[f"measured_{unit}"]), np.array(r[f"modelled_{unit}"])
+        ax.plot(f[used], measured[used], label="measured", **dots)
+        if not np.all(used):
+            ax.plot(f[~used], measured[~used], label="left out", **out)
+        ax.plot(f, modelled, label="$P_l$ identified", **line)
+    magnitude.set_xscale("log")
+    magnitude.set_yscale("log")
+    magnitude.set_ylabel("magnitude [m/N]")
+    magnitude.legend()
+    phase.set_ylabel("phase [deg]")
+    phase.yaxis.set_major_locator(MultipleLocator(90))
+    rest.plot(f[used], 100 * np.array(r["residual"])[used], label="difference", **dots)
+    deviation = np.array(r["deviation"], float)
+    if np.all(np.isfinite(deviation)):
+        rest.plot(f, 100 * deviation, color=style.BLACK, linestyle=(0, (4, 2)), label="standard deviation")
+    rest.set_yscale("log")
+    rest.set_ylabel("of magnitude [%]")
+    rest.set_xlabel("frequency [Hz]")
+    rest.legend()
+    return figure
+
+
+def _loop(ax: Any, r: Results) -> None:
+    path = 1e6 * np.array(r["path_m"])
+    measured = np.array(r["measured_N"])
+    rest = measured - np.array(r["modelled_N"]) + np.array(r["rolling_N"])
+    dots = {"linestyle": "none", "marker": "o", "markersize": 1.8}
+    ax.plot(path, rest, color=style.SKY, label="measured", **dots)
+    ax.plot(path, r["rolling_N"], color=style.VERMILION, linestyle="-", linewidth=1.0, label="elements")
+    ax.set_xlabel("position [µm]")
+    ax.set_ylabel("rolling friction [N]")
+    ax.legend(loc="upper left")
+
+
+def _curve(ax: Any, curve: Results) -> None:
+    distance, climbed, std = (np.array(curve[key]) for key in ("distance_m", "climbed_N", "std_N"))
+    ax.fill_between(1e6 * distance, climbed - 2 * std, climbed + 2 * std, color=style.SKY, alpha=0.6, linewidth=0)
+    ax.plot(1e6 * distance, climbed, color=style.VERMILION, linestyle="-")
+    ax.set_xscale("log")
+    ax.set_xlabel("distance behind the reversal [µm]")
+    ax.set_ylabel("force climbed [N]")
+
+
+def _hysteresis(whole: Results) -> Drawing:
+    r = whole["results"]["hysteresis"]
+    figure, axes = style.subplots(1, 2, 72)
+    _loop(axes[0, 0], r)
+    _curve(axes[0, 1], r["curve"])
+    return figure
+
+
+def _motion(whole: Results) -> Drawing:
+    r = whole["results"]["motion"]
+    figure, axes = style.subplots(2, 1, 75, sharex=True, height_ratios=[1.4, 1])
+    axes[0, 0].plot(r["time_s"], r["command_N"], linewidth=0.8)
+    axes[0, 0].set_ylabel("command [N]")
+    axes[1, 0].plot(r["time_s"], r["residual_N"], linewidth=0.6, color=style.VERMILION, linestyle="-")
+    axes[1, 0].set_ylabel("difference [N]")
+    axes[1, 0].set_xlabel("time [s]")
+    axes[1, 0].set_xlim(r["time_s"][0], r["time_s"][-1])
+    return figure
+
+
+def _dynamics(whole: Results) -> Drawing:
+    r = whole["results"]["dynamics"]
+    figure, axes = style.subplots(2, 1, 90, sharex=True, height_ratios=[1.4, 1])
+    time, measured, modelled = (np.array(r[key]) for key in ("time_s", "measured_N", "modelled_N"))
+    axes[0, 0].plot(time, measured, label="measured", linewidth=1.4, color=style.SKY, linestyle="-")
+    axes[0, 0].plot(time, modelled, label="identified", linewidth=0.7, color=style.BLACK, linestyle="-")
+    axes[0, 0].set_ylabel("force [N]")
+    axes[0, 0].legend(loc="upper right")
+    axes[1, 0].plot(time, measured - modelled, linewidth=0.6, color=style.VERMILION, linestyle="-")
+    axes[1, 0].set_ylabel("difference [N]")
+    axes[1, 0].set_xlabel("time [s]")
+    for ax, words in ((axes[0, 0], ""), (axes[1, 0], "fitted | judged")):
+        style.mark_limit(ax, r["half_s"], words, axis="x")
+    axes[1, 0].set_xlim(time[0], time[-1])
+    return figure
+
+
+def _round_trip(whole: Results) -> Drawing:
+    figure, axes = style.subplots(1, 1, 70)
+    ax = axes[0, 0]
+    for kind in whole["results"]["round_trip"]["kinds"]:
+        size = np.sort(np.abs(kind["errors"]))
+        if size.size:
+            ax.step(size, np.arange(1, size.size + 1) / size.size, where="post", label=kind["record"])
+    x = np.linspace(0, 3.5, 200)
+    ax.plot(x, 2 * norm.cdf(x) - 1, color=style.LIMIT, linestyle="-", linewidth=0.9, label="as stated")
+    style.mark_limit(ax, 1.96, "95 % interval", axis="x")
+    style.mark_limit(ax, 0.95, "95 %")
+    ax.set_xlim(0, 3.5)
+    ax.set_ylim(0, 1.01)
+    ax.set_xlabel("error [standard deviations]")
+    ax.set_ylabel("share of the values")
+    ax.legend(loc="lower right")
+    return figure

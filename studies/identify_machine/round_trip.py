@@ -1,0 +1,83 @@
+"""Simulated tables, identified from their own records: do they come back within the stated uncertainties?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.identification import force, modes, motion, response
+from models.identification.estimate import Estimate
+from models.machine import Machine
+from studies.identify_machine import own_records
+
+Array = NDArray[np.float64]
+
+WITHIN: Final = 1.96  # standard deviations of a 95 % interval
+DISTANCES: Final = (3e-6, 10e-6, 30e-6, 300e-6)  # m behind a reversal
+
+
+def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str], None]) -> dict[str, Any]:
+    """Errors in standard deviations of every parameter of `tables` simulated tables; tell(share, text) is progress."""
+    machine = own_records.noisy(machine)
+    rows: dict[str, list[Array]] = {"frequency response": [], "hysteresis": [], "motions": []}
+    missed = 0
+    for i in range(tables):
+        tell(i / tables, f"round trip of table {i + 1} of {tables}")
+        own = seed + 1000 + i
+        table = own_records.another(machine, own)
+        found = modes.fit(response.measured(own_records.excitation(table, own)))
+        truth = true_modes(table)
+        if found.estimate.values.size == truth.size:
+            rows["frequency response"].append(_errors(found.estimate, truth))
+        else:
+            missed += 1
+        terms = force.Terms(mass=1 / found.plant.modes[0].gain, known_delay=_delay(table))
+        curve = force.identify(own_records.hysteresis(table, own), terms, pass_band=20.0)
+        limit, stiffness = np.array(table.friction.limit), np.array(table.friction.stiffness)
+        if len(curve.friction.limit) == limit.size:
+            last = slice(-2 * limit.size, None)
+            wanted = np.concatenate([stiffness, limit])
+            rows["hysteresis"].append((curve.estimate.values[last] - wanted) / curve.estimate.deviations[last])
+        else:
+            missed += 1
+        moved, wanted = own_records.drawn_from(machine, own)
+        record = own_records.motions(moved, own, float(wanted[-1]), machine)
+        rows["motions"].append(_errors(motion.identify(record, machine).estimate, wanted))
+    return _summary(rows, tables, missed)
+
+
+def true_modes(machine: Machine) -> Array:
+    """What `modes.fit` should find (p,) [SI]."""
+    rigid, *others = machine.plant.modes
+    numbers = [rigid.gain, machine.plant.dead_time]
+    for mode in others:
+        numbers += [mode.gain, mode.frequency, mode.damping]
+    return np.array(numbers)
+
+
+def _delay(machine: Machine) -> float:
+    """From a command to the middle of the time over which it acts [s]."""
+    return machine.plant.dead_time + 0.5 * machine.sample_time
+
+
+def _errors(estimate: Estimate, truth: Array) -> Array:
+    return np.asarray((estimate.values - truth) / estimate.deviations)
+
+
+def _summary(rows: dict[str, list[Array]], tables: int, missed: int) -> dict[str, Any]:
+    kinds = []
+    for name, found in rows.items():
+        errors = np.concatenate(found) if found else np.zeros(0)
+        inside = float(np.mean(np.abs(errors) < WITHIN)) if errors.size else 0.0
+        kinds.append({"record": name, "intervals": int(errors.size), "coverage": inside, "errors": errors})
+    every = np.concatenate([kind["errors"] for kind in kinds])
+    return {
+        "tables": tables,
+        "wrong_number": missed,
+        "kinds": kinds,
+        "intervals": int(every.size),
+        "coverage": float(np.mean(np.abs(every) < WITHIN)),
+    }

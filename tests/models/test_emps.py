@@ -1,0 +1,75 @@
+"""The measured EMPS record: its authors' published figures to the printed digits, and what our friction adds.
+
+The record has no licence and is no part of the project: without it beside the project these tests skip.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.identification.force import Terms, identify
+from models.identification.inverse_dynamics import regress
+from models.machine import load as load_machine
+from models.record import Record, cut
+from models.record_file import load
+from studies.command import DONE, main
+from studies.identify_machine.__main__ import STUDY
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
+MACHINE = Path(__file__).parents[2] / "models" / "machines" / "emps.toml"
+
+
+def test_the_machine_file_is_complete() -> None:
+    machine = load_machine(MACHINE)
+    assert machine.friction.coulomb_force == pytest.approx(20.3935, rel=1e-6)
+    assert 1 / machine.plant.modes[0].gain == pytest.approx(95.1089, rel=1e-4)
+    assert machine.record is not None
+    assert machine.record.source("command").factor == pytest.approx(35.1507, rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    """The measured record through the machine file's mapping."""
+    if not DATA.is_file():
+        pytest.skip("needs DATA_EMPS.mat beside the project")
+    machine = load_machine(MACHINE)
+    content = load(DATA, machine.record, sample_time=machine.sample_time, mass=95.0, limit=351.5).content
+    assert isinstance(content, Record)
+    return content
+
+
+def test_the_published_figures_come_out_to_the_printed_digits(record: Record) -> None:
+    found = regress(record, cutoff=100.0)
+    assert [f"{value:.4f}" for value in found.estimate.values] == ["95.1089", "203.5034", "20.3935", "-3.1648"]
+    assert f"{100 * found.error():.4f}" == "4.0834"
+    assert f"{100 * regress(record, cutoff=100.0, by_direction=True).error():.4f}" == "3.1117"
+
+
+def test_the_projects_friction_does_better_where_it_was_not_fitted(record: Record) -> None:
+    half = 0.5 * record.position.size * record.sample_time
+    published = regress(record, cutoff=100.0, by_direction=True, fit_until=half)
+    terms = Terms(viscous=True, by_direction=True, bent=True, delay=True)
+    ours = identify(record, terms, pass_band=40.0, fit_until=half)
+    judged = ~published.used & (published.time <= ours.time[-1])
+    left = (published.measured - published.modelled)[judged]
+    theirs = float(np.linalg.norm(left) / np.linalg.norm(published.measured[judged]))
+    assert ours.error(used=False) < 0.85 * theirs
+    assert ours.estimate.value("mass") == pytest.approx(95.1, rel=0.01)
+
+
+def test_it_is_cut_into_its_strokes(record: Record) -> None:
+    found = cut(record)
+    assert len(found) == 8
+    assert [motion.direction for motion in found] == [1, -1] * 4
+
+
+@pytest.mark.usefixtures("record")
+def test_the_study_writes_a_machine_file_of_it(tmp_path: Path) -> None:
+    arguments = [str(DATA), "--machine", str(MACHINE), "--no-report", "--output", str(tmp_path)]
+    assert main(STUDY, arguments) == DONE
+    machine = load_machine(tmp_path / "identified.toml")
+    assert machine.sources["plant.modes.1.gain"].kind == "identified"
+    assert "6cf6814ae146" in machine.sources["friction.limit"].detail

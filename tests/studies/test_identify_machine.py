@@ -1,0 +1,184 @@
+"""From records to a machine file that every other study takes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.identification import modes
+from models.machine import DEFAULT, Machine, load, parameters
+from models.machine_file import to_toml
+from models.record import Record
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
+from studies.deadbeat_design.__main__ import STUDY as DESIGN
+from studies.identify_machine import own_records
+from studies.identify_machine.__main__ import STUDY
+
+MACHINES = (DEFAULT, DEFAULT.parent / "emps.toml")
+
+
+def write(path: Path, record: Record) -> Path:
+    """A record in the agreed CSV format."""
+    names = ("target", "reference", "feedforward", "command", "position")
+    time = np.arange(record.position.size) * record.sample_time
+    rows = np.column_stack([time, *(getattr(record, name) for name in names)])
+    head = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.17g")
+    return path
+
+
+@pytest.fixture(scope="module")
+def table() -> Machine:
+    """A table unlike the default one."""
+    return own_records.another(own_records.noisy(load()), 77)
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory, table: Machine) -> list[Path]:
+    """Its three records."""
+    folder = tmp_path_factory.mktemp("records")
+    return [
+        write(folder / "slow.csv", own_records.hysteresis(table, 1)),
+        write(folder / "moves.csv", own_records.motions(table, 2, 0.4, load())),
+        write(folder / "sweep.csv", own_records.excitation(table, 3)),
+    ]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, records: list[Path]) -> Path:
+    """What one run over the records wrote."""
+    output = tmp_path_factory.mktemp("identified") / "out"
+    assert main(STUDY, [*map(str, records), "--output", str(output)]) in {DONE, CHECK_MISSED}
+    return output
+
+
+def read(folder: Path, name: str) -> Any:
+    return json.loads((folder / name).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("path", MACHINES, ids=lambda path: path.stem)
+def test_a_written_machine_is_the_machine(path: Path, tmp_path: Path) -> None:
+    machine = load(path)
+    (tmp_path / "copy.toml").write_text(to_toml(machine), encoding="utf-8")
+    again = load(tmp_path / "copy.toml")
+    assert again == machine
+    assert again.sources == machine.sources
+
+
+def test_each_record_is_recognised(folder: Path) -> None:
+    records = {record["name"]: record["kind"] for record in read(folder, "results.json")["results"]["records"]}
+    assert records == {"slow.csv": "hysteresis", "moves.csv": "motion", "sweep.csv": "excitation"}
+
+
+def test_the_table_comes_back(folder: Path, table: Machine) -> None:
+    found = load(folder / "identified.toml")
+    truth, got = table.plant, found.plant
+    assert got.dead_time == pytest.approx(truth.dead_time, abs=1e-5)
+    assert [mode.frequency for mode in got.modes] == pytest.approx([mode.frequency for mode in truth.modes], rel=2e-3)
+    assert [mode.gain for mode in got.modes] == pytest.approx([mode.gain for mode in truth.modes], rel=0.05)
+    assert found.friction.coulomb_force == pytest.approx(table.friction.coulomb_force, rel=0.01)
+    assert found.friction.limit == pytest.approx(table.friction.limit, rel=0.1)
+    rows = {(row["record"], row["name"]): row for row in read(folder, "results.json")["results"]["estimates"]}
+    assert rows["motion", "offset"]["number"] == pytest.approx(0.4, abs=0.1)
+
+
+def test_every_identified_value_carries_hash_and_deviation(folder: Path) -> None:
+    files = read(folder, "manifest.json")["inputs"]["files"]
+    hashes = {file["sha256"] for file in files if file["option"] == "record"}
+    assert len(hashes) == 3
+    found = [p for p in parameters(load(folder / "identified.toml")) if p.provenance.kind == "identified"]
+    found = [p for p in found if p.name.startswith(("plant", "friction"))]
+    assert len(found) >= 10
+    for parameter in found:
+        assert "std " in parameter.provenance.detail, parameter.name
+        assert any(hash_ in parameter.provenance.detail for hash_ in hashes), parameter.name
+
+
+def test_the_identified_machine_goes_into_the_next_study(folder: Path, tmp_path: Path) -> None:
+    arguments = ["--quick", "--no-report", "--machine", str(folder / "identified.toml"), "--output", str(tmp_path)]
+    assert main(DESIGN, arguments) in {DONE, CHECK_MISSED}
+    assert read(tmp_path, "results.json")["checks"][0]["holds"] is True
+
+
+def test_the_report_is_written(folder: Path) -> None:
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "identified.toml" in page
+    assert "<math" in page
+    assert {file.stem for file in (folder / "figures").iterdir()} == {"bode", "hysteresis", "motion"}
+
+
+def test_a_measured_frequency_response_alone(tmp_path: Path, table: Machine) -> None:
+    f = np.geomspace(5, 400, 120)
+    p = modes.model(table.plant, f, 0.0)
+    noise = 1 + 0.003 * np.random.default_rng(0).standard_normal(f.size)
+    rows = np.column_stack([f, 20 * np.log10(np.abs(p) * noise), np.rad2deg(np.angle(p))])
+    np.savetxt(tmp_path / "frf.csv", rows, delimiter=",", header="f,mag,phase", comments="")
+    columns = ["--column", "frequency=f [Hz]", "--column", "magnitude=mag [dB]", "--column", "phase=phase [deg]"]
+    out = tmp_path / "out"
+    assert main(STUDY, [str(tmp_path / "frf.csv"), *columns, "--no-report", "--output", str(out)]) == DONE
+    got = load(out / "identified.toml").plant
+    assert [mode.frequency for mode in got.modes] == pytest.approx(
+        [mode.frequency for mode in table.plant.modes], rel=5e-3
+    )
+
+
+def test_a_motion_record_alone_changes_the_nominal_machine(tmp_path: Path) -> None:
+    nominal = load()
+    heavier, truth = own_records.drawn_from(own_records.noisy(nominal), 5)
+    path = write(tmp_path / "moves.csv", own_records.motions(heavier, 5, float(truth[-1]), nominal))
+    assert main(STUDY, [str(path), "--no-report", "--output", str(tmp_path / "out")]) == DONE
+    found = load(tmp_path / "out" / "identified.toml")
+    assert found.plant.modes[0].gain == pytest.approx(heavier.plant.modes[0].gain, rel=0.01)
+    assert found.friction.coulomb_force == pytest.approx(heavier.friction.coulomb_force, rel=0.02)
+
+
+def test_without_records_it_judges_itself(tmp_path: Path) -> None:
+    assert main(STUDY, ["--quick", "--tables", "1", "--no-report", "--output", str(tmp_path)]) in {DONE, CHECK_MISSED}
+    trip = read(tmp_path, "results.json")["results"]["round_trip"]
+    assert trip["tables"] == 1
+    assert trip["intervals"] >= 15
+
+
+def test_the_same_records_give_the_same_bytes(records: list[Path], tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        main(STUDY, [str(records[1]), "--no-report", "--output", str(tmp_path / name)])
+    for name in ("results.json", "identified.toml", "manifest.json"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["nowhere.csv"], "nowhere.csv: can't be read"),
+        (["--tables", "0"], "--tables 0"),
+        (["--column", "speed=v", "RECORD"], "'speed' is no signal"),
+        (["--column", "position=x [kg]", "RECORD"], "quantity in m"),
+        (["--kinds", "song", "RECORD"], "--kinds song"),
+        (["--kinds", "response", "--pass-band", "3 m", "RECORD"], "--pass-band"),
+    ],
+)
+def test_bad_input_is_one_line(
+    options: list[str], says: str, records: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [str(records[1]) if option == "RECORD" else option for option in options]
+    assert main(STUDY, [*arguments, "--output", str(tmp_path / "out")]) == BAD_INPUT
+    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert says in errors[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_record_of_the_wrong_kind_is_said(
+    records: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow = load()
+    flat = replace(own_records.motions(slow, 1), feedforward=np.zeros(own_records.motions(slow, 1).command.size))
+    path = write(tmp_path / "flat.csv", flat)
+    assert main(STUDY, [str(path), "--kinds", "excitation", "--output", str(tmp_path / "out")]) == BAD_INPUT
+    assert "has no excitation" in capsys.readouterr().err
+    assert len(records) == 3
