@@ -7,10 +7,11 @@ end, and u_rf is their force in the middle of each interval of the thrust, where
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import minimize_scalar
 
 from design.lifted import feedforward_only
 from design.scenarios import with_friction_error
@@ -20,6 +21,9 @@ from models.plant import Plant
 from models.record import motions
 
 Array = NDArray[np.float64]
+
+LENGTHS: Final = (0.4, 2.5)  # of the nominal length, within which `learn` searches
+LEAST: Final = 0.05  # of the nominal force, below which it does not go
 
 
 @dataclass(frozen=True)
@@ -78,13 +82,21 @@ def learn(nominal: Friction, middle: ArrayLike, rests: ArrayLike, hold: ArrayLik
     """`nominal` with the force and length that explain the thrust `hold` (k,) [N] at samples `rests` (k,) of a run.
 
     middle (n,) [m]: the path the table was led along. At rest the thrust is the friction's force, so the controller
-    knows it without a sensor; two factors are fitted by least squares.
+    knows it without a sensor. Two factors by least squares: that of the force is linear; that of the length is searched
+    for, as slip makes its sum of squares bumpy.
     """
-    path, at = np.concatenate([[0.0], np.asarray(middle, float)]), np.asarray(rests, int) + 1
+    path = np.concatenate([[0.0], np.asarray(middle, float)])
+    moves = np.diff(path, prepend=np.nan) != 0  # where the path rests the elements do, too
+    at, thrust = np.cumsum(moves)[np.asarray(rests, int) + 1] - 1, np.asarray(hold, float)
 
-    def missed(errors: Array) -> Array:
-        force, _ = follow(with_friction_error(nominal, *errors), path)
-        return np.asarray(force[at] - np.asarray(hold, float), float)
+    def held(length: float) -> tuple[float, float]:
+        """Least sum of squares missed with this error of the length, and the factor of the force that gives it."""
+        force = follow(with_friction_error(nominal, 0.0, length), path[moves])[0][at]
+        factor = max(float(force @ thrust) / max(float(force @ force), 1e-300), LEAST)
+        return float(np.sum((thrust - factor * force) ** 2)), factor
 
-    fitted = least_squares(missed, [0.0, 0.0], bounds=([-0.9, -0.9], [4.0, 4.0]), x_scale=0.1, diff_step=1e-3)
-    return with_friction_error(nominal, *fitted.x)
+    grid = np.geomspace(*LENGTHS, 41) - 1
+    best = int(np.argmin([held(float(length))[0] for length in grid]))
+    around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
+    length = float(minimize_scalar(lambda length: held(length)[0], bounds=around, method="bounded").x)
+    return with_friction_error(nominal, held(length)[1] - 1, length)

@@ -46,7 +46,7 @@ class Lifted:
 
 
 def feedforward_only(plant: Plant, sample_time: float, samples: int) -> Lifted:
-    """`lift` without feedback and without the whole samples of dead time: position is x_T* of a feedforward."""
+    """`lift` without feedback and without the whole samples [s] of dead time: position is x_T* of a feedforward."""
     _, rest = delay_split(plant.dead_time, sample_time)
     return lift(replace(plant, dead_time=rest), sample_time, samples, None, 0)
 

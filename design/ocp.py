@@ -22,7 +22,9 @@ OPTIONS: Final[dict[str, Any]] = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-8,
-    "ipopt.max_iter": 300,
+    "ipopt.max_iter": 200,
+    "ipopt.acceptable_tol": 1e-5,
+    "ipopt.acceptable_iter": 6,
     "ipopt.fixed_variable_treatment": "make_parameter",
 }
 WARM: Final[dict[str, Any]] = {

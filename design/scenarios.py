@@ -125,23 +125,37 @@ def follow_loop(
 def guess_loop(
     name: str, scenario: Scenario, feedback: Feedback, start: Array, thrust: Array, reference: Array
 ) -> dict[str, Array]:
-    """Values of the copy's variables (SI) on the exact elements' path: u_ff (n,) [N], x_T* (n,) [m], start (N,) [m]."""
-    n = feedback.last
-    lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
-    stiffness, limit = np.array(scenario.friction.stiffness), np.array(scenario.friction.limit)
-    known = lifted.on_thrust(lifted.middle) @ thrust + lifted.on_reference(lifted.middle) @ reference
-    reaction = lifted.on_friction(lifted.middle)
-    middle, force, states = np.zeros(n), np.zeros(n), [start]
-    for k in range(n):
-        middle[k] = known[k] + reaction[k, :k] @ force[:k]
-        states.append(np.clip(states[-1] + middle[k] - (middle[k - 1] if k else 0.0), -limit, limit))
-        force[k] = stiffness @ (states[-1] - start)
-    error = (lifted.position @ np.concatenate([thrust, reference, force]))[feedback.first : feedback.last] - reference[
-        -1
-    ]
+    """Values of the copy's variables (SI) on the exact elements' path; see `respond`."""
+    middle, force, states, position = respond(scenario, feedback, start, thrust, reference)
     return {
         f"middle_of_{name}": middle,
         f"force_of_{name}": force,
-        f"z_of_{name}": np.ravel(states[1:]),
-        f"error_of_{name}": error,
+        f"z_of_{name}": states.ravel(),
+        f"error_of_{name}": position[feedback.first : feedback.last] - reference[-1],
     }
+
+
+def respond(
+    scenario: Scenario, feedback: Feedback, start: Array, thrust: Array, reference: Array, ratio: float = 0.0
+) -> tuple[Array, Array, Array, Array]:
+    """The loop's response to u_ff (n,) [N] and x_T* (n,) [m] from element states `start` (N,) [m].
+
+    ratio [1]: smoothing width over each limit; 0 is the exact law. Returns middle (n,) [m], friction less that at the
+    start (n,) [N], element states (n, N) [m] and position (n + 1,) [m].
+    """
+    n = feedback.last
+    lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
+    stiffness, limit = np.array(scenario.friction.stiffness), np.array(scenario.friction.limit)
+    element = law(limit.size)
+    known = lifted.on_thrust(lifted.middle) @ thrust + lifted.on_reference(lifted.middle) @ reference
+    reaction = lifted.on_friction(lifted.middle)
+    middle, force, states, state = np.zeros(n), np.zeros(n), np.zeros((n, limit.size)), start
+    for k in range(n):
+        middle[k] = known[k] + reaction[k, :k] @ force[:k]
+        moved = middle[k] - (middle[k - 1] if k else 0.0)
+        if ratio > 0:
+            state = np.asarray(element(state, moved, ratio, stiffness, limit)[0]).ravel()
+        else:
+            state = np.clip(state + moved, -limit, limit)
+        states[k], force[k] = state, stiffness @ (state - start)
+    return middle, force, states, lifted.position @ np.concatenate([thrust, reference, force])
