@@ -1,0 +1,65 @@
+"""The plants that one controller has to hold: the machine's, in every state of its friction, and what it could be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import control
+
+from models.machine import Machine
+from models.plant import Mode, Plant, sampled
+
+
+@dataclass(frozen=True)
+class Member:
+    """One sampled plant of a family; `nominal` if it is the machine as it is known, at one of the friction's slopes."""
+
+    name: str
+    plant: control.StateSpace
+    nominal: bool = True
+
+
+def family(
+    machine: Machine, mode_error: float = 0.03, mass_error: float = 0.1, others: Sequence[Machine] = ()
+) -> tuple[Member, ...]:
+    """P_l, P_e1, P_e2 and the steepest slope sum K_i, each also with all modes' frequencies and the mass off.
+
+    mode_error, mass_error [1]: relative, to both sides. others: further machines that could be this one (an ensemble);
+    of each the four plants as they are.
+    """
+    variants = {"": machine.plant}
+    for sign in (-1, 1):
+        if mode_error > 0:
+            variants[f", modes {100 * sign * mode_error:+g} %"] = _with_modes(machine.plant, 1 + sign * mode_error)
+        if mass_error > 0:
+            variants[f", mass {100 * sign * mass_error:+g} %"] = _with_mass(machine.plant, 1 + sign * mass_error)
+    members = [
+        Member(name + variant, sampled(plant, machine.sample_time, slope), not variant)
+        for variant, plant in variants.items()
+        for name, slope in slopes(machine).items()
+    ]
+    members += [
+        Member(f"{name} of {other.name}", sampled(other.plant, machine.sample_time, slope), False)
+        for other in others
+        for name, slope in slopes(other).items()
+    ]
+    return tuple(members)
+
+
+def slopes(machine: Machine) -> dict[str, float]:
+    """The friction's slopes K_e [N/m] at which a loop has to hold, by the name of their plant."""
+    facts = machine.presliding
+    steepest = sum(machine.friction.stiffness)
+    return {"P_l": 0.0, "P_e1": facts.stiffness_1, "P_e2": facts.stiffness_2, "steepest": steepest}
+
+
+def _with_modes(plant: Plant, factor: float) -> Plant:
+    return replace(plant, modes=tuple(replace(mode, frequency=mode.frequency * factor) for mode in plant.modes))
+
+
+def _with_mass(plant: Plant, factor: float) -> Plant:
+    def loaded(mode: Mode) -> Mode:
+        return replace(mode, gain=mode.gain / factor) if mode.frequency == 0 else mode
+
+    return replace(plant, modes=tuple(loaded(mode) for mode in plant.modes))

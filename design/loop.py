@@ -1,0 +1,244 @@
+"""The exact sampled loop of plant and PID: its sensitivities, their peaks between grid points, stability and margins.
+
+                                   d  (friction, as thrust)
+                                   |
+     r --->o--- e --->[ C(z) ]--u->o--->[ P(z) ]---+---> x         L = P C
+          -^                                       |               S = 1 / (1 + L)     r -> e
+           |                                       |               T = L / (1 + L)     r -> x
+           +---------------------------------------+               PS = P / (1 + L)    d -> x
+                                                                   CS = C / (1 + L)    r -> u
+
+This diagram defines all five, here and wherever else they are named. r: x_T* delayed for the PID; noise of the scale
+enters as -r does. P(z) is the plant behind its zero-order hold, exact at the samples for any dead time; C(z) is the PID
+of `models.controller.PID` as it is sampled. |S| is the distance's inverse from L to -1: 1 / Ms is the nearest approach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import matrix_balance, solve_discrete_lyapunov
+
+from models.controller import PID
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Sensitivity = Literal["S", "T", "PS", "CS"]
+
+SENSITIVITIES: Final[tuple[Sensitivity, ...]] = ("S", "T", "PS", "CS")
+WIDTHS: Final = np.linspace(-4, 4, 17)  # half-widths of a resonance at which a grid looks at it
+INTEGRATOR: Final = 1e-6  # of Nyquist's frequency: a slower eigenvalue counts as an integrator
+ZOOM: Final = 9  # points a refinement looks at; each narrows the interval to 2 / (ZOOM - 1) of it
+REFINEMENTS: Final = 8  # to 4^-8 = 1.5e-5 of the interval, and a maximum is flat: its value is then good to 1e-9
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest magnitude of a frequency response [its unit] and where [rad/s]."""
+
+    value: float
+    omega: float
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What one loop achieves; all of it holds at and between grid frequencies.
+
+    spectral_radius: largest |eigenvalue| of the closed loop, below 1 if it is stable. ms, mt [1], mps [m/N],
+    mcs [N/m]: peaks of |S|, |T|, |PS|, |CS|. crossover: last frequency with |L| = 1 [rad/s]; bandwidth: first with
+    |S| = 1 / sqrt(2) [rad/s]. gain_margin [1]: the least factor, up or down, that destabilises, as a number above 1;
+    phase_margin [rad]; disk_margin [1]: 2 / max |S - T|, the balanced one.
+    """
+
+    spectral_radius: float
+    ms: Peak
+    mt: Peak
+    mps: Peak
+    mcs: Peak
+    crossover: float
+    bandwidth: float
+    gain_margin: float
+    phase_margin: float
+    disk_margin: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every eigenvalue of the closed loop lies within the unit circle."""
+        return self.spectral_radius < 1
+
+
+def pid_model(pid: PID, sample_time: float) -> control.StateSpace:
+    """C(z) from e [m] to u_fb [N]; states: I[k-1] and what d[k] owes to the past; sample_time [s]."""
+    keep = pid.derivative_filter / (pid.derivative_filter + sample_time)
+    slope = (1 - keep) / sample_time
+    a = np.diag([1.0, keep])
+    b = np.array([[pid.ki * sample_time], [(keep - 1) * slope]])
+    d = pid.kp + pid.ki * sample_time + pid.kd * slope
+    return control.StateSpace(a, b, [[1.0, pid.kd]], [[d]], sample_time, inputs=["e"], outputs=["u"])
+
+
+def closed_loop(plant: control.StateSpace, pid: PID) -> control.StateSpace:
+    """The loop of the diagram from (r [m], d [N]) to (e [m], x [m], u [N]), for a plant without direct feedthrough."""
+    c = pid_model(pid, plant.dt)
+    n, order = plant.nstates, plant.nstates + c.nstates
+    a = np.zeros((order, order))
+    a[:n, :n], a[:n, n:] = plant.A - plant.B @ c.D @ plant.C, plant.B @ c.C
+    a[n:, :n], a[n:, n:] = -c.B @ plant.C, c.A
+    b = np.zeros((order, 2))
+    b[:n], b[n:, :1] = np.hstack([plant.B @ c.D, plant.B]), c.B
+    outputs = np.zeros((3, order))
+    outputs[0, :n], outputs[1, :n] = -plant.C[0], plant.C[0]
+    outputs[2, :n], outputs[2, n:] = -(c.D @ plant.C)[0], c.C[0]
+    through = np.array([[1.0, 0.0], [0.0, 0.0], [c.D[0, 0], 0.0]])
+    return control.StateSpace(a, b, outputs, through, plant.dt, inputs=["r", "d"], outputs=["e", "x", "u"])
+
+
+def sensitivity(plant: control.StateSpace, pid: PID, name: Sensitivity) -> control.StateSpace:
+    """One of S, T [1], PS [m/N], CS [N/m] of the diagram as a system of its own."""
+    whole = closed_loop(plant, pid)
+    row, column = {"S": (0, 0), "T": (1, 0), "PS": (1, 1), "CS": (2, 0)}[name]
+    b, c, d = whole.B[:, [column]], whole.C[[row]], whole.D[[row]][:, [column]]
+    return control.StateSpace(whole.A, b, c, d, whole.dt)
+
+
+def frequency_response(system: control.StateSpace, omega: ArrayLike) -> Complex:
+    """System (one input, one output) at z = exp(j omega T_s), (n,) [its unit], for omega (n,) [rad/s]."""
+    z = np.exp(1j * np.atleast_1d(np.asarray(omega, float)) * system.dt)
+    pencil = z[:, None, None] * np.eye(system.nstates) - system.A
+    inner = np.linalg.solve(pencil, np.broadcast_to(system.B, (z.size, *system.B.shape)))
+    response: Complex = (system.C @ inner)[:, 0, 0] + system.D[0, 0]
+    return response
+
+
+def pid_response(pid: PID, sample_time: float, omega: ArrayLike) -> Complex:
+    """C(exp(j omega T_s)) (n,) [N/m], in closed form, for omega (n,) [rad/s]."""
+    back = np.exp(-1j * np.asarray(omega, float) * sample_time)
+    keep = pid.derivative_filter / (pid.derivative_filter + sample_time)
+    derivative = (1 - keep) / sample_time * (1 - back) / (1 - keep * back)
+    return np.asarray(pid.kp + pid.ki * sample_time / (1 - back) + pid.kd * derivative, complex)
+
+
+def sensitivities(plant: Complex, controller: Complex) -> dict[Sensitivity, Complex]:
+    """S, T [1], PS [m/N], CS [N/m] (n,) from P [m/N] and C [N/m] (n,) at the same frequencies."""
+    s = 1 / (1 + plant * controller)
+    return {"S": s, "T": plant * controller * s, "PS": plant * s, "CS": controller * s}
+
+
+def spectral_radius(plant: control.StateSpace, pid: PID) -> float:
+    """Largest magnitude [1] of the closed loop's eigenvalues."""
+    return float(np.max(np.abs(np.linalg.eigvals(closed_loop(plant, pid).A))))
+
+
+def grid(plant: control.StateSpace, pid: PID | None = None, count: int = 200, lowest: float = 1e-3) -> Array:
+    """Frequencies (n,) [rad/s] up to Nyquist's, dense where a resonance is: of the plant and, with a pid, of the loop.
+
+    `count` of them are spread evenly in their logarithm from `lowest` [1, of Nyquist's] on, or from a tenth of the
+    slowest eigenvalue if that is lower. A sensitivity can rise and fall sharply only near an eigenvalue of the closed
+    loop, so none of its peaks is missed.
+    """
+    nyquist = math.pi / plant.dt
+    matrices = [plant.A] if pid is None else [plant.A, closed_loop(plant, pid).A]
+    z = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
+    poles = np.log(z[np.abs(z) > 1e-3].astype(complex)) / plant.dt
+    moving = np.abs(poles)[np.abs(poles) > INTEGRATOR * nyquist]
+    spread = np.geomspace(min(lowest * nyquist, 0.1 * np.min(moving, initial=nyquist)), nyquist, count)
+    poles = poles[poles.imag > 0]
+    near = (poles.imag[:, None] + np.abs(poles.real[:, None]) * WIDTHS).ravel()
+    inside = near[(near > spread[0]) & (near < nyquist)]
+    return np.unique(np.concatenate([spread, inside]))
+
+
+def peak(magnitude: Callable[[Array], Array], omega: Array) -> Peak:
+    """The largest `magnitude` over omega (n,) [rad/s], refined between the grid's points to 1e-6 and better.
+
+    Every maximum of the grid within 30 % of the highest is refined, since the highest one need not be the peak's.
+    """
+    values = magnitude(omega)
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    maxima = np.flatnonzero((values >= padded[:-2]) & (values >= padded[2:]) & (values > 0.7 * np.max(values)))
+    low, high = omega[np.maximum(maxima - 1, 0)], omega[np.minimum(maxima + 1, omega.size - 1)]
+    rows = np.arange(maxima.size)
+    for _ in range(REFINEMENTS):
+        points = np.linspace(low, high, ZOOM, axis=1)
+        found = magnitude(points.ravel()).reshape(points.shape)
+        best = np.argmax(found, axis=1)
+        low, high = points[rows, np.maximum(best - 1, 0)], points[rows, np.minimum(best + 1, ZOOM - 1)]
+    highest = int(np.argmax(found[rows, best]))
+    return Peak(float(found[highest, best[highest]]), float(points[highest, best[highest]]))
+
+
+def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessment:
+    """Stability, peaks and margins of one loop; `count` of the grid's frequencies [rad/s] are evenly spread."""
+
+    def response(omega: Array) -> dict[Sensitivity, Complex]:
+        return sensitivities(frequency_response(plant, omega), pid_response(pid, plant.dt, omega))
+
+    def difference(omega: Array) -> Array:
+        found = response(omega)
+        return np.abs(found["S"] - found["T"])
+
+    omega = grid(plant, pid, count)
+    found = response(omega)
+    peaks = {name: peak(lambda w, name=name: np.abs(response(w)[name]), omega) for name in SENSITIVITIES}  # type: ignore[misc]
+    loop, weak = found["T"] / found["S"], np.abs(found["S"]) - math.sqrt(0.5)
+    at_one = _crossings(omega, np.log(np.abs(loop)))
+    rising = _crossings(omega, weak)
+    there = frequency_response(plant, at_one) * pid_response(pid, plant.dt, at_one)
+    phases = np.abs(np.angle(-there))
+    real = _crossings(omega, np.where(loop.real < 0, loop.imag, np.nan))
+    gains = np.abs(frequency_response(plant, real) * pid_response(pid, plant.dt, real))
+    return Assessment(
+        spectral_radius(plant, pid),
+        peaks["S"],
+        peaks["T"],
+        peaks["PS"],
+        peaks["CS"],
+        crossover=float(at_one[-1]) if at_one.size else 0.0,
+        bandwidth=float(rising[0]) if rising.size else 0.0,
+        gain_margin=float(np.min(np.maximum(gains, 1 / gains), initial=math.inf)),
+        phase_margin=float(np.min(phases, initial=math.inf)),
+        disk_margin=2 / peak(difference, omega).value,
+    )
+
+
+def rms(system: control.StateSpace) -> float:
+    """Standard deviation of the output per that of a white input [its unit], of a stable system: its H2 norm."""
+    spread = solve_discrete_lyapunov(system.A, system.B @ system.B.T)
+    return math.sqrt(float((system.C @ spread @ system.C.T + system.D @ system.D.T)[0, 0]))
+
+
+def stays_below(system: control.StateSpace, bound: float) -> bool:
+    """Whether |G| < bound [its unit] at every frequency, decided without a grid, for a stable system.
+
+    After the bilinear map s = (z - 1) / (z + 1), which keeps the magnitudes, |G(jw)| reaches the bound if and only if
+    the Hamiltonian matrix has an eigenvalue on the imaginary axis (Boyd, Balakrishnan and Kabamba, 1989).
+    """
+    a, b, c, d = (np.asarray(matrix, float) for matrix in (system.A, system.B, system.C, system.D))
+    shifted = np.linalg.inv(a + np.eye(len(a)))
+    a, b, c, d = (
+        shifted @ (a - np.eye(len(a))),
+        math.sqrt(2) * shifted @ b,
+        math.sqrt(2) * c @ shifted,
+        d - c @ shifted @ b,
+    )
+    room = bound**2 - d[0, 0] ** 2
+    if room <= 0:  # at Nyquist's frequency
+        return False
+    inner = a + b @ c * d[0, 0] / room
+    hamiltonian = np.block([[inner, b @ b.T / room], [-c.T @ c * bound**2 / room, -inner.T]])
+    balanced, _ = matrix_balance(hamiltonian)
+    eigenvalues = np.linalg.eigvals(balanced)
+    return bool(np.min(np.abs(eigenvalues.real) / np.abs(eigenvalues)) > 1e-7)
+
+
+def _crossings(omega: Array, values: Array) -> Array:
+    """Where `values` (n,) change their sign over omega (n,) [rad/s], on straight lines; nan is no sign."""
+    index = np.flatnonzero(values[:-1] * values[1:] < 0)
+    share = values[index] / (values[index] - values[index + 1])
+    return np.asarray(omega[index] + share * (omega[index + 1] - omega[index]), float)

@@ -1,0 +1,1 @@
+"""How much friction suppression does stability leave?"""

@@ -1,0 +1,320 @@
+"""What `pid_tradeoff` computes: the certified front, the present PID beside it, the limits, and a recommendation."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.controller import default_controller
+from design.deadbeat import DesignError
+from design.family import Member, family, slopes
+from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
+from design.pid import Bounds, TuningError, pose, tune
+from design.pid_program import OBJECTIVES, Goal
+from models.controller import PID, to_json
+from models.ensemble import load_ensemble
+from models.friction import branch
+from models.machine import Machine, MachineError, with_pid
+from models.plant import Plant
+from models.quantity import show
+from studies.command import Answer, BadInputError, Check, Progress, quantity
+from studies.pid_tradeoff import front
+from studies.pid_tradeoff.front import Point
+from studies.pid_tradeoff.limits import bode_area, highest_crossover, least_sensitivity
+from studies.pid_tradeoff.published import SOURCE, compare
+from studies.validation import Validation, validate_many
+
+Array = NDArray[np.float64]
+
+LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # of the bound on |S|
+QUICK_LEVELS: Final = (1.4, 1.8, 2.4, 3.0)
+CERTAIN: Final = 1e-6  # by which the certificate's level lies above the peak found, relative
+SHOWN: Final = 0.1  # s of the reversal in the figures
+
+
+def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+    """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
+    wanted = _wanted(options)
+    others = _ensemble(options)
+    members = family(machine, wanted["mode_error"], wanted["mass_error"], others)
+    try:
+        controller = default_controller(machine)
+    except DesignError as error:
+        raise BadInputError(f"--machine: {error}") from error
+    progress(0.02, f"the present PID on {len(members)} plants")
+    present = front.judged("present", machine.control.pid, members)
+    given = options.noise and quantity(options.noise, "N/m", "--noise")
+    limits = Bounds(wanted["ms"], wanted["mt"], given or max(loop.mcs.value for loop in present.loops))
+    goal = _goal(machine, options.objective)
+    problem = pose(members, goal, machine.control.pid)
+    levels = sorted({*(QUICK_LEVELS if options.quick else LEVELS), wanted["ms"]})
+    progress(0.05, f"tuning {len(levels)} points of the front")
+    points, attempts = front.tuned(problem, levels, limits, machine)
+    chosen = next((point for point in points if point.bound == wanted["ms"]), None)
+    if chosen is None:
+        raise BadInputError(f"--ms {wanted['ms']:g}: {next(a['outcome'] for a in attempts if a['ms'] == wanted['ms'])}")
+    progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
+    ruled = front.rules(machine, members)
+    every = [*points, present, *ruled]
+    validations = front.nonsmooth(machine, controller, every)
+    rows = [front.row(machine, members, point, v) for point, v in zip(every, validations, strict=True)]
+    progress(0.65, "what each limit costs")
+    costs = _costs(machine, wanted, limits, chosen, quick=options.quick)
+    progress(0.75, "published optima, limits and certificates")
+    published, count = compare(), len(points)
+    fit = replace(controller, pid=chosen.pid)
+    compensated = validate_many([with_pid(machine, c.pid, "this study") for c in (controller, fit)], [controller, fit])
+    results = {
+        "quick": options.quick,
+        "wanted": {
+            **wanted,
+            "mcs_N_per_m": limits.mcs,
+            "objective": goal.objective,
+            "meaning": OBJECTIVES[goal.objective],
+        },
+        "family": [member.name for member in members],
+        "front": rows[:count],
+        "present": rows[count],
+        "chosen": rows[points.index(chosen)],
+        "fastest": min(rows[:count], key=lambda one: one["settling_s"]),
+        "equal": _first_within(rows[:count], rows[count]["settling_s"]),
+        "enough": _first_within(rows[:count], machine.specification.settling_time),
+        "rules": rows[count + 1 :],
+        "attempts": attempts,
+        "loops": _loops(members, chosen.pid, machine.control.pid, limits.mcs),
+        "limits": _limits(machine, members[0], points, present, limits.mcs),
+        "costs": costs,
+        "dearest": max(costs, key=lambda cost: cost["ki_N_per_ms"] or 0.0),
+        "published": {"source": SOURCE, "rows": published},
+        "reversal": _reversal(machine, every, validations, (chosen, present, points[-1])),
+        "between": _between(machine, chosen.pid),
+        "compensated": [_outcome(one) for one in compensated],
+        "force_N": _force(machine),
+    }
+    checks = _checks(members, points, results, compensated[1], machine)
+    stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
+    files = {"controller.json": to_json(fit, stroke, settling)}
+    return Answer(results, checks, files, _summary(results))
+
+
+def _wanted(options: argparse.Namespace) -> dict[str, Any]:
+    numbers = {}
+    for name, least in (("ms", 1.0), ("mt", 1.0), ("mode_error", 0.0), ("mass_error", 0.0)):
+        text, option = getattr(options, name), f"--{name.replace('_', '-')}"
+        numbers[name] = math.inf if text is None else quantity(text, "1", option)
+        if numbers[name] < least or (least == 1.0 and numbers[name] == 1.0):
+            raise BadInputError(f"{option}: {numbers[name]:g} can't be; give a number above {least:g}")
+        if least == 0.0 and numbers[name] >= 0.5:
+            raise BadInputError(f"{option}: {numbers[name]:g} is no error any more; give less than 0.5")
+    return numbers
+
+
+def _ensemble(options: argparse.Namespace) -> tuple[Machine, ...]:
+    if options.ensemble is None:
+        return ()
+    try:
+        return load_ensemble(options.ensemble)
+    except MachineError as error:
+        raise BadInputError(f"--ensemble: {error}") from error
+
+
+def _goal(machine: Machine, objective: Any) -> Goal:
+    """The objective for this machine's specification: its times and the band below 1 / (2 pi settling time)."""
+    begin = machine.specification.settling_time
+    top = 1 / (2 * math.pi * begin)
+    return Goal(objective, (top / 8, top), 2 * begin if objective == "band" else math.inf, begin, 2 * begin)
+
+
+def _force(machine: Machine) -> float:
+    return float(branch(machine.friction, machine.specification.stroke))
+
+
+def _first_within(rows: Sequence[dict[str, Any]], time: float) -> dict[str, Any] | None:
+    """The point of the front with the least Ms whose reversal settles within `time` [s]; None if there is none."""
+    return next((row for row in rows if row["settling_s"] <= time), None)
+
+
+def _costs(
+    machine: Machine, wanted: dict[str, Any], limits: Bounds, chosen: Point, *, quick: bool
+) -> list[dict[str, Any]]:
+    """The largest integral gain at the chosen bound on |S| when one limit is taken away."""
+    plant, vibrating = machine.plant, [i for i, mode in enumerate(machine.plant.modes) if mode.frequency > 0]
+    cases: list[tuple[str, Machine, float, float, float]] = []
+
+    def case(name: str, changed: Plant = plant, mode: float = 1.0, mass: float = 1.0, noise: float = 1.0) -> None:
+        errors = wanted["mode_error"] * mode, wanted["mass_error"] * mass
+        cases.append((name, replace(machine, plant=changed), *errors, noise))
+
+    case("as it is")
+    case("half the dead time", replace(plant, dead_time=plant.dead_time / 2))
+    for i in vibrating:
+        frequency = plant.modes[i].frequency
+        case(
+            f"no mode at {frequency:.3g} Hz",
+            replace(plant, modes=tuple(m for m in plant.modes if m is not plant.modes[i])),
+        )
+    case("modes' frequencies known", mode=0.0)
+    case("mass known", mass=0.0)
+    case("twice the noise in the thrust", noise=2.0)
+    rows = []
+    for name, changed, mode_error, mass_error, noise in cases[: 2 if quick else None]:
+        problem = pose(family(changed, mode_error, mass_error), Goal(), machine.control.pid)
+        bounds = Bounds(limits.ms, front.mt_bound(limits.ms, limits.mt), limits.mcs * noise)
+        row: dict[str, Any] = {"name": name}
+        try:
+            found = tune(problem, bounds, [("chosen", chosen.pid)])
+        except TuningError:
+            rows.append(row | {"ki_N_per_ms": None, "crossover_Hz": None})
+            continue
+        rows.append(row | {"ki_N_per_ms": found.pid.ki, "crossover_Hz": found.loops[0].crossover / (2 * math.pi)})
+    return rows
+
+
+def _loops(members: Sequence[Member], chosen: PID, present: PID, mcs: float) -> dict[str, Any]:
+    """Frequency responses of the nominal plants' loops, and of all for Nyquist's plot and the worst |S|."""
+    ts = float(members[0].plant.dt)
+    omega = np.geomspace(2e-3, 1, 500) * math.pi / ts
+    nominal = [member for member in members if member.nominal]
+    curves: dict[str, Any] = {}
+    for label, pid in (("chosen", chosen), ("present", present)):
+        c = pid_response(pid, ts, omega)
+        curves[label] = {member.name: _curves(frequency_response(member.plant, omega), c) for member in nominal}
+    every = [_loop_curve(member, chosen) for member in members]
+    return {
+        "frequency_Hz": omega / (2 * math.pi),
+        **curves,
+        "nyquist": [{"real": loop.real, "imaginary": loop.imag} for loop in every],
+        "least_s": least_sensitivity(frequency_response(nominal[0].plant, omega), mcs),
+    }
+
+
+def _loop_curve(member: Member, pid: PID) -> NDArray[np.complex128]:
+    """L (n,) at frequencies that are dense where a resonance is, from 5 Hz on: below it is off the plot."""
+    omega = grid(member.plant, pid, 250)
+    omega = omega[omega > 2 * math.pi * 5]
+    return np.asarray(frequency_response(member.plant, omega) * pid_response(pid, float(member.plant.dt), omega))
+
+
+def _curves(plant: NDArray[np.complex128], controller: NDArray[np.complex128]) -> dict[str, Any]:
+    s, loop = sensitivities(plant, controller), plant * controller
+    phase = np.degrees(np.unwrap(np.angle(loop)))
+    phase -= 360 * round((phase[0] + 225) / 360)  # an integrator and a rigid body begin at -270 degrees
+    names = {"s": s["S"], "t": s["T"], "ps_m_per_N": s["PS"], "cs_N_per_m": s["CS"], "l": loop}
+    return {**{name: np.abs(values) for name, values in names.items()}, "phase_deg": phase}
+
+
+def _limits(machine: Machine, rolling: Member, points: Sequence[Point], present: Point, mcs: float) -> dict[str, Any]:
+    """Crossovers and areas of Bode's integral of the front, with what they cannot pass."""
+    levels = np.linspace(1.15, 3.1, 40)
+    areas = [bode_area(rolling, point.pid, point.ms, mcs) for point in points]
+    own = bode_area(rolling, present.pid, present.ms, mcs)
+    plant, ts = machine.plant, machine.sample_time
+    return {
+        "ms": levels,
+        "crossover_Hz": highest_crossover(plant, ts, levels) / (2 * math.pi),
+        "modes_Hz": [mode.frequency for mode in plant.modes if mode.frequency > 0],
+        "front_ms": [point.ms for point in points],
+        "suppressed_Hz": [area.suppressed / (2 * math.pi) for area in areas],
+        "amplified_Hz": [area.amplified / (2 * math.pi) for area in areas],
+        "allowed_Hz": [area.allowed / (2 * math.pi) for area in areas],
+        "present_suppressed_Hz": own.suppressed / (2 * math.pi),
+        "imbalance": max(abs(area.suppressed / area.amplified - 1) for area in areas),
+    }
+
+
+def _reversal(
+    machine: Machine, every: Sequence[Point], validations: Sequence[Validation], which: Sequence[Point]
+) -> dict[str, Any]:
+    """The first SHOWN seconds of the reversal with some PIDs, without compensation."""
+    count = round(SHOWN / machine.sample_time)
+    curves = []
+    for point in which:
+        one = next(a for a in validations[every.index(point)].positive() if a.motion.reversal)
+        curves.append({"name": point.name, "ms": point.ms, "error_m": one.error[:count]})
+    return {"time_s": np.arange(count) * machine.sample_time, "curves": curves}
+
+
+def _between(machine: Machine, pid: PID) -> dict[str, Any]:
+    """x after a step of friction at ten points a sample, on P_l and at the steepest slope, and at the samples only."""
+    found: dict[str, Any] = {}
+    worst = 0.0
+    for name, slope in slopes(machine).items():
+        time, path, at_samples = front.between_samples(machine, pid, slope, 10, 0.05)
+        found["time_s"] = time
+        found[name] = {"path_m": path, "samples_m": at_samples}
+        worst = max(worst, float(np.max(np.abs(path)) / np.max(np.abs(at_samples)) - 1))
+    return {**found, "largest_beyond": worst}
+
+
+def _outcome(validation: Validation) -> dict[str, Any]:
+    return {
+        "settling_s": next(one.settling_time for one in validation.positive() if one.motion.reversal),
+        "slowest_s": max(one.settling_time for one in validation.achieved),
+        "dispersion_m": validation.worst_dispersion,
+    }
+
+
+def _finer(members: Sequence[Member], points: Sequence[Point]) -> float:
+    """Largest |S| over the peak found, on a grid ten times finer than the one it was found on."""
+    worst = 0.0
+    for point in points:
+        for member, loop in zip(members, point.loops, strict=True):
+            omega = grid(member.plant, point.pid, 2000)
+            c = pid_response(point.pid, float(member.plant.dt), omega)
+            s = np.abs(sensitivities(frequency_response(member.plant, omega), c)["S"])
+            worst = max(worst, float(np.max(s)) / loop.ms.value)
+    return worst
+
+
+def _uncertain(members: Sequence[Member], points: Sequence[Point]) -> int:
+    """How many loops' |S| or |T| are not proved to stay below the peaks found, at all frequencies."""
+    missed = 0
+    for point in points:
+        for member, loop in zip(members, point.loops, strict=True):
+            for name, peak in (("S", loop.ms), ("T", loop.mt)):
+                system = sensitivity(member.plant, point.pid, name)  # type: ignore[arg-type]
+                missed += not stays_below(system, peak.value * (1 + CERTAIN))
+    return missed
+
+
+def _checks(
+    members: Sequence[Member],
+    points: Sequence[Point],
+    results: dict[str, Any],
+    compensated: Validation,
+    machine: Machine,
+) -> tuple[Check, ...]:
+    radius = max(loop.spectral_radius for point in points for loop in point.loops)
+    excess = max(point.ms / (point.bound or math.inf) for point in points)
+    published = max(row["largest_error"] for row in results["published"]["rows"])
+    settled = max(one.settling_time for one in compensated.positive())
+    return (
+        Check("largest eigenvalue of all loops of the front", radius, "1", 1 - 1e-9, "stability"),
+        Check("largest peak of the sensitivity over its bound", excess, "1", 1 + 2e-4, "certificate"),
+        Check(
+            "the same on a ten times finer grid, over the peak", _finer(members, points), "1", 1 + 1e-6, "certificate"
+        ),
+        Check(
+            "loops whose peaks are not proved at all frequencies", _uncertain(members, points), "1", 0, "Hamiltonian"
+        ),
+        Check("imbalance of Bode's integral", results["limits"]["imbalance"], "1", 0.01, "Bode"),
+        Check("error to published optima", published, "1", 0.01, "Åström et al., 1998"),
+        Check(
+            "settling of the chosen PID with compensation", settled, "s", machine.specification.settling_time, "II.D"
+        ),
+    )
+
+
+def _summary(results: dict[str, Any]) -> list[tuple[str, str]]:
+    present, chosen, fastest = (results[key] for key in ("present", "chosen", "fastest"))
+
+    def line(row: dict[str, Any]) -> str:
+        return f"Ms {row['ms']:.3g}, ki {row['ki_N_per_ms']:.3g} N/(m s), reversal in {show(row['settling_s'], 's')}"
+
+    return [("present PID", line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]

@@ -1,0 +1,290 @@
+"""How the trade-off of friction suppression and stability is told: its figures and the words around them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from models.quantity import show
+from reports import style
+from reports.report import Figure, Report
+
+Results = Mapping[str, Any]
+LOOPS = {"P_l": "$P_l$", "P_e1": "$P_{e1}$", "P_e2": "$P_{e2}$", "steepest": "steepest"}
+
+
+def tell(whole: Results) -> Report:
+    """The report on what results.json holds."""
+    rows = ("results.front", "results.present", "results.rules", "results.wanted")
+    figures = [
+        Figure("front", FRONT, (*rows, "machine.specification"), _front),
+        Figure("reversal", REVERSAL, ("results.reversal", "machine.specification"), _reversal),
+        Figure("gains", GAINS, rows, _gains),
+        Figure("limits", LIMITS, ("results.limits", "results.front", "results.present"), _limits),
+        Figure("bode", BODE, ("results.loops",), _bode),
+        Figure("nyquist", NYQUIST, ("results.loops", "results.wanted"), _nyquist),
+        Figure("sensitivities", SENSITIVITIES, ("results.loops", "results.wanted", "results.chosen"), _sensitivities),
+        Figure("between", BETWEEN, ("results.between",), _between),
+    ]
+    title = f"Friction suppression against stability: {whole['machine']['name']}"
+    filters: dict[str, Callable[..., Any]] = {
+        "show": _show,
+        "gain": _gain,
+        "number": _number,
+        "ratio": lambda ratio: f"{ratio:.2f}",
+    }
+    question = "How much friction suppression does stability leave, and is feedback alone enough?"
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters)
+
+
+FRONT = (
+    "Settling of the reversal without friction compensation, on the nonsmooth machine, against the largest $|S|$ over "
+    "the family: the tuned PIDs, the present one and two rules of thumb. A point on the upper edge never settles "
+    "before the next motion."
+)
+REVERSAL = "Position error of the reversal without friction compensation with three PIDs."
+GAINS = "Integral gain and crossover frequency on $P_l$ over the largest $|S|$ of the family."
+LIMITS = (
+    "What no PID passes. Left: the crossover on $P_l$ and the highest one that the dead time leaves any PID. Right: "
+    "the area below 0 of $\\ln|S|$ and the area that Bode's integral leaves any controller with the same bounds."
+)
+BODE = "Open loop $L$ with the chosen PID, on the plants as they are known; thin: with the present PID on $P_l$."
+NYQUIST = "Open loop of every plant of the family with the chosen PID, and the circle that $|S|$'s bound keeps clear."
+SENSITIVITIES = (
+    "Sensitivities with the chosen PID, on the plants as they are known, with their bounds; thin: the present PID on "
+    "$P_l$; dash-dotted: below it, $|S|$ on $P_l$ can't be brought by any controller with the same noise."
+)
+BETWEEN = "Position after a step of friction of the reversal's size, chosen PID, between the samples too."
+
+
+def _show(number: float | None, unit: str, digits: int = 3) -> str:
+    """A number for the text; None stands for one that is not finite."""
+    return "never" if number is None else show(number, unit, digits).replace(" ", "\u00a0")
+
+
+def _gain(number: float | None) -> str:
+    """A gain with its power of ten as mathematics."""
+    if number is None:
+        return "–"
+    power = math.floor(math.log10(abs(number))) if number else 0
+    return f"${number / 10**power:.2f}\\cdot 10^{{{power}}}$"
+
+
+def _number(number: float | None, digits: int = 3) -> str:
+    return "–" if number is None else f"{number:.{digits}g}"
+
+
+def _column(rows: Any, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([np.nan if row[key] is None else row[key] for row in rows], float)
+
+
+def _series(results: Results) -> list[tuple[str, list[Any], dict[str, Any]]]:
+    """Rows of each kind of PID with its look."""
+    rules = results["rules"]
+    return [
+        ("tuned", results["front"], {"color": style.BLUE, "marker": "o", "linestyle": "-"}),
+        ("SIMC", [r for r in rules if r["name"] == "SIMC"], {"color": style.GREEN, "marker": "s", "linestyle": "--"}),
+        (
+            "lambda",
+            [r for r in rules if r["name"] == "lambda"],
+            {"color": style.PURPLE, "marker": "^", "linestyle": ":"},
+        ),
+        (
+            "present",
+            [results["present"]],
+            {"color": style.VERMILION, "marker": "D", "linestyle": "none", "markersize": 7},
+        ),
+    ]
+
+
+def _front(whole: Results) -> Drawing:
+    results, spec = whole["results"], whole["machine"]["specification"]
+    figure, axes = style.subplots(1, 1, 64)
+    ax = axes[0, 0]
+    top = 1e3 * spec["interval_s"]
+    for label, rows, look in _series(results):
+        settling = 1e3 * _column(rows, "settling_s")
+        ax.semilogy(_column(rows, "ms"), np.where(np.isnan(settling), top, settling), label=label, **look)
+    style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"required,\n{1e3 * spec['settling_time_s']:g} ms")
+    style.mark_limit(ax, results["wanted"]["ms"], f"chosen, $M_s \\leq$ {results['wanted']['ms']:g}", axis="x")
+    ax.set_xlim(1.15, 3.15)
+    ax.set_ylim(15, top * 1.1)
+    ticks = [tick for tick in (15, 20, 30, 50, 100, 200, 500) if tick <= top * 1.1]
+    ax.set_yticks(ticks, [f"{tick}" for tick in ticks], minor=False)
+    ax.minorticks_off()
+    ax.set_xlabel("largest $|S|$ over the family, $M_s$")
+    ax.set_ylabel("settling of the reversal [ms]")
+    ax.legend(loc="upper right")
+    return figure
+
+
+def _reversal(whole: Results) -> Drawing:
+    reversal, spec = whole["results"]["reversal"], whole["machine"]["specification"]
+    figure, axes = style.subplots(1, 1, 60)
+    ax = axes[0, 0]
+    style.tolerance_band(ax, 0.0, 1e6 * spec["tolerance_m"], "tolerance")
+    style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"{1e3 * spec['settling_time_s']:g} ms", axis="x")
+    for curve in reversal["curves"]:
+        label = f"{curve['name'].split(',')[0]}, $M_s$ = {curve['ms']:.3g}"
+        ax.plot(1e3 * np.array(reversal["time_s"]), 1e6 * np.array(curve["error_m"]), label=label)
+    ax.set_xlim(0, 1e3 * reversal["time_s"][-1])
+    ax.set_xlabel("time from the step [ms]")
+    ax.set_ylabel("$x_T - r$ [µm]")
+    ax.legend(loc="lower right")
+    return figure
+
+
+def _gains(whole: Results) -> Drawing:
+    results = whole["results"]
+    figure, axes = style.subplots(1, 2, 62)
+    for label, rows, look in _series(results):
+        axes[0, 0].semilogy(_column(rows, "ms"), _column(rows, "ki_N_per_ms"), label=label, **look)
+        axes[0, 1].plot(_column(rows, "ms"), _column(rows, "crossover_Hz"), **look)
+    axes[0, 0].set_ylabel("integral gain [N/(m s)]")
+    axes[0, 1].set_ylabel("crossover on $P_l$ [Hz]")
+    axes[0, 1].set_ylim(0, 75)
+    for ax in axes[0]:
+        ax.set_xlim(1.15, 3.15)
+        ax.set_xlabel("$M_s$")
+    axes[0, 0].legend(loc="lower right")
+    return figure
+
+
+def _limits(whole: Results) -> Drawing:
+    results = whole["results"]
+    limits, front, present = results["limits"], results["front"], results["present"]
+    figure, axes = style.subplots(1, 2, 68)
+    left, right = axes[0]
+    left.plot(limits["ms"], limits["crossover_Hz"], color=style.LIMIT, linestyle="-", label="dead time: no PID above")
+    left.plot(
+        limits["front_ms"], _column(front, "crossover_Hz"), color=style.BLUE, linestyle="-", marker="o", label="tuned"
+    )
+    left.plot(
+        present["ms"], present["crossover_Hz"], color=style.VERMILION, marker="D", linestyle="none", label="present"
+    )
+    for frequency in limits["modes_Hz"]:
+        left.axhline(frequency, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
+        words: dict[str, Any] = {"fontsize": 7, "va": "top", "ha": "right", "textcoords": "offset points"}
+        left.annotate(f"mode at {frequency:.3g} Hz", (3.13, frequency), xytext=(0, -2), **words)
+    left.set_ylabel("crossover [Hz]")
+    left.set_ylim(bottom=0)
+    right.plot(
+        limits["front_ms"], limits["allowed_Hz"], color=style.LIMIT, linestyle="-", label="Bode: no controller above"
+    )
+    right.plot(limits["front_ms"], limits["suppressed_Hz"], color=style.BLUE, linestyle="-", marker="o", label="tuned")
+    right.plot(
+        present["ms"],
+        limits["present_suppressed_Hz"],
+        color=style.VERMILION,
+        marker="D",
+        linestyle="none",
+        label="present",
+    )
+    right.set_ylabel("area of ln|S| below 0 [Hz]")
+    right.set_ylim(bottom=0)
+    for ax in axes[0]:
+        ax.set_xlim(1.15, 3.15)
+        ax.set_xlabel("$M_s$")
+        ax.legend(loc="upper left")
+    left.set_ylim(top=1.25 * max(limits["crossover_Hz"]))
+    right.set_ylim(top=1.25 * max(limits["allowed_Hz"]))
+    return figure
+
+
+def _bode(whole: Results) -> Drawing:
+    loops = whole["results"]["loops"]
+    figure, axes = style.subplots(2, 1, 90, sharex=True)
+    frequency = loops["frequency_Hz"]
+    for name, label in LOOPS.items():
+        axes[0, 0].loglog(frequency, loops["chosen"][name]["l"], label=label)
+        axes[1, 0].semilogx(frequency, loops["chosen"][name]["phase_deg"])
+    axes[0, 0].loglog(
+        frequency, loops["present"]["P_l"]["l"], color="#777777", linestyle="-", linewidth=0.7, label="present"
+    )
+    axes[1, 0].semilogx(frequency, loops["present"]["P_l"]["phase_deg"], color="#777777", linestyle="-", linewidth=0.7)
+    style.mark_limit(axes[0, 0], 1.0, "|L| = 1")
+    style.mark_limit(axes[1, 0], -180.0, "−180°")
+    axes[0, 0].set_ylabel("|L|")
+    axes[0, 0].set_ylim(1e-2, 1e3)
+    axes[1, 0].set_ylim(-540, 90)
+    axes[1, 0].set_yticks(range(-540, 91, 90))
+    axes[1, 0].set_ylabel("phase of L [deg]")
+    axes[1, 0].set_xlabel("frequency [Hz]")
+    axes[0, 0].legend(loc="upper right", ncols=2)
+    return figure
+
+
+def _nyquist(whole: Results) -> Drawing:
+    loops, ms = whole["results"]["loops"], whole["results"]["wanted"]["ms"]
+    figure, axes = style.subplots(1, 1, 92)
+    ax = axes[0, 0]
+    for i, loop in enumerate(loops["nyquist"]):
+        label = f"{len(loops['nyquist'])} plants" if i == 0 else None
+        ax.plot(loop["real"], loop["imaginary"], color=style.BLUE, linestyle="-", linewidth=0.6, label=label)
+    angle = np.linspace(0, 2 * np.pi, 200)
+    ax.fill(
+        -1 + np.cos(angle) / ms, np.sin(angle) / ms, facecolor="#e4e4e4", edgecolor=style.LIMIT, linewidth=0.9,
+        label=f"$|S| >$ {ms:g}", zorder=0.8,
+    )  # fmt: skip
+    ax.plot(-1, 0, color=style.BLACK, marker="+", markersize=9, linestyle="none")
+    ax.set_aspect("equal")
+    ax.set_xlim(-3.6, 1.6)
+    ax.set_ylim(-2.1, 1.3)
+    ax.set_xlabel("Re L")
+    ax.set_ylabel("Im L")
+    ax.legend(loc="upper right")
+    return figure
+
+
+def _sensitivities(whole: Results) -> Drawing:
+    results = whole["results"]
+    loops, wanted, chosen = results["loops"], results["wanted"], results["chosen"]
+    figure, axes = style.subplots(2, 2, 110, sharex=True)
+    frequency = loops["frequency_Hz"]
+    places = (("s", "|S|"), ("t", "|T|"), ("ps_m_per_N", "|PS| [m/N]"), ("cs_N_per_m", "|CS| [N/m]"))
+    for (key, label), ax in zip(places, axes.ravel(), strict=True):
+        for name, text in LOOPS.items():
+            ax.loglog(frequency, loops["chosen"][name][key], label=text, linewidth=1.1)
+        ax.loglog(
+            frequency, loops["present"]["P_l"][key], color="#777777", linestyle="-", linewidth=0.7, label="present"
+        )
+        ax.set_ylabel(label)
+    least = np.array(loops["least_s"])
+    axes[0, 0].loglog(
+        frequency, np.where(least > 1e-2, least, np.nan), color=style.LIMIT, linestyle="-.", linewidth=0.9
+    )
+    for ax, limit in (
+        (axes[0, 0], wanted["ms"]),
+        (axes[0, 1], max(chosen["mt"], chosen["ms"])),
+        (axes[1, 1], wanted["mcs_N_per_m"]),
+    ):
+        ax.axhline(limit, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
+    axes[0, 0].set_ylim(1e-2, 5)
+    axes[0, 1].set_ylim(1e-2, 5)
+    for ax in axes[1]:
+        ax.set_xlabel("frequency [Hz]")
+    axes[0, 0].legend(loc="lower right", fontsize=6.5)
+    return figure
+
+
+def _between(whole: Results) -> Drawing:
+    between = whole["results"]["between"]
+    figure, axes = style.subplots(1, 2, 56)
+    time = 1e3 * np.array(between["time_s"])
+    for ax, name in ((axes[0, 0], "P_l"), (axes[0, 1], "steepest")):
+        path, samples = between[name]["path_m"], between[name]["samples_m"]
+        ax.plot(time, 1e6 * np.array(path), linestyle="-", linewidth=0.9, label="ten points a sample")
+        spacing = len(path) // len(samples)
+        look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 2.2, "color": style.VERMILION}
+        ax.plot(time[::spacing], 1e6 * np.array(samples), label="at the samples", **look)
+        ax.set_title(LOOPS[name])
+        ax.set_xlabel("time [ms]")
+        ax.set_xlim(0, time[-1])
+    axes[0, 0].set_ylabel("position [µm]")
+    axes[0, 1].legend(loc="upper right")
+    return figure

@@ -1,0 +1,125 @@
+"""The sampled loop: against the PID's and the plant's own steps, python-control's margins, finer grids and a proof."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+from design.loop import (
+    SENSITIVITIES,
+    assess,
+    closed_loop,
+    frequency_response,
+    grid,
+    peak,
+    pid_model,
+    pid_response,
+    rms,
+    sensitivities,
+    sensitivity,
+    stays_below,
+)
+from models.controller import PID, pid_step
+from models.plant import Mode, Plant, sampled
+
+TS = 5e-4
+STAND = Plant(1.2e-3, 1.0, (Mode(1 / 45, 0.0, 0.0), Mode(1 / 900, 38.0, 0.01), Mode(5e-4, 81.0, 0.02)))
+GAINS = PID(1.6e6, 7e7, 1.05e4, 2e-4)
+SLOPES = (0.0, 1e5, 8e5, 1.7e6)
+
+
+def model(slope: float) -> control.StateSpace:
+    return sampled(STAND, TS, slope)
+
+
+def test_the_pid_is_the_one_that_runs() -> None:
+    """The step of models.controller, sample by sample, and the closed form, bin by bin."""
+    errors = np.random.default_rng(0).standard_normal(50)
+    gains = np.array([GAINS.kp, GAINS.ki, GAINS.kd, GAINS.derivative_filter])
+    integral = slope = previous = 0.0
+    expected = []
+    for error in errors:
+        command, integral, slope = pid_step(error, previous, integral, slope, gains, TS)
+        previous = error
+        expected.append(command)
+    c, state, found = pid_model(GAINS, TS), np.zeros(2), []
+    for error in errors:
+        found.append(float(c.C[0] @ state + c.D[0, 0] * error))
+        state = c.A @ state + c.B[:, 0] * error
+    assert found == pytest.approx(expected, rel=1e-10)
+    omega = np.geomspace(1, math.pi / TS, 40)
+    assert pid_response(GAINS, TS, omega) == pytest.approx(frequency_response(c, omega), rel=1e-9)
+
+
+@pytest.mark.parametrize("slope", SLOPES)
+def test_the_closed_loops_frequency_responses_are_those_of_the_diagram(slope: float) -> None:
+    omega = np.geomspace(20, math.pi / TS, 60)
+    expected = sensitivities(frequency_response(model(slope), omega), pid_response(GAINS, TS, omega))
+    for name in SENSITIVITIES:
+        found = frequency_response(sensitivity(model(slope), GAINS, name), omega)
+        assert np.max(np.abs(found / expected[name] - 1)) < 1e-6
+    assert np.max(np.abs(expected["S"] + expected["T"] - 1)) < 1e-12
+
+
+@pytest.mark.parametrize("slope", SLOPES)
+def test_peaks_margins_and_stability_agree_with_python_control(slope: float) -> None:
+    found, loop = assess(model(slope), GAINS, count=2000), model(slope) * pid_model(GAINS, TS)
+    # From the frequency response: the polynomials of three poles at z = 1 have crossings made of round-off there.
+    omega = grid(model(slope), GAINS, 2000)[:-1]
+    gains, phases, *_ = control.stability_margins(control.frd(loop, omega), returnall=True)
+    factors = [max(g, 1 / g) for g in gains if g > 0]
+    assert found.gain_margin == pytest.approx(min(factors), rel=1e-3)
+    assert found.phase_margin == pytest.approx(math.radians(min(np.abs(phases))), rel=1e-3)
+    disk, *_ = control.disk_margins(loop, grid(model(slope), GAINS, 4000))
+    assert found.disk_margin == pytest.approx(disk, rel=1e-4)
+    assert found.phase_margin >= 2 * math.asin(1 / (2 * found.ms.value)) - 1e-4
+    assert (
+        found.gain_margin >= found.ms.value / (found.ms.value - 1) - 1e-3 or found.gain_margin >= 1 + 1 / found.ms.value
+    )
+    poles = control.feedback(loop, 1).poles()
+    assert found.spectral_radius == pytest.approx(np.max(np.abs(poles)), rel=1e-6)
+    assert found.stable
+
+
+@pytest.mark.parametrize("slope", SLOPES)
+@pytest.mark.parametrize("name", SENSITIVITIES)
+def test_a_peak_is_proved_at_all_frequencies_and_held_on_a_ten_times_finer_grid(slope: float, name: Any) -> None:
+    found = assess(model(slope), GAINS)
+    top = {"S": found.ms, "T": found.mt, "PS": found.mps, "CS": found.mcs}[name]
+    omega = grid(model(slope), GAINS, 2000)
+    values = sensitivities(frequency_response(model(slope), omega), pid_response(GAINS, TS, omega))
+    assert np.max(np.abs(values[name])) <= top.value * (1 + 1e-6)
+    system = sensitivity(model(slope), GAINS, name)
+    assert stays_below(system, top.value * (1 + 1e-5))
+    assert not stays_below(system, top.value * (1 - 1e-5))
+
+
+def test_a_narrow_peak_between_grid_points_is_found() -> None:
+    """1 / sqrt(x^2 + w^2) has a peak of 1 / w, 1000 times narrower than the grid's spacing of its neighbours."""
+
+    def narrow(omega: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+        return np.asarray(1 / np.hypot(omega - 3.14159, 0.05))
+
+    omega = np.linspace(1, 6, 60)
+    assert np.max(narrow(omega)) < 19.9  # the grid alone misses it
+    found = peak(narrow, omega)
+    assert found.value == pytest.approx(20, rel=1e-6)
+    assert found.omega == pytest.approx(3.14159, abs=1e-4)
+
+
+def test_an_unstable_loop_is_called_one() -> None:
+    aggressive = PID(20 * GAINS.kp, GAINS.ki, GAINS.kd, GAINS.derivative_filter)
+    assert not assess(model(0.0), aggressive).stable
+    assert np.max(np.abs(np.linalg.eigvals(closed_loop(model(0.0), aggressive).A))) > 1
+
+
+def test_rms_of_a_first_order_filter_is_the_closed_form() -> None:
+    """y[k] = a y[k-1] + (1 - a) e[k-1]: variance (1 - a)^2 / (1 - a^2)."""
+    a = 0.8
+    assert rms(control.StateSpace([[a]], [[1 - a]], [[1.0]], [[0.0]], TS)) == pytest.approx(
+        (1 - a) / math.sqrt(1 - a**2)
+    )
