@@ -26,7 +26,6 @@ from studies.identify_machine.steps import STEPS, Found
 Array = NDArray[np.float64]
 
 SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
-SIGMAS: Final = 3.0  # that a motion record's parameters may depart from the others
 QUICK_TABLES: Final = 3
 
 

@@ -79,7 +79,7 @@ def excitation(machine: Machine, seed: int) -> Record:
     wave = size * np.sum(np.cos(angle + draw.uniform(0, 2 * np.pi, lines.size)), axis=1)
     count = (PERIODS + 2) * length
     force = np.concatenate([np.zeros(length), np.tile(wave, PERIODS + 1)])
-    return _run(machine, SPEED * ts * np.arange(count, dtype=np.float64), force, seed)
+    return run(machine, SPEED * ts * np.arange(count, dtype=np.float64), force, seed)
 
 
 def hysteresis(machine: Machine, seed: int) -> Record:
@@ -87,7 +87,7 @@ def hysteresis(machine: Machine, seed: int) -> Record:
     t = np.arange(round(12.0 / machine.sample_time)) * machine.sample_time
     wide = 2.5 * max(machine.friction.limit)
     path: Array = np.where(t < 8, wide * np.sin(np.pi * t / 2), 0.25 * wide * np.sin(np.pi * (t - 8)))
-    return _run(machine, np.asarray(path, np.float64), np.zeros(t.size), seed)
+    return run(machine, np.asarray(path, np.float64), np.zeros(t.size), seed)
 
 
 def motions(machine: Machine, seed: int, offset: float = 0.0, nominal: Machine | None = None) -> Record:
@@ -103,7 +103,8 @@ def motions(machine: Machine, seed: int, offset: float = 0.0, nominal: Machine |
     return replace(record, command=record.command - offset)
 
 
-def _run(machine: Machine, reference: Array, force: Array, seed: int) -> Record:
+def run(machine: Machine, reference: Array, force: Array, seed: int) -> Record:
+    """The loop over a reference (n,) [m] with a force (n,) [N] on its feedforward."""
     control = machine.control
     controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
     given = References(reference, force, np.zeros(force.size))

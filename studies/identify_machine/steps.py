@@ -17,6 +17,7 @@ from models.record import Record
 from models.record_file import Loaded
 from studies.command import Check
 
+SIGMAS: Final = 3.0  # beyond which two records differ by more than their noise
 SHOWN: Final = 3000  # samples that results.json keeps of a signal, for the figures
 PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # of the inverse dynamics as EMPS's authors do it
 
@@ -56,6 +57,7 @@ def from_response(found: Found, loaded: Loaded) -> Found:
     model = modes.model(fit.plant, measured.frequency, measured.sample_time)
     known = bool(np.all(np.isfinite(measured.variance)))
     phase = np.rad2deg(np.unwrap(np.angle(model)))
+    phase -= 360 * np.round((phase[0] + 180) / 360)  # a rigid body begins at -180 degrees
     shown = {
         "frequency_Hz": measured.frequency,
         "measured_m_per_N": np.abs(measured.response),
@@ -160,30 +162,37 @@ def from_motion(found: Found, loaded: Loaded) -> Found:
         "residual_std_N": float(np.std((fit.command - fit.modelled)[motion.START :])),
         "prediction_error_std_N": float(np.std(fit.prediction_error)),
     }
-    checks = _agreement(found, fit.estimate)
+    checks, said = _agreement(found, fit.estimate)
     machine = _with_motion(found, fit, loaded)
-    found = found.having("motion", shown, fit.estimate)
+    found = found.having("motion", shown, fit.estimate, said)
     return replace(found, machine=machine, checks=(*found.checks, *checks))
 
 
-def _agreement(found: Found, estimate: Estimate) -> tuple[Check, ...]:
-    """How far the motion record departs from what the others said, in standard deviations of both together."""
+def _agreement(found: Found, estimate: Estimate) -> tuple[tuple[Check, ...], tuple[str, ...]]:
+    """How far the motion record departs from what the others said; a sentence where noise does not explain it."""
     rows = {row["name"]: row for row in found.results.get("estimates", [])}
-    apart = []
-    if "plant" in found.known:
-        gain, delay = rows["rigid body gain"], rows["dead time"]
+    twice = []  # name, difference as a share, its standard deviation
+    if "plant" in found.known and "rigid body gain" in rows:
+        gain, delay, ts = rows["rigid body gain"], rows["dead time"], found.machine.sample_time
         spread = math.hypot(estimate.deviation("mass"), gain["std"] / gain["number"])
-        apart.append(abs(estimate.value("mass") - 1) / spread)
-        spread = math.hypot(estimate.deviation("dead time"), delay["std"])
-        apart.append(abs(estimate.value("dead time") - delay["number"]) / spread)
-    if "friction" in found.known:
-        slip = found.results["hysteresis" if "hysteresis" in found.results else "dynamics"]
+        twice.append(("mass", estimate.value("mass") - 1, spread))
+        spread = math.hypot(estimate.deviation("dead time"), delay["std"]) / ts
+        twice.append(("dead time", (estimate.value("dead time") - delay["number"]) / ts, spread))
+    if "hysteresis" in found.results:
+        slip = found.results["hysteresis"]
         spread = math.hypot(estimate.deviation("friction level"), slip["slip_std_N"] / slip["slip_N"])
-        apart.append(abs(estimate.value("friction level") - 1) / spread)
-    if not apart:
-        return ()
-    name = "motion record against the other records, standard deviations"
-    return (Check(name, max(apart), "1", 4.0, "mass, dead time and friction level found twice"),)
+        twice.append(("friction level", estimate.value("friction level") - 1, spread))
+    said = tuple(
+        f"The motion record shows a {name} that differs by {100 * share:+.2g} % from the other record, "
+        f"{abs(share / spread):.1f} standard deviations: noise does not explain it, the model's form may."
+        for name, share, spread in twice
+        if abs(share) > SIGMAS * spread
+    )
+    if not twice:
+        return (), said
+    name = "largest difference between values found by two records"
+    source = "mass, friction level; dead time as a share of the sample time"
+    return (Check(name, max(abs(share) for _, share, _ in twice), "1", 0.02, source),), said
 
 
 def _with_motion(found: Found, fit: motion.MotionFit, loaded: Loaded) -> Machine:

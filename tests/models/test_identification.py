@@ -54,16 +54,12 @@ def test_low_lines_that_friction_bends_are_left_out() -> None:
 
 
 def test_a_response_that_is_bent_throughout_is_refused() -> None:
-    control = replace(MACHINE, plant=replace(MACHINE.plant, modes=MACHINE.plant.modes[:1]))
-    record = own_records.excitation(control, 1)
-    still = replace(record, feedforward=record.feedforward)
-    slow = response.measured(still)
-    assert slow.rolling
-    f = np.geomspace(2, 400, 80)
-    spring = 1 / (1e6 - 48 * (2 * np.pi * f) ** 2 + 1j * 4e3 * 2 * np.pi * f)
+    """An axis that stays within its presliding region: a spring, with nothing rigid in sight."""
+    f = np.geomspace(2, 40, 60)
+    spring = np.asarray(1 / (1e6 - 48 * (2 * np.pi * f) ** 2 + 4e3j * 2 * np.pi * f), complex)
     unknown = np.full(f.size, np.nan)
-    with pytest.raises(ValueError, match=r"friction bends the whole response|agrees"):
-        modes.fit(FrequencyResponse(f[:40], spring[:40], unknown[:40], unknown[:40], 0.0))
+    with pytest.raises(ValueError, match="friction bends the whole response"):
+        modes.fit(FrequencyResponse(f, spring, unknown, unknown, 0.0))
 
 
 def test_feedback_does_not_bias_the_response() -> None:
@@ -88,7 +84,7 @@ def test_an_excitation_that_is_not_periodic_is_taken_over_windows() -> None:
     draw = np.random.default_rng(0)
     size = record.feedforward.size
     force_ = np.asarray(np.convolve(draw.standard_normal(size), np.ones(3) / 3, "same")) * 5.0
-    noise = own_records._run(MACHINE, np.asarray(record.reference, float), force_, 4)
+    noise = own_records.run(MACHINE, np.asarray(record.reference, float), force_, 4)
     found = response.measured(noise)
     assert response.period(noise.feedforward) is None
     inside = (found.frequency > 20) & (found.frequency < 300)
