@@ -1,0 +1,1 @@
+"""Which x_T* makes every motion settle, whatever the friction remembers?"""

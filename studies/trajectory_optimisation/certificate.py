@@ -1,0 +1,65 @@
+"""How far the smoothed friction is from the exact one, in force and in the loop's response, and at what order."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.scenarios import Scenario, respond
+from design.trajectory import Trajectory
+from models.friction import follow
+from models.machine import Machine
+from models.smooth_friction import follow_smoothed
+from studies.trajectory_optimisation.designs import feedback
+
+Array = NDArray[np.float64]
+
+RATIOS: Final = (0.3, 0.1, 0.03, 0.01, 0.003)
+SETTLED: Final = 30e-3  # s of the loop's response that are compared
+
+
+def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> dict[str, Any]:
+    """Largest differences over random paths and random motions; orders by least squares on their logarithms."""
+    rng, friction = np.random.default_rng(seed), machine.friction
+    limits = np.array(friction.limit)
+    count = 4 if quick else 20
+    paths = [np.cumsum(rng.standard_normal(400)) * 10 ** rng.uniform(-7, -5.3) for _ in range(count)]
+    starts = [rng.uniform(-1, 1, limits.size) * limits for _ in range(count)]
+    scales = rng.uniform(0.1, 2.0, count)
+    exact_paths = [follow(friction, path, start)[0] for path, start in zip(paths, starts, strict=True)]
+    exact = [_response(machine, motion, start, scale, 0.0) for start, scale in zip(starts, scales, strict=True)]
+    force, response = [], []
+    for ratio in RATIOS:
+        smoothed = [follow_smoothed(friction, path, ratio, start) for path, start in zip(paths, starts, strict=True)]
+        force.append(_largest(smoothed, exact_paths))
+        loops = [_response(machine, motion, start, scale, ratio) for start, scale in zip(starts, scales, strict=True)]
+        response.append(_largest(loops, exact))
+    return {
+        "ratio": RATIOS,
+        "paths": count,
+        "force_N": force,
+        "bound_N": [ratio * friction.coulomb_force for ratio in RATIOS],
+        "response_m": response,
+        "order_force": _order(force),
+        "order_response": _order(response),
+    }
+
+
+def _response(machine: Machine, motion: Trajectory, start: Array, scale: float, ratio: float) -> Array:
+    """x [m] of the loop under the motion scaled by `scale`, without friction compensation: the feedback does it all."""
+    loop = feedback(machine, motion.task.samples + 1, SETTLED)
+    extra = loop.last - motion.net.size
+    thrust = scale * np.append(motion.net, np.zeros(extra))
+    reference = scale * np.append(motion.position, np.full(extra - 1, motion.task.stroke))
+    scenario = Scenario(machine.plant, machine.friction, 0)
+    return respond(scenario, loop, start, thrust, reference, ratio)[3]
+
+
+def _largest(some: list[Array], others: list[Array]) -> float:
+    return max(float(np.max(np.abs(one - other))) for one, other in zip(some, others, strict=True))
+
+
+def _order(errors: list[float]) -> float:
+    return float(np.polyfit(np.log(RATIOS), np.log(errors), 1)[0])

@@ -1,0 +1,126 @@
+"""The trajectory study as its user meets it, and its judge against hand-made cases."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from design.deadbeat import synthesise
+from models.controller import Controller, load
+from models.machine import load as load_machine
+from models.record import motions
+from models.settling import dispersion, settling_time
+from models.simulator import simulate
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
+from studies.trajectory_optimisation.__main__ import STUDY
+from studies.trajectory_optimisation.judge import RANGE, Aim, judge, perturbed, sequence
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What one quick run wrote; four tables are few, so the aims may be missed."""
+    output = tmp_path_factory.mktemp("trajectory") / "out"
+    options = ["--quick", "--objective", "peak_thrust", "--tables", "4", "--output", str(output)]
+    assert main(STUDY, options) in {DONE, CHECK_MISSED}
+    return output
+
+
+def read(folder: Path, name: str) -> Any:
+    return json.loads((folder / name).read_text(encoding="utf-8"))
+
+
+def test_everything_is_written(folder: Path) -> None:
+    names = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
+    assert names >= {"report.html", "report.pdf", "results.json", "manifest.json", "controller.json", "machine.toml"}
+    assert "This is a quick run" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_every_scheme_is_judged_on_the_same_tables(folder: Path) -> None:
+    results = read(folder, "results.json")["results"]
+    rows = {row["key"]: row for row in results["rows"]}
+    assert list(rows) == ["deadbeat", "paper", "common", "peak", "aware", "learning"]
+    assert rows["learning"]["ensemble"]["dispersion_m"] < 0.5 * rows["paper"]["ensemble"]["dispersion_m"]
+    assert rows["common"]["central"]["settling_s"] < rows["deadbeat"]["central"]["settling_s"]
+    assert rows["aware"]["central"]["dispersion_m"] < rows["paper"]["central"]["dispersion_m"]
+    for key in ("force_N", "response_m"):
+        values = results["certificate"][key]
+        assert all(later < earlier for earlier, later in pairwise(values))
+    assert results["failed"]["converged"] is False
+    assert results["failed"]["advice"]
+    assert not any("seconds" in key for key in results)
+
+
+def test_the_controller_file_keeps_its_keys_and_is_loaded_back(folder: Path) -> None:
+    content = read(folder, "controller.json")
+    law = load(folder / "controller.json")
+    wanted = {"sample_time_s", "stroke_m", "settling_time_s", "n_ff", "d_ff", "reference_delay_samples", "pid"}
+    assert set(content) >= wanted | {"friction_compensation", "trajectory"}
+    assert np.cumsum(law.n_ff) * content["stroke_m"] == pytest.approx(content["trajectory"]["position_m"], abs=1e-15)
+    assert np.cumsum(law.d_ff) * content["stroke_m"] == pytest.approx(content["trajectory"]["net_thrust_N"], abs=1e-9)
+    assert sum(law.n_ff) == pytest.approx(1.0)
+    machine = load_machine()
+    response = simulate(machine, law, sequence(machine, content["stroke_m"]))
+    period = sequence(machine, content["stroke_m"], 1)
+    last = response.last(period.size)
+    for one in motions(period)[1:]:
+        error = last.position[one.start : one.stop] - one.target
+        assert settling_time(error, machine.specification.tolerance, machine.sample_time) <= 0.025
+
+
+def test_the_judge_says_what_the_definitions_say() -> None:
+    machine = load_machine()
+    deadbeat = synthesise(machine.plant, machine.sample_time, 20e-3, 20e-6)
+    control = machine.control
+    law = Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff)
+    aim = Aim(20e-6, 0.5e-6, 20e-3)
+    judged = judge([machine], law, aim)[0]
+    period = sequence(machine, 20e-6, 1)
+    last = simulate(machine, law, sequence(machine, 20e-6)).last(period.size)
+    errors = last.position.reshape(10, -1) - period.reshape(10, -1)
+    slowest = max(settling_time(error, 2e-6, machine.sample_time) for error in errors)
+    assert judged.settling == slowest
+    assert judged.dispersion_specified == pytest.approx(np.max(dispersion(errors[:5])[50:]))
+    assert judged.peak_thrust == np.max(np.abs(last.record.command))
+
+
+def test_tables_are_seeded_within_their_ranges_and_side_by_side_equal_alone() -> None:
+    machine = load_machine()
+    some, again, other = perturbed(machine, 30, 1), perturbed(machine, 30, 1), perturbed(machine, 30, 2)
+    assert some == again
+    assert some != other
+    level = [table.friction.coulomb_force / machine.friction.coulomb_force for table in some]
+    assert 1 - RANGE["friction force"] <= min(level) < 0.85
+    assert 1.15 < max(level) <= 1 + RANGE["friction force"]
+    assert all(table.plant.modes[0].frequency == 0 for table in some)
+    law = Controller(machine.sample_time, machine.control.pid, 2, (1.0,), (0.0,))
+    aim = Aim(1e-6, 0.5e-6, 20e-3)
+    few = [replace(table, specification=replace(table.specification, interval=0.1)) for table in some[:3]]
+    assert judge(few, law, aim)[1].settling == judge(few[1:2], law, aim)[0].settling
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--stroke", "0 um"], "--stroke: 0 m is not above 0"),
+        (["--tolerance", "2 kg"], "--tolerance: '2 kg' is in kg"),
+        (["--thrust-limit", "200 N"], "is not between 0 and the rated 150 N"),
+        (["--settling-time", "400 ms"], "is not well below"),
+        (["--objective", "beauty"], "invalid choice: 'beauty'"),
+        (["--tables", "0"], "no whole number from 1 on"),
+        (["--thrust-limit", "5 N"], "friction alone takes 16.5 N of 5 N; allow more"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(STUDY, ["--output", str(tmp_path / "out"), *options]) == BAD_INPUT
+    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert says in errors[0]
+    assert not (tmp_path / "out").exists()
