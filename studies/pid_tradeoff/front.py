@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 LEAST_MT: Final = 1.4  # below it no loop with an integrator and a rigid body gets along
 SLOW_START: Final = 25e-3  # s: closed-loop time constant of the rule that the front starts from
-SECOND_START: Final = 6  # every so many points begin from a rule as well
+FAST_START: Final = 6e-3  # s: of the rule from which some points start as well
+SECOND_START: Final = 6  # every so many points do
 RULE_TIMES: Final = (3e-3, 3.5e-3, 4e-3, 5e-3, 6e-3, 8e-3, 12e-3)  # s: tau_c of SIMC, from about theta on
 LAMBDAS: Final = (5e-3, 6e-3, 7e-3, 8e-3, 10e-3, 14e-3, 20e-3)  # s
 
@@ -50,20 +51,20 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     """
     points, log = [], []
     keep = machine.control.pid.derivative_filter
-    rule = simc(machine.plant, machine.sample_time, SLOW_START, keep)
+    slow, fast = (simc(machine.plant, machine.sample_time, time, keep) for time in (SLOW_START, FAST_START))
+    many = problem.goal.objective != "integral"  # the other objectives have more than one local optimum
     last: Tuning | None = None
     for i, ms in enumerate(levels):
         bounds = replace(limits, ms=ms, mt=mt_bound(ms, limits.mt))
-        starts = [("rule", rule)] if last is None else [("neighbour", last.pid)]
-        if last is not None and i % SECOND_START == 0:
-            starts += [("rule", rule)]
+        starts = [("slow rule", slow)] if last is None else [("neighbour", last.pid)]
+        if many or i % SECOND_START == 0:
+            starts += [("fast rule", fast)]
         try:
             last = tune(problem, bounds, starts)
-            attempts = last.attempts
             points.append(Point(f"tuned, {ms:g}", last.pid, last.loops, ms))
-            log += [{"ms": ms, **vars(attempt)} for attempt in attempts]
+            log += [{"ms": ms, **vars(attempt)} for attempt in last.attempts]
         except TuningError as error:
-            log.append({"ms": ms, "start": "all", "outcome": str(error), "value": None})
+            log.append({"ms": ms, "start": starts[0][0], "outcome": str(error), "value": None})
     return points, log
 
 
