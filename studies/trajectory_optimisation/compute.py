@@ -14,18 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.deadbeat import Deadbeat, DesignError, synthesise
-from design.friction_compensation import simplify
-from design.history import compensate
-from design.scenarios import tables as scenario_tables
 from design.trajectory import (
-    CONTINUATION,
     OBJECTIVES,
     Built,
     Limits,
     Task,
     Trajectory,
     build,
-    least_settling_time,
     solve,
 )
 from models.controller import Controller, to_json
@@ -34,15 +29,20 @@ from models.quantity import show
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.certificate import certify
-from studies.trajectory_optimisation.designs import Wanted, bare, motion_of
-from studies.trajectory_optimisation.judge import PERIODS, RANGE, Aim, Outcome, judge, perturbed, sequence
+from studies.trajectory_optimisation.comparison import compare
+from studies.trajectory_optimisation.designs import Wanted, motion_of
+from studies.trajectory_optimisation.judge import PERIODS, RANGE, Aim
+from studies.trajectory_optimisation.tradeoff import (
+    failed_iterate,
+    pareto,
+    rest_at_rated_thrust,
+    shortest_motion,
+    to_tolerance,
+)
 
 Array = NDArray[np.float64]
 
 RESERVE: Final = 0.7  # of T_fc, kept of the rated thrust for the feedback and for tables with more friction
-PARETO: Final = (0, 1, 2, 4, 6, 8, 12)  # samples beyond the shortest motion
-PARETO_ROBUST: Final = (0, 4)  # those at which the least sensitive trajectory is designed too
-QUANTILE: Final = 0.95
 
 
 def optimise(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
@@ -72,19 +72,22 @@ def optimise(machine: Machine, options: argparse.Namespace, progress: Progress) 
     progress(0.35, "certificate of the smoothing")
     certificate = certify(machine, peak, options.seed, quick=options.quick)
     progress(0.4, "settling time, thrust and sensitivity against each other")
-    pareto = _pareto(machine, wanted, shortest, aim, quick=options.quick)
-    tolerance = _to_tolerance(machine, wanted, shortest, quick=options.quick)
+    trade_off = pareto(machine, wanted, shortest, aim, quick=options.quick)
+    tolerance = to_tolerance(machine, wanted, shortest, quick=options.quick)
     progress(0.6, "judging on nonsmooth tables")
-    judged = _judged(machine, wanted, aim, options, (deadbeat, peak, chosen, common), progress)
+    judged = compare(machine, wanted, aim, options, (deadbeat, peak, chosen, common), progress)
     progress(0.95, "collecting the results")
     results = {
         "quick": options.quick,
         "wanted": _plain_wanted(machine, wanted, options),
-        "shortest": _shortest(machine, shortest, tried, tolerance),
+        "shortest": {
+            **shortest_motion(machine, shortest, tried, tolerance),
+            "rest_rated_s": rest_at_rated_thrust(machine, wanted, shortest),
+        },
         "certificate": certificate,
         "designs": _designs(machine, deadbeat, peak, found, common),
-        "failed": _failed(machine, wanted, shortest),
-        "pareto": pareto,
+        "failed": failed_iterate(machine, wanted, shortest),
+        "pareto": trade_off,
         "errors": vars(designs.ERRORS),
         "range": {key.replace(" ", "_"): size for key, size in RANGE.items()},
         "periods": PERIODS,
@@ -147,177 +150,6 @@ def _renamed(task: Task, objective: Any) -> Task:
     return Task(
         task.plant, task.friction, task.sample_time, task.samples, task.stroke, objective, histories=task.histories
     )
-
-
-def _to_tolerance(machine: Machine, wanted: Wanted, shortest: int, *, quick: bool) -> dict[str, Any]:
-    """The least time to the specified accuracy when the rest of the motion may take longer."""
-    task = Task(machine.plant, machine.friction, machine.sample_time, shortest + 8, wanted.stroke, "peak_thrust", 2)
-    tolerance = machine.specification.tolerance
-    limits = Limits(wanted.limits.thrust, wanted.limits.slew, tolerance)
-    count, tried = least_settling_time(
-        build(task), designs.slip_states(machine), limits, ratios=designs.COARSE[:1] if quick else CONTINUATION
-    )
-    return {
-        "tolerance_m": tolerance,
-        "time_s": designs.rest_time(machine, count),
-        "solves": len(tried),
-        "iterations": [one.solution.iterations for one in tried.values()],
-    }
-
-
-def _shortest(
-    machine: Machine, shortest: int, tried: Mapping[int, Trajectory], tolerance: Mapping[str, Any]
-) -> dict[str, Any]:
-    counts = sorted(tried)
-    return {
-        "samples": shortest,
-        "rest_s": designs.rest_time(machine, shortest),
-        "tried": [{"time_s": designs.rest_time(machine, count), "peak_N": tried[count].peak} for count in counts],
-        "to_tolerance": tolerance,
-    }
-
-
-def _failed(machine: Machine, wanted: Wanted, shortest: int) -> dict[str, Any]:
-    """The problem one sample shorter than possible: the iterate at which IPOPT gives up, and what to do."""
-    count = max(shortest - 1, 2 * len(machine.plant.modes))
-    task = Task(machine.plant, machine.friction, machine.sample_time, count, wanted.stroke, "energy", 2)
-    found = solve(build(task), designs.slip_states(machine), wanted.limits)
-    return {
-        "time_s": designs.rest_time(machine, count),
-        "step_s": np.arange(count + 1) * machine.sample_time,
-        "thrust_N": [*found.thrust[0], found.hold[0]],
-        "position_m": found.position,
-        "converged": found.solution.converged,
-        "status": found.solution.status.replace("_", " "),
-        "iterations": found.solution.iterations,
-        "violation": found.solution.violation,
-        "advice": found.solution.advice,
-    }
-
-
-def _pareto(machine: Machine, wanted: Wanted, shortest: int, aim: Aim, *, quick: bool) -> list[dict[str, Any]]:
-    """Least peak thrust at each time of the motion, and what one-sigma errors leave; robust beside it at some."""
-    rows = []
-    for extra in PARETO[:2] if quick else PARETO:
-        _, peak = designs.least_peak(machine, wanted, shortest + extra)
-        rows.append(_pareto_row(machine, peak, aim, "least peak thrust"))
-        if not quick and extra in PARETO_ROBUST:
-            _, robust, _ = designs.least_sensitive(machine, wanted, peak, quick=False)
-            if robust.solution.converged:
-                rows.append(_pareto_row(machine, robust, aim, "least sensitivity"))
-    return rows
-
-
-def _pareto_row(machine: Machine, found: Trajectory, aim: Aim, design: str) -> dict[str, Any]:
-    """Sensitivity: root of the mean square error after the motion over one-sigma tables, nonsmooth."""
-    ts = machine.sample_time
-    motion = motion_of(machine, found)
-    cases = scenario_tables(machine.plant, machine.friction, designs.ERRORS)
-    wrong = [replace(machine, plant=plant, friction=friction) for plant, friction, _ in cases]
-    given = compensate(motion, machine.friction, sequence(machine, aim.stroke))
-    outcomes = judge(wrong, bare(machine), aim, given)
-    first = found.task.samples + round(machine.plant.dead_time / ts)
-    part = slice(first, first + round(designs.LOOK / ts))
-    square = sum(weight * np.mean(one.error[:, part] ** 2) for one, (_, _, weight) in zip(outcomes, cases, strict=True))
-    return {
-        "design": design,
-        "time_s": designs.rest_time(machine, found.task.samples),
-        "peak_N": max(float(np.max(np.abs(given.feedforward + given.compensation))), found.peak),
-        "sensitivity_m": math.sqrt(square),
-    }
-
-
-def _judged(
-    machine: Machine,
-    wanted: Wanted,
-    aim: Aim,
-    options: argparse.Namespace,
-    made: tuple[Deadbeat, Trajectory, Trajectory, Any],
-    progress: Progress,
-) -> dict[str, Any]:
-    """Every scheme on the central table and on the same perturbed ones."""
-    deadbeat, peak, chosen, common = made
-    count = options.tables or (12 if options.quick else 200)
-    many = perturbed(machine, count, options.seed)
-    control = machine.control
-    rfm = simplify(machine.friction, control.compensator_elements)
-    plain = Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff)
-    paper = Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff, rfm)
-    target = sequence(machine, wanted.stroke)
-    schemes: list[tuple[str, str, Controller, Any]] = [
-        ("deadbeat", "Deadbeat alone", plain, None),
-        ("paper", f"Deadbeat and RFM, N = {control.compensator_elements}", paper, None),
-        ("common", "One for all", designs.common_controller(machine, common), None),
-        ("peak", "History-aware, least peak", bare(machine), motion_of(machine, peak)),
-        ("aware", "History-aware, chosen", bare(machine), motion_of(machine, chosen)),
-    ]
-    rows, shown = [], {}
-    for i, (key, name, controller, motion) in enumerate(schemes):
-        progress(0.6 + 0.05 * i, f"judging {name}")
-        given = None if motion is None else compensate(motion, machine.friction, target)
-        central, every = (judge(tables, controller, aim, given, options.seed) for tables in ([machine], many))
-        rows.append(_row(key, name, central[0], every, machine, wanted))
-        shown[key] = _shown(central[0], every)
-    progress(0.86, "judging History-aware, learning")
-    motion = motion_of(machine, chosen)
-    frictions, taught = designs.learned([machine, *many], machine, motion, wanted.stroke, options.seed)
-    every = judge([machine, *many], bare(machine), aim, taught, options.seed)
-    rows.append(_row("learning", "History-aware, learning", every[0], every[1:], machine, wanted))
-    shown["learning"] = _shown(every[0], every[1:])
-    missed = [f.coulomb_force / t.friction.coulomb_force - 1 for f, t in zip(frictions[1:], many, strict=True)]
-    return {
-        "tables": count,
-        "rows": rows,
-        "shown": shown,
-        "shown_time_s": np.arange(len(every[0].position[0])) * machine.sample_time,
-        "learned_force_error": float(np.sqrt(np.mean(np.square(missed)))),
-    }
-
-
-def _row(
-    key: str, name: str, central: Outcome, every: Sequence[Outcome], machine: Machine, wanted: Wanted
-) -> dict[str, Any]:
-    """A scheme's outcomes; over the tables the quantile, and the shares that hold."""
-
-    def quantile(attribute: str) -> float:
-        return float(np.quantile([getattr(one, attribute) for one in every], QUANTILE, method="higher"))
-
-    def share(attribute: str, limit: float) -> float:
-        return float(np.mean([getattr(one, attribute) <= limit * (1 + 1e-9) for one in every]))
-
-    in_time = machine.specification.settling_time
-    names = {
-        "settling_s": "settling",
-        "settling_fine_s": "settling_fine",
-        "dispersion_aim_m": "dispersion_aim",
-        "dispersion_m": "dispersion_specified",
-        "peak_thrust_N": "peak_thrust",
-        "vibration_m": "vibration",
-    }
-    return {
-        "key": key,
-        "name": name,
-        "central": {to: getattr(central, attribute) for to, attribute in names.items()},
-        "ensemble": {to: quantile(attribute) for to, attribute in names.items()},
-        "yield": {
-            "specified": share("settling", in_time),
-            "fine_aim": share("settling_fine", wanted.settling_time),
-            "fine_specified": share("settling_fine", in_time),
-            "thrust": share("peak_thrust", machine.drive.rated_thrust),
-        },
-    }
-
-
-def _shown(central: Outcome, every: Sequence[Outcome]) -> dict[str, Any]:
-    """For the figures: motions up on the central table, and the spread of the largest error over the tables in time."""
-    half = len(central.position) // 2
-    largest = np.array([np.max(np.abs(one.error), axis=0) for one in every])
-    return {
-        "position_m": central.position[:half],
-        "command_N": central.command[:half],
-        "error_m": np.quantile(largest, QUANTILE, axis=0),
-        "dispersions_m": sorted(one.dispersion_specified for one in every),
-    }
 
 
 def _designs(

@@ -48,7 +48,7 @@ CERTIFICATE = (
     "Largest difference between smoothed and exact friction over random paths, and between the closed loop's responses "
     "to random motions, against the smoothing width."
 )
-FAILED = "The iterate at which the solver gave up: the thrust presses on its limits and the motion does not close."
+FAILED = "Where the solver stopped, for a motion one sample shorter than the shortest."
 
 
 def tell(whole: Results) -> Report:
@@ -77,7 +77,7 @@ def _show(number: float | None, unit: str, digits: int = 4) -> str:
 
 
 def _share(ratio: float) -> str:
-    return f"{100 * ratio:.4g} %".replace(" ", "\u00a0")
+    return f"{100 * ratio:.3g} %".replace(" ", "\u00a0")
 
 
 def _micro(length: float | None) -> str:
@@ -189,8 +189,8 @@ def _trajectories(whole: Results) -> Drawing:
 def _pareto(whole: Results) -> Drawing:
     results = whole["results"]
     figure, axes = style.subplots(1, 2, 65)
-    tried = results["shortest"]["tried"]
-    axes[0, 0].semilogy(
+    tried = [one for one in results["shortest"]["tried"] if one["peak_N"] <= 2 * results["wanted"]["rated_N"]]
+    axes[0, 0].plot(
         [1e3 * one["time_s"] for one in tried],
         [one["peak_N"] for one in tried],
         linestyle="none",
@@ -201,11 +201,12 @@ def _pareto(whole: Results) -> Drawing:
     for design, marker in (("least peak thrust", "o"), ("least sensitivity", "s")):
         rows = [row for row in results["pareto"] if row["design"] == design]
         time = [1e3 * row["time_s"] for row in rows]
-        axes[0, 0].semilogy(time, [row["peak_N"] for row in rows], marker=marker, label=design)
+        axes[0, 0].plot(time, [row["peak_N"] for row in rows], marker=marker, label=design)
         axes[0, 1].plot(time, [1e6 * row["sensitivity_m"] for row in rows], marker=marker, label=design)
     limit = results["wanted"]["thrust_limit_N"]
     axes[0, 0].axhline(limit, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)), label=f"limit {limit:.4g} N")
     axes[0, 0].set_ylabel("peak thrust [N]")
+    axes[0, 0].set_ylim(bottom=0)
     axes[0, 1].set_ylabel("error left, root mean square [µm]")
     axes[0, 1].set_ylim(bottom=0)
     for ax in axes[0]:

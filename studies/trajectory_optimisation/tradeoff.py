@@ -1,0 +1,105 @@
+"""Settling time, thrust and sensitivity against each other, and where no motion is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from design.history import compensate
+from design.scenarios import tables as scenario_tables
+from design.trajectory import CONTINUATION, Limits, Task, Trajectory, build, least_settling_time, solve
+from models.machine import Machine
+from studies.trajectory_optimisation import designs
+from studies.trajectory_optimisation.designs import Wanted, bare, motion_of
+from studies.trajectory_optimisation.judge import Aim, judge, sequence
+
+PARETO: Final = (0, 1, 2, 4, 6, 8, 12)  # samples beyond the shortest motion
+PARETO_ROBUST: Final = (0, 4)  # those at which the least sensitive trajectory is designed too
+
+
+def pareto(machine: Machine, wanted: Wanted, shortest: int, aim: Aim, *, quick: bool) -> list[dict[str, Any]]:
+    """Least peak thrust at each time of the motion, and what one-sigma errors leave; robust beside it at some."""
+    rows = []
+    for extra in PARETO[:2] if quick else PARETO:
+        _, peak = designs.least_peak(machine, wanted, shortest + extra)
+        rows.append(_pareto_row(machine, peak, aim, "least peak thrust"))
+        if not quick and extra in PARETO_ROBUST:
+            _, robust, _ = designs.least_sensitive(machine, wanted, peak, quick=False)
+            if robust.solution.converged:
+                rows.append(_pareto_row(machine, robust, aim, "least sensitivity"))
+    return rows
+
+
+def _pareto_row(machine: Machine, found: Trajectory, aim: Aim, design: str) -> dict[str, Any]:
+    """Sensitivity: root of the mean square error after the motion over one-sigma tables, nonsmooth."""
+    ts = machine.sample_time
+    motion = motion_of(machine, found)
+    cases = scenario_tables(machine.plant, machine.friction, designs.ERRORS)
+    wrong = [replace(machine, plant=plant, friction=friction) for plant, friction, _ in cases]
+    given = compensate(motion, machine.friction, sequence(machine, aim.stroke))
+    outcomes = judge(wrong, bare(machine), aim, given)
+    first = found.task.samples + round(machine.plant.dead_time / ts)
+    part = slice(first, first + round(designs.LOOK / ts))
+    square = sum(weight * np.mean(one.error[:, part] ** 2) for one, (_, _, weight) in zip(outcomes, cases, strict=True))
+    return {
+        "design": design,
+        "time_s": designs.rest_time(machine, found.task.samples),
+        "peak_N": max(float(np.max(np.abs(given.feedforward + given.compensation))), found.peak),
+        "sensitivity_m": math.sqrt(square),
+    }
+
+
+def to_tolerance(machine: Machine, wanted: Wanted, shortest: int, *, quick: bool) -> dict[str, Any]:
+    """The least time to the specified accuracy when the rest of the motion may take longer."""
+    task = Task(machine.plant, machine.friction, machine.sample_time, shortest + 8, wanted.stroke, "peak_thrust", 2)
+    tolerance = machine.specification.tolerance
+    limits = Limits(wanted.limits.thrust, wanted.limits.slew, tolerance)
+    count, tried = least_settling_time(
+        build(task), designs.slip_states(machine), limits, ratios=designs.COARSE[:1] if quick else CONTINUATION
+    )
+    return {
+        "tolerance_m": tolerance,
+        "time_s": designs.rest_time(machine, count),
+        "solves": len(tried),
+        "iterations": [one.solution.iterations for one in tried.values()],
+    }
+
+
+def shortest_motion(
+    machine: Machine, shortest: int, tried: Mapping[int, Trajectory], tolerance: Mapping[str, Any]
+) -> dict[str, Any]:
+    counts = sorted(tried)
+    return {
+        "samples": shortest,
+        "rest_s": designs.rest_time(machine, shortest),
+        "tried": [{"time_s": designs.rest_time(machine, count), "peak_N": tried[count].peak} for count in counts],
+        "to_tolerance": tolerance,
+    }
+
+
+def rest_at_rated_thrust(machine: Machine, wanted: Wanted, shortest: int) -> float:
+    """When [s] the table rests at the earliest if the trajectory may take all of the rated thrust."""
+    whole = replace(wanted, limits=Limits(machine.drive.rated_thrust, wanted.limits.slew))
+    return designs.rest_time(machine, designs.quickest(machine, whole, shortest)[0])
+
+
+def failed_iterate(machine: Machine, wanted: Wanted, shortest: int) -> dict[str, Any]:
+    """The problem one sample shorter than possible: the iterate at which IPOPT gives up, and what to do."""
+    count = max(shortest - 1, 2 * len(machine.plant.modes))
+    task = Task(machine.plant, machine.friction, machine.sample_time, count, wanted.stroke, "energy", 2)
+    found = solve(build(task), designs.slip_states(machine), wanted.limits)
+    return {
+        "time_s": designs.rest_time(machine, count),
+        "step_s": np.arange(count + 1) * machine.sample_time,
+        "thrust_N": [*found.thrust[0], found.hold[0]],
+        "position_m": found.position,
+        "converged": found.solution.converged,
+        "status": found.solution.status.replace("_", " "),
+        "iterations": found.solution.iterations,
+        "violation": found.solution.violation,
+        "advice": found.solution.advice,
+    }
