@@ -67,6 +67,8 @@ def render(
     """
     tell = progress or (lambda _: None)
     drawn_from = {figure.name: select(results, figure) for figure in report.figures}
+    for name, keys in report.tables.items():
+        part_of(results, keys, f"table {name!r} is made")
     captions = {figure.name: figure.caption for figure in report.figures}
     if len(captions) != len(report.figures):
         raise ValueError(f"two figures of one name: {sorted(figure.name for figure in report.figures)}")
@@ -98,19 +100,24 @@ def draw(figure: Figure, results: Mapping[str, Any], folder: Path, tell: Progres
 
 def select(results: Mapping[str, Any], figure: Figure) -> dict[str, Any]:
     """The part of `results` that `figure.keys` name, nested as in `results`. Raises `KeyError` for a missing key."""
+    return part_of(results, figure.keys, f"figure {figure.name!r} is drawn")
+
+
+def part_of(results: Mapping[str, Any], keys: tuple[str, ...], what: str) -> dict[str, Any]:
+    """The part of `results` that dotted `keys` name. Raises `KeyError` that begins with `what` for a missing one."""
     part: dict[str, Any] = {}
-    for key in figure.keys:
+    for key in keys:
         *parents, last = key.split(".")
         source: Any = results
         target = part
         for parent in parents:
-            source = _step(source, parent, key, figure)
+            source = _step(source, parent, key, what)
             target = target.setdefault(parent, {})
-        target[last] = _step(source, last, key, figure)
+        target[last] = _step(source, last, key, what)
     return part
 
 
-def _step(source: Any, name: str, key: str, figure: Figure) -> Any:
+def _step(source: Any, name: str, key: str, what: str) -> Any:
     if not isinstance(source, Mapping) or name not in source:
-        raise KeyError(f"figure {figure.name!r} is drawn from {key!r}, which the results do not have")
+        raise KeyError(f"{what} from {key!r}, which the results do not have")
     return source[name]

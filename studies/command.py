@@ -190,8 +190,8 @@ def _run(study: Study, options: argparse.Namespace) -> int:
         shutil.copyfile(path, folder / "machine.toml")
         if options.controller is not None:
             shutil.copyfile(options.controller, folder / "given_controller.json")
-        keys = {} if options.no_report else _render(study, whole, folder, progress)
-        record = manifest(study.name, vars(options), path, folder, keys)
+        figures, tables = ({}, {}) if options.no_report else _render(study, whole, folder, progress)
+        record = {**manifest(study.name, vars(options), path, folder), "figures": figures, "tables": tables}
         (folder / "manifest.json").write_text(to_text(record), encoding="utf-8")
         written = sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
     progress(1.0, "done")
@@ -216,13 +216,19 @@ def _with_pid(machine: Machine, path: Path) -> Machine:
     return with_pid(machine, controller.pid, f"controller file {path.name}")
 
 
-def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Progress) -> dict[str, list[str]]:
-    """Writes the report from what results.json holds, nothing else; returns the keys that each figure is drawn from."""
+Keys = dict[str, list[str]]
+
+
+def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Progress) -> tuple[Keys, Keys]:
+    """Writes the report from what results.json holds, nothing else; the keys that figures and tables are made from."""
     from reports.report import render
 
     report = study.report(whole)
     render(report, whole, folder, progress=lambda text: progress(0.85, text))
-    return {figure.name: list(figure.keys) for figure in report.figures}
+    return (
+        {figure.name: list(figure.keys) for figure in report.figures},
+        {name: list(keys) for name, keys in report.tables.items()},
+    )
 
 
 def require_writable(output: Path) -> None:

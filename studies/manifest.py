@@ -16,10 +16,8 @@ SOURCES: Final = ("models", "design", "studies", "reports")
 SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua"}
 
 
-def manifest(
-    study: str, options: Mapping[str, Any], machine: Path, folder: Path, figures: Mapping[str, list[str]]
-) -> dict[str, Any]:
-    """manifest.json for the outputs below `folder`; `figures`: the results.json keys that each is drawn from.
+def manifest(study: str, options: Mapping[str, Any], machine: Path, folder: Path) -> dict[str, Any]:
+    """What manifest.json says of a run's options and inputs, of the versions, and of the outputs below `folder`.
 
     The machine file is kept beside the results as machine.toml, so that its hash can be checked without this machine.
     """
@@ -50,7 +48,6 @@ def manifest(
         },
         "versions": versions(),
         "outputs": {file.relative_to(folder).as_posix(): sha256(file) for file in outputs},
-        "figures": dict(figures),
     }
 
 

@@ -34,9 +34,14 @@ def tell(whole: Results) -> Report:
     ]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
     question = "Which deadbeat feedforward suits this machine, and does it hold on the nonsmooth machine?"
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters())
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters(), TABLES)
 
 
+TABLES = {
+    "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
+    "paper": ("results.paper",),
+    "parameters": ("results.parameters",),
+}
 BODE = (
     "The plant $P_l$ and its equivalents $P_{e1}$, $P_{e2}$ in the presliding region, where the friction acts as a "
     "spring; dead time included."

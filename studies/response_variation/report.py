@@ -41,9 +41,16 @@ def tell(whole: Results) -> Report:
     )
     title = f"Response variation: {whole['machine']['name']}"
     question = "Does the model show what the paper shows, and which tables could the paper's be?"
-    return Report(title, question, Path(__file__).parent / "report.md", figures, filters())
+    return Report(title, question, Path(__file__).parent / "report.md", figures, filters(), TABLES)
 
 
+TABLES = {
+    "paper": ("results.paper",),
+    "ten": ("results.choice.ten",),
+    "slopes": ("results.mechanism.central",),
+    "exchange": ("results.mechanism",),
+    "set": ("results.set",),
+}
 BODE = (
     "Plant and its equivalents in the presliding region; lines: the default table, shaded: the whole set. Fig. 2 "
     "of the paper shows the same three curves and reads from them that the table is an elastic body in micrometre"
