@@ -72,6 +72,7 @@ def to_tolerance(machine: Machine, wanted: Wanted, shortest: int, *, quick: bool
 def shortest_motion(
     machine: Machine, shortest: int, tried: Mapping[int, Trajectory], tolerance: Mapping[str, Any]
 ) -> dict[str, Any]:
+    """The shortest motion, its rivals in the search, and the least time to the specified accuracy beside it."""
     counts = sorted(tried)
     return {
         "samples": shortest,
