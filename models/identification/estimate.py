@@ -55,13 +55,27 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
             said.append(
                 f"This record does not show the {name}: its standard deviation is {std / abs(value):.0%} of it."
             )
-    pairs = np.argwhere(np.triu(np.abs(estimate.correlation), 1) > ALIKE)
-    for i, j in pairs:
+    for group in _alike(np.abs(estimate.correlation) > ALIKE):
+        names = [estimate.names[i] for i in group]
         said.append(
-            f"This record hardly tells {estimate.names[i]} from {estimate.names[j]} "
-            f"(correlation {estimate.correlation[i, j]:+.3f}): only a combination of both is known well."
+            f"This record hardly tells {', '.join(names[:-1])} and {names[-1]} from each other (correlations beyond "
+            f"{ALIKE:g}): only combinations of them are known well."
         )
     return tuple(said)
+
+
+def _alike(near: NDArray[np.bool_]) -> list[list[int]]:
+    """Groups of two or more whose members hang together by pairs that are near."""
+    left, groups = set(range(len(near))), []
+    while left:
+        group, fresh = set(), {min(left)}
+        while fresh:
+            group |= fresh
+            fresh = {j for i in fresh for j in left if near[i, j]} - group
+        left -= group
+        if len(group) > 1:
+            groups.append(sorted(group))
+    return groups
 
 
 def newey_west(jacobian: Array, residual: Array, lags: int) -> Array:
