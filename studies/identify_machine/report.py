@@ -29,11 +29,20 @@ def tell(whole: Results) -> Report:
         ("round_trip", Figure("round_trip", ROUND_TRIP, ("results.round_trip",), _round_trip)),
     )
     figures = tuple(figure for part, figure in possible if part in results)
+    tables = {name: keys for name, keys in TABLES.items() if keys[0].split(".")[1] in results}
     title = f"Identification: {whole['machine']['name']}"
     question = "Which machine is this, as its records show it, and how surely?"
-    return Report(title, question, Path(__file__).parent / "report.md", figures, filters())
+    return Report(title, question, Path(__file__).parent / "report.md", figures, filters(), tables)
 
 
+TABLES = {
+    "values": ("results.estimates",),
+    "records": ("results.records",),
+    "correlation": ("results.motion.correlation",),
+    "published": ("results.dynamics.published",),
+    "ladder": ("results.dynamics.ladder",),
+    "coverage": ("results.round_trip",),
+}
 BODE = (
     "Measured frequency response and the $P_l$ fitted to it; below, what is left beside the standard deviation of each "
     "measured line. Crosses: lines left out."
