@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.friction import Friction, elements, follow
-from models.friction_identification import identify, prediction_error
+from models.identification.hysteresis import identify, prediction_error
 
 Array = NDArray[np.float64]
 

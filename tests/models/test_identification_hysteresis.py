@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from models.friction import branch, elements, follow
-from models.friction_identification import branch_of_facts, identify, prediction_error
+from models.identification.hysteresis import branch_of_facts, identify, prediction_error
 
 TRUTH = elements([4e5, 2.5e5, 1e5], [3e-6, 9e-6, 8e-5])
 
