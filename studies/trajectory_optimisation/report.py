@@ -24,6 +24,13 @@ LABELS = {
     "aware": "history-aware, chosen",
     "learning": "history-aware, learning",
 }
+TABLES: dict[str, tuple[str, ...]] = {
+    "ensemble": ("results.rows", *SPECIFIED),
+    "yield": ("results.rows", *SPECIFIED),
+    "central": ("results.rows", *SPECIFIED),
+    "solver": ("results.solver",),
+    "pareto": ("results.pareto", "results.errors"),
+}
 DISPERSION = (
     "Dispersion over the tables: share of tables whose 3σ of the positive motions, after the specified settling time, "
     "is at most the value on the axis."
@@ -68,7 +75,7 @@ def tell(whole: Results) -> Report:
     )
     question = "Which trajectory makes every motion settle, whatever the friction remembers?"
     filters: dict[str, Callable[..., Any]] = {"show": _show, "share": _share, "micro": _micro, "milli": _milli}
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters)
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters, TABLES)
 
 
 def _show(number: float | None, unit: str, digits: int = 4) -> str:
