@@ -5,12 +5,13 @@ ENVIRONMENT := .venv/.complete
 # The matrices are small: threads of BLAS would only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help study test check benchmark lock clean
+.PHONY: help study test check benchmark baseline lock clean
 
 help:
 	@echo 'make study      design the deadbeat feedforward for the default machine, validate it, write its report'
 	@echo 'make test       format, lint, types and all tests'
 	@echo 'make benchmark  time and error of the simulator beside what one would use instead'
+	@echo 'make baseline   keep the quick runs that the tests compare with'
 	@echo 'make lock       pin the newest dependencies of requirements.in in requirements.lock'
 	@echo 'make clean      remove the environment, caches and generated reports'
 
@@ -27,6 +28,13 @@ check: $(ENVIRONMENT)
 
 benchmark: $(ENVIRONMENT)
 	$(BIN)/python -m tests.benchmark
+
+# What the tests compare quick runs with: only after a change of results that was meant, and read before it is committed.
+baseline: $(ENVIRONMENT)
+	for study in $$($(BIN)/python -m studies --names); do \
+	    $(BIN)/python -m studies.$$study --quick --no-report --output .baseline/$$study || [ $$? = 1 ] || exit 2; \
+	    mkdir -p reports/baseline/$$study && cp .baseline/$$study/results.json reports/baseline/$$study/; \
+	done; rm -rf .baseline
 
 # Made in one piece or not at all: the mark is set last, and a broken environment is begun anew.
 $(ENVIRONMENT): requirements.lock

@@ -1,9 +1,13 @@
-"""`python -m studies`: the studies and their questions."""
+"""`python -m studies`: the studies and their questions; with --names the names alone of those that write results."""
 
+import sys
 from importlib import import_module
 
-from studies.catalogue import names
+from studies.catalogue import every, names
 
+if sys.argv[1:] == ["--names"]:
+    print("\n".join(every()))
+    sys.exit()
 for name in names():
     module = import_module(f"studies.{name}.__main__")
     question = getattr(getattr(module, "STUDY", None), "question", None) or import_module(f"studies.{name}").__doc__

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,10 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(quick_run: Callable[[str], tuple[Path, int]]) -> Path:
     """What one quick run wrote."""
-    output = tmp_path_factory.mktemp("design") / "out"
-    assert main(STUDY, ["--quick", "--output", str(output)]) == DONE
+    output, status = quick_run("deadbeat_design")
+    assert status == DONE
     return output
 
 

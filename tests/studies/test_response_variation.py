@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,10 @@ from studies.validation import validate
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(quick_run: Callable[[str], tuple[Path, int]]) -> Path:
     """What one quick run wrote."""
-    output = tmp_path_factory.mktemp("variation") / "out"
-    assert main(STUDY, ["--quick", "--output", str(output)]) == DONE
+    output, status = quick_run("response_variation")
+    assert status == DONE
     return output
 
 
