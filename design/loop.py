@@ -1,16 +1,9 @@
 """The exact sampled loop of plant and PID: its sensitivities, their peaks between grid points, stability and margins.
 
-                                   d  (friction, as thrust)
-                                   |
-     r --->o--- e --->[ C(z) ]--u->o--->[ P(z) ]---+---> x         L = P C
-          -^                                       |               S = 1 / (1 + L)     r -> e
-           |                                       |               T = L / (1 + L)     r -> x
-           +---------------------------------------+               PS = P / (1 + L)    d -> x
-                                                                   CS = C / (1 + L)    r -> u
-
-This diagram defines all five, here and wherever else they are named. r: x_T* delayed for the PID; noise of the scale
-enters as -r does. P(z) is the plant behind its zero-order hold, exact at the samples for any dead time; C(z) is the PID
-of `models.controller.PID` as it is sampled. |S| is the distance's inverse from L to -1: 1 / Ms is the nearest approach.
+`DIAGRAM` defines L, S, T, PS and CS, here and wherever else they are named. r: x_T* delayed for the PID; noise of the
+scale enters as -r does. P(z) is the plant behind its zero-order hold, exact at the samples for any dead time; C(z) is
+the PID of `models.controller.PID` as it is sampled. |S| is the distance's inverse from L to -1: 1 / Ms is the nearest
+approach.
 """
 
 from __future__ import annotations
@@ -31,6 +24,14 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Sensitivity = Literal["S", "T", "PS", "CS"]
 
+DIAGRAM: Final = """\
+                           d  (friction, as thrust)
+                           |
+ r --->o--- e -->[ C(z) ]->o-->[ P(z) ]--+--> x     L  = P C
+      -^                u                |          S  = 1/(1 + L)   r -> e
+       +---------------------------------+          T  = L/(1 + L)   r -> x
+                                                    PS = P/(1 + L)   d -> x
+                                                    CS = C/(1 + L)   r -> u"""
 SENSITIVITIES: Final[tuple[Sensitivity, ...]] = ("S", "T", "PS", "CS")
 WIDTHS: Final = np.linspace(-4, 4, 17)  # half-widths of a resonance at which a grid looks at it
 INTEGRATOR: Final = 1e-6  # of Nyquist's frequency: a slower eigenvalue counts as an integrator

@@ -8,38 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import casadi as ca
 import control
 
 from design.family import Member
+from design.pid_goal import Goal
 from models.controller import PID
 
-Objective = Literal["integral", "band", "step"]
-
-OBJECTIVES: Final[dict[Objective, str]] = {
-    "integral": "largest integral gain",
-    "band": "least peak of the friction's effect |PS| in a band",
-    "step": "least error from the settling time on after a step of friction",
-}
 SLOTS: Final = 160  # of which a program has room for
 SIZE: Final = 5  # numbers of a slot, and of unknowns
-
-
-@dataclass(frozen=True)
-class Goal:
-    """What is sought: an objective, for "band" its ends [Hz], for "step" the time [s] from which on the error counts.
-
-    integral_time: the longest kp / ki [s]; without a limit the least peak of |PS| in a band needs no integral action.
-    """
-
-    objective: Objective = "integral"
-    band: tuple[float, float] = (0.8, 6.4)
-    integral_time: float = math.inf
-    begin: float = 25e-3
-    end: float = 50e-3
 
 
 def program(members: Sequence[Member], goal: Goal, scale: PID, in_band: int) -> ca.Function:

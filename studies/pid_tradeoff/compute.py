@@ -15,8 +15,9 @@ from design.controller import default_controller
 from design.deadbeat import DesignError
 from design.family import Member, family, slopes
 from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
-from design.pid import Bounds, TuningError, pose, tune
-from design.pid_program import OBJECTIVES, Goal
+from design.pid import pose, tune
+from design.pid_goal import OBJECTIVES, Goal
+from design.pid_problem import Bounds, TuningError
 from models.controller import PID, to_json
 from models.ensemble import load_ensemble
 from models.friction import branch

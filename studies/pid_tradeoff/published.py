@@ -7,8 +7,9 @@ from typing import Any, Final
 import control
 
 from design.family import Member
-from design.pid import Bounds, pose, tune
-from design.pid_program import Goal
+from design.pid import pose, tune
+from design.pid_goal import Goal
+from design.pid_problem import Bounds
 from models.controller import PID
 
 SAMPLE_TIME: Final = 0.0025  # s, against time constants of 1 s

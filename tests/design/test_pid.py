@@ -10,8 +10,10 @@ import pytest
 
 from design.family import Member, family, slopes
 from design.loop import assess, frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
-from design.pid import Bounds, Problem, TuningError, achieved, lambda_rule, pose, simc, tune
-from design.pid_program import Goal
+from design.pid import pose, tune
+from design.pid_goal import Goal, achieved
+from design.pid_problem import Bounds, Problem, TuningError
+from design.pid_rules import lambda_rule, simc
 from models.controller import PID
 from models.machine import load
 from studies.pid_tradeoff.published import PUBLISHED

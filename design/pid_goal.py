@@ -1,0 +1,69 @@
+"""What a tuned PID is best in, and its value for a PID: exact, over a family of plants, on grids of its own.
+
+Symbols as in the diagram of `design.loop`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from design.family import Member
+from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity
+from models.controller import PID
+
+Array = NDArray[np.float64]
+Objective = Literal["integral", "band", "step"]
+
+OBJECTIVES: Final[dict[Objective, str]] = {
+    "integral": "largest integral gain",
+    "band": "least peak of the friction's effect |PS| in a band",
+    "step": "least error from the settling time on after a step of friction",
+}
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is sought: an objective, for "band" its ends [Hz], for "step" the time [s] from which on the error counts.
+
+    integral_time: the longest kp / ki [s]; without a limit the least peak of |PS| in a band needs no integral action.
+    """
+
+    objective: Objective = "integral"
+    band: tuple[float, float] = (0.8, 6.4)
+    integral_time: float = math.inf
+    begin: float = 25e-3
+    end: float = 50e-3
+
+
+def achieved(members: Sequence[Member], pid: PID, goal: Goal) -> float:
+    """The goal's value: ki [N/(m s)]; largest |PS| in the band [m/N]; or largest |x| [m] per newton from `begin` on."""
+    if goal.objective == "integral":
+        return pid.ki
+    if goal.objective == "band":
+        return max(_in_band(member.plant, pid, goal.band) for member in members)
+    return max(float(np.max(np.abs(_step_error(m.plant, pid, goal)))) for m in members if m.nominal)
+
+
+def _step_error(plant: control.StateSpace, pid: PID, goal: Goal) -> Array:
+    """x (n,) [m] per newton from `begin` to `end` after a unit step of d, by the closed loop's matrices."""
+    model = sensitivity(plant, pid, "PS")
+    state, found = np.zeros(model.nstates), []
+    for _ in range(round(goal.end / plant.dt)):
+        state = model.A @ state + model.B[:, 0]
+        found.append(float(model.C[0] @ state))
+    return np.array(found[round(goal.begin / plant.dt) - 1 :])
+
+
+def _in_band(plant: control.StateSpace, pid: PID, band: tuple[float, float]) -> float:
+    omega = grid(plant, pid, 400)
+    ends = 2 * math.pi * np.array(band)
+    omega = np.concatenate([[ends[0]], omega[(omega > ends[0]) & (omega < ends[1])], [ends[1]]])
+    response = frequency_response(plant, omega)
+    return float(np.max(np.abs(sensitivities(response, pid_response(pid, plant.dt, omega))["PS"])))

@@ -1,0 +1,27 @@
+"""Rules of thumb for a PID on a machine whose rigid body counts: starts for the tuning, and points to compare with."""
+
+from __future__ import annotations
+
+from models.controller import PID
+from models.plant import Plant
+
+
+def simc(plant: Plant, sample_time: float, closed_loop: float, derivative_filter: float) -> PID:
+    """Skogestad's rule for k'' exp(-theta s) / s^2 with closed-loop time constant `closed_loop` tau_c [s]; times [s].
+
+    K_c = 1 / (4 k'' (tau_c + theta)^2), tau_I = tau_D = 4 (tau_c + theta) in series form (J. Process Control 13, 2003,
+    table 1); theta = L + T_s / 2 for the hold.
+    """
+    slow = closed_loop + plant.dead_time + sample_time / 2
+    gain = 1 / (4 * _rigid_gain(plant) * slow**2)
+    return PID(2 * gain, gain / (4 * slow), gain * 4 * slow, derivative_filter)
+
+
+def lambda_rule(plant: Plant, closed_loop: float, derivative_filter: float) -> PID:
+    """Three poles of the rigid body's loop at -1 / lambda, dead time left out; lambda = `closed_loop`; times [s]."""
+    gain = 1 / _rigid_gain(plant)
+    return PID(3 * gain / closed_loop**2, gain / closed_loop**3, 3 * gain / closed_loop, derivative_filter)
+
+
+def _rigid_gain(plant: Plant) -> float:
+    return plant.thrust_constant * sum(mode.gain for mode in plant.modes if mode.frequency == 0)
