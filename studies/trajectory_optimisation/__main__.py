@@ -63,11 +63,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="perturbed tables to judge on (default: 200; quick: 12)",
     )
-    parser.add_argument(
-        "--measure-time",
-        action="store_true",
-        help="print the times of first build and warm solves on stderr (results.json holds none: they differ)",
-    )
 
 
 def _count(text: str) -> int:

@@ -1,9 +1,10 @@
-"""Every scheme on the central table and on the same perturbed ones: what it achieves, and on how many tables."""
+"""Every scheme on the central table and on many others, the same for all: what it achieves, and on how many."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -13,14 +14,27 @@ from design.deadbeat import Deadbeat
 from design.friction_compensation import simplify
 from design.history import compensate
 from design.trajectory import Trajectory
-from models.controller import Controller
+from models.controller import Controller, References
+from models.friction import Friction
 from models.machine import Machine
 from studies.command import Progress
 from studies.trajectory_optimisation import designs
-from studies.trajectory_optimisation.designs import Wanted, bare, motion_of
+from studies.trajectory_optimisation.designs import Scheme, Wanted, bare, history_aware, motion_of
 from studies.trajectory_optimisation.judge import Aim, Outcome, judge, perturbed, sequence
 
 QUANTILE: Final = 0.95
+FRESH: Final = 104729  # added to the seed: tables that no choice made here has ever looked at
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A scheme by its key and name: its controller, what it is given, and whether it learns on each table."""
+
+    key: str
+    name: str
+    controller: Controller
+    given: References | None = None
+    learning: Scheme | None = None
 
 
 def compare(
@@ -28,58 +42,81 @@ def compare(
     wanted: Wanted,
     aim: Aim,
     options: argparse.Namespace,
-    made: tuple[Deadbeat, Trajectory, Trajectory, CommonTrajectory],
+    schemes: Sequence[Contestant],
     progress: Progress,
 ) -> dict[str, Any]:
-    """Every scheme on the central table and on the same perturbed ones."""
-    deadbeat, peak, chosen, common = made
+    """Every scheme on the central table, on the same perturbed ones, and on as many that are drawn anew."""
     count = options.tables or (12 if options.quick else 200)
-    many = perturbed(machine, count, options.seed)
-    control = machine.control
-    rfm = simplify(machine.friction, control.compensator_elements)
-    plain = Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff)
-    paper = Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff, rfm)
-    target = sequence(machine, wanted.stroke)
-    schemes: list[tuple[str, str, Controller, Any]] = [
-        ("deadbeat", "Deadbeat alone", plain, None),
-        ("paper", f"Deadbeat and RFM, N = {control.compensator_elements}", paper, None),
-        ("common", "One for all", designs.common_controller(machine, common), None),
-        ("peak", "History-aware, least peak", bare(machine), motion_of(machine, peak)),
-        ("aware", "History-aware, chosen", bare(machine), motion_of(machine, chosen)),
-    ]
-    rows, shown = [], {}
-    for i, (key, name, controller, motion) in enumerate(schemes):
-        progress(0.6 + 0.05 * i, f"judging {name}")
-        given = None if motion is None else compensate(motion, machine.friction, target)
-        central, every = (judge(tables, controller, aim, given, options.seed) for tables in ([machine], many))
-        rows.append(_row(key, name, central[0], every, machine, wanted))
-        shown[key] = _shown(central[0], every)
-    progress(0.86, "judging History-aware, learning")
-    motion = motion_of(machine, chosen)
-    frictions, taught = designs.learned([machine, *many], machine, motion, wanted.stroke, options.seed)
-    every = judge([machine, *many], bare(machine), aim, taught, options.seed)
-    rows.append(_row("learning", "History-aware, learning", every[0], every[1:], machine, wanted))
-    shown["learning"] = _shown(every[0], every[1:])
-    missed = [f.coulomb_force / t.friction.coulomb_force - 1 for f, t in zip(frictions[1:], many, strict=True)]
+    many, fresh = (perturbed(machine, count, options.seed + more) for more in (0, FRESH))
+    rows, again, shown, missed = [], [], {}, []
+    for i, one in enumerate(schemes):
+        progress(0.6 + 0.03 * i, f"judging {one.name}")
+        every, frictions = outcomes(machine, one, many, aim, options.seed)
+        rows.append(row_of(one, every[0], every[1:], machine, wanted))
+        shown[one.key] = _shown(every[0], every[1:])
+        if one.key == "learning":
+            missed = [f.coulomb_force / t.friction.coulomb_force - 1 for f, t in zip(frictions[1:], many, strict=True)]
+        anew, _ = outcomes(machine, one, fresh, aim, options.seed + FRESH)
+        again.append(row_of(one, anew[0], anew[1:], machine, wanted))
     return {
         "tables": count,
         "rows": rows,
+        "fresh": {"seed": options.seed + FRESH, "tables": count, "rows": again},
         "shown": shown,
         "shown_time_s": np.arange(len(every[0].position[0])) * machine.sample_time,
         "learned_force_error": float(np.sqrt(np.mean(np.square(missed)))),
     }
 
 
-def _row(
-    key: str, name: str, central: Outcome, every: Sequence[Outcome], machine: Machine, wanted: Wanted
+def contestants(
+    machine: Machine, wanted: Wanted, made: tuple[Deadbeat, Trajectory, Trajectory, CommonTrajectory]
+) -> list[Contestant]:
+    """All schemes, as designed for `machine`; the learning is the same for both that learn."""
+    deadbeat, peak, chosen, common = made
+    law = papers(machine, deadbeat)
+    aware, target = history_aware(machine, motion_of(machine, chosen)), sequence(machine, wanted.stroke)
+    least = compensate(motion_of(machine, peak), machine.friction, target)
+    name = f"Deadbeat and RFM, N = {machine.control.compensator_elements}"
+    return [
+        Contestant("deadbeat", "Deadbeat alone", law.without_compensation()),
+        Contestant("paper", name, law),
+        Contestant("paper_learning", f"{name}, learning", law, learning=designs.paper(law)),
+        Contestant("common", "One for all", designs.common_controller(machine, common)),
+        Contestant("peak", "History-aware, least peak", bare(machine), least),
+        Contestant("aware", "History-aware, chosen", bare(machine), aware.references(machine.friction, target)),
+        Contestant("learning", "History-aware, learning", bare(machine), learning=aware),
+    ]
+
+
+def papers(machine: Machine, deadbeat: Deadbeat) -> Controller:
+    """The paper's law for a machine: deadbeat feedforward and the RFM."""
+    control = machine.control
+    rfm = simplify(machine.friction, control.compensator_elements)
+    wait = designs.waiting(machine)
+    return Controller(machine.sample_time, control.pid, wait, deadbeat.n_ff, deadbeat.d_ff, rfm)
+
+
+def outcomes(
+    machine: Machine, one: Contestant, tables: Sequence[Machine], aim: Aim, seed: int
+) -> tuple[list[Outcome], list[Friction]]:
+    """What `one` achieves on `machine` and behind it on each table; the frictions that it has learned, if it learns."""
+    every = [machine, *tables]
+    if one.learning is None:
+        return judge(every, one.controller, aim, one.given, seed), []
+    frictions, taught = designs.learned(every, machine, one.learning, aim.stroke, seed)
+    return judge(every, bare(machine), aim, taught, seed), frictions
+
+
+def row_of(
+    one: Contestant, central: Outcome, every: Sequence[Outcome], machine: Machine, wanted: Wanted
 ) -> dict[str, Any]:
     """A scheme's outcomes; over the tables the quantile, and the shares that hold."""
 
     def quantile(attribute: str) -> float:
-        return float(np.quantile([getattr(one, attribute) for one in every], QUANTILE, method="higher"))
+        return float(np.quantile([getattr(outcome, attribute) for outcome in every], QUANTILE, method="higher"))
 
     def share(attribute: str, limit: float) -> float:
-        return float(np.mean([getattr(one, attribute) <= limit * (1 + 1e-9) for one in every]))
+        return float(np.mean([getattr(outcome, attribute) <= limit * (1 + 1e-9) for outcome in every]))
 
     in_time = machine.specification.settling_time
     names = {
@@ -91,8 +128,8 @@ def _row(
         "vibration_m": "vibration",
     }
     return {
-        "key": key,
-        "name": name,
+        "key": one.key,
+        "name": one.name,
         "central": {to: getattr(central, attribute) for to, attribute in names.items()},
         "ensemble": {to: quantile(attribute) for to, attribute in names.items()},
         "yield": {
@@ -107,10 +144,10 @@ def _row(
 def _shown(central: Outcome, every: Sequence[Outcome]) -> dict[str, Any]:
     """For the figures: motions up on the central table, and the spread of the largest error over the tables in time."""
     half = len(central.position) // 2
-    largest = np.array([np.max(np.abs(one.error), axis=0) for one in every])
+    largest = np.array([np.max(np.abs(outcome.error), axis=0) for outcome in every])
     return {
         "position_m": central.position[:half],
         "command_N": central.command[:half],
         "error_m": np.quantile(largest, QUANTILE, axis=0),
-        "dispersions_m": sorted(one.dispersion_specified for one in every),
+        "dispersions_m": sorted(outcome.dispersion_specified for outcome in every),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -15,7 +15,7 @@ from design.deadbeat import DesignError
 from design.history import Shape, compensate, learn, rest_states, shape
 from design.scenarios import Errors, Feedback, Scenario, tables
 from design.trajectory import Built, Limits, Task, Trajectory, build, solve
-from models.controller import Controller, References
+from models.controller import Controller, References, references
 from models.friction import Friction
 from models.machine import Machine
 from models.plant import delay_split
@@ -65,8 +65,8 @@ def slip_states(machine: Machine) -> Array:
     return np.outer([-1.0, 1.0], machine.friction.limit)
 
 
-def quickest(machine: Machine, wanted: Wanted, begin: int) -> tuple[int, dict[int, Trajectory]]:
-    """The least number of samples whose least peak thrust is within the limits, and the trajectories tried.
+def quickest(machine: Machine, wanted: Wanted, begin: int, least: int = 0) -> tuple[int, dict[int, Trajectory]]:
+    """The least number of samples, from `least` on, with a least peak thrust within the limits; all tried.
 
     From full slip either way, which bounds what any history asks for. Bisection over the number of samples, one
     problem each: the least peak falls with their number. Raises DesignError if even LONGEST more do not do.
@@ -78,7 +78,8 @@ def quickest(machine: Machine, wanted: Wanted, begin: int) -> tuple[int, dict[in
         tried[count] = solve(build(task), slip_states(machine), Limits(slew=wanted.limits.slew))
         return tried[count].solution.converged and tried[count].peak <= wanted.limits.thrust
 
-    low, high, step = 2 * len(machine.plant.modes), max(begin, 2 * len(machine.plant.modes) + 1), 2
+    low = max(2 * len(machine.plant.modes), least - 1)
+    high, step = max(begin, low + 1), 2
     while not possible(high):
         low, high, step = high, high + step, 2 * step
         if high > begin + LONGEST:
@@ -202,8 +203,44 @@ def one_for_all(
     return found
 
 
+@dataclass(frozen=True)
+class Scheme:
+    """How a table is led: all that the controller puts out on its own, for what it takes the friction to be.
+
+    known: the friction as the design has it. references: x_T*, u_ff, u_rf over a target for a friction. path: where
+    along the target the compensator's elements are led, (n,) [m].
+    """
+
+    controller: Controller
+    known: Friction
+    references: Callable[[Friction, Array], References]
+    path: Callable[[Array], Array]
+
+
+def paper(controller: Controller) -> Scheme:
+    """The paper's scheme: the RFM of the controller follows x_T*."""
+    assert controller.friction_compensation is not None
+
+    def put_out(friction: Friction, target: Array) -> References:
+        return references(replace(controller, friction_compensation=friction), target)
+
+    known = controller.friction_compensation
+    return Scheme(controller, known, put_out, lambda target: put_out(known, target).position)
+
+
+def history_aware(machine: Machine, motion: Shape) -> Scheme:
+    """A history-aware trajectory: the machine's elements follow it in the middle of each sample."""
+    middle = replace(motion, position=motion.middle)
+    return Scheme(
+        bare(machine),
+        machine.friction,
+        lambda friction, target: compensate(motion, friction, target),
+        lambda target: compensate(middle, machine.friction, target).position,
+    )
+
+
 def learned(
-    machines: Sequence[Machine], nominal: Machine, motion: Shape, stroke: float, seed: int
+    machines: Sequence[Machine], nominal: Machine, scheme: Scheme, stroke: float, seed: int
 ) -> tuple[list[Friction], list[References]]:
     """For each table its friction as the controller learns it at rest in two periods, and what it then puts out.
 
@@ -211,19 +248,19 @@ def learned(
     nothing else of the table.
     """
     target = sequence(nominal, stroke, 2)
-    middle = compensate(replace(motion, position=motion.middle), nominal.friction, target).position
+    path = scheme.path(target)
     window = round(REST / nominal.sample_time)
     rests = np.array([one.stop - 1 for one in motions(target)])[nominal.specification.motions :]
-    frictions = [nominal.friction] * len(machines)
+    frictions = [scheme.known] * len(machines)
     for _ in range(2):
-        given = [compensate(motion, friction, target) for friction in frictions]
-        responses = run(machines, bare(nominal), target, given, seed)
+        given = [scheme.references(friction, target) for friction in frictions]
+        responses = run(machines, scheme.controller, target, given, seed)
         frictions = [
-            learn(nominal.friction, middle, rests, [np.mean(r.record.command[k - window : k + 1]) for k in rests])
+            learn(scheme.known, path, rests, [np.mean(r.record.command[k - window : k + 1]) for k in rests])
             for r in responses
         ]
     whole = sequence(nominal, stroke)
-    return frictions, [compensate(motion, friction, whole) for friction in frictions]
+    return frictions, [scheme.references(friction, whole) for friction in frictions]
 
 
 def motion_of(machine: Machine, trajectory: Trajectory) -> Shape:
@@ -235,17 +272,26 @@ def feedback(machine: Machine, first: int, look: float) -> Feedback:
     """The machine's loop, with the error counted over `look` [s] from sample `first` on."""
     control = machine.control
     last = first + round(look / machine.sample_time)
-    return Feedback(machine.sample_time, control.pid, control.reference_delay, first, last)
+    return Feedback(machine.sample_time, control.pid, waiting(machine), first, last)
+
+
+def waiting(machine: Machine) -> int:
+    """Samples by which the PID's reference waits: the whole ones of L, as x_T* has what is left of L in it.
+
+    With the machine file's number instead, a table with L a little below that many samples would be compared with an
+    x_T* a whole sample too late, and the feedback would spoil the motion.
+    """
+    return delay_split(machine.plant.dead_time, machine.sample_time)[0]
 
 
 def bare(machine: Machine) -> Controller:
     """The machine's PID, for references that are given."""
-    return Controller(machine.sample_time, machine.control.pid, machine.control.reference_delay, (1.0,), (0.0,))
+    return Controller(machine.sample_time, machine.control.pid, waiting(machine), (1.0,), (0.0,))
 
 
 def common_controller(machine: Machine, found: CommonTrajectory) -> Controller:
     """The controller of a trajectory for all histories."""
-    return found.controller(machine.sample_time, machine.control.pid, machine.control.reference_delay)
+    return found.controller(machine.sample_time, machine.control.pid, waiting(machine))
 
 
 def polynomials(motion: Shape) -> Mapping[str, list[float]]:

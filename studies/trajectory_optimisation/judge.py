@@ -98,18 +98,20 @@ def run(
 
 def judge(
     machines: Sequence[Machine],
-    controller: Controller,
+    controller: Controller | Sequence[Controller],
     aim: Aim,
     given: References | Sequence[References] | None = None,
     seed: int = 0,
 ) -> list[Outcome]:
-    """What each machine achieves in the last of PERIODS periods."""
+    """What each machine achieves in the last of PERIODS periods; controller, given: for all, or one for each."""
     found: list[Outcome] = []
     target = sequence(machines[0], aim.stroke)
+    laws = [controller] * len(machines) if isinstance(controller, Controller) else controller
     for begin in range(0, len(machines), BATCH):
-        batch = machines[begin : begin + BATCH]
-        its = given if given is None or isinstance(given, References) else given[begin : begin + BATCH]
-        responses = simulate_many(batch, [controller] * len(batch), target, seed=seed, given=its)
+        part = slice(begin, begin + BATCH)
+        batch = machines[part]
+        its = given if given is None or isinstance(given, References) else given[part]
+        responses = simulate_many(batch, laws[part], target, seed=seed, given=its)
         found += [assess(machine, response, aim) for machine, response in zip(batch, responses, strict=True)]
     return found
 

@@ -19,6 +19,7 @@ SPECIFIED = ("machine.specification", "results.wanted")
 LABELS = {
     "deadbeat": "deadbeat alone",
     "paper": "deadbeat and RFM",
+    "paper_learning": "deadbeat and RFM, learning",
     "common": "one for all",
     "peak": "history-aware, least peak",
     "aware": "history-aware, chosen",
@@ -27,6 +28,8 @@ LABELS = {
 TABLES: dict[str, tuple[str, ...]] = {
     "ensemble": ("results.rows", *SPECIFIED),
     "yield": ("results.rows", *SPECIFIED),
+    "fresh": ("results.fresh", "results.rows", *SPECIFIED),
+    "members": ("results.members", *SPECIFIED),
     "central": ("results.rows", *SPECIFIED),
     "solver": ("results.solver",),
     "pareto": ("results.pareto", "results.errors"),

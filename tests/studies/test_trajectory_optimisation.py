@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from design.deadbeat import synthesise
+from design.trajectory import Limits
 from models.controller import Controller, load
 from models.machine import load as load_machine
 from models.record import motions
@@ -19,6 +20,7 @@ from models.settling import dispersion, settling_time
 from models.simulator import simulate
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.trajectory_optimisation.__main__ import STUDY
+from studies.trajectory_optimisation.designs import Wanted, history_aware, motion_of, quickest, rest_time
 from studies.trajectory_optimisation.judge import RANGE, Aim, judge, perturbed, sequence
 
 
@@ -44,10 +46,17 @@ def test_everything_is_written(folder: Path) -> None:
 def test_every_scheme_is_judged_on_the_same_tables(folder: Path) -> None:
     results = read(folder, "results.json")["results"]
     rows = {row["key"]: row for row in results["rows"]}
-    assert list(rows) == ["deadbeat", "paper", "common", "peak", "aware", "learning"]
+    assert list(rows) == ["deadbeat", "paper", "paper_learning", "common", "peak", "aware", "learning"]
     assert rows["learning"]["ensemble"]["dispersion_m"] < 0.5 * rows["paper"]["ensemble"]["dispersion_m"]
     assert rows["common"]["central"]["settling_s"] < rows["deadbeat"]["central"]["settling_s"]
     assert rows["aware"]["central"]["dispersion_m"] < rows["paper"]["central"]["dispersion_m"]
+    assert [row["key"] for row in results["fresh"]["rows"]] == list(rows)
+    assert results["fresh"]["rows"] != results["rows"]
+    members = results["members"]
+    assert [row["key"] for row in members["rows"]] == list(rows)
+    paper, own = members["own"]
+    assert own["ensemble"]["dispersion_m"] < 0.5 * paper["ensemble"]["dispersion_m"]
+    assert own["yield"]["thrust"] == 1.0
     for key in ("force_N", "response_m"):
         values = results["certificate"][key]
         assert all(later < earlier for earlier, later in pairwise(values))
@@ -102,6 +111,19 @@ def test_tables_are_seeded_within_their_ranges_and_side_by_side_equal_alone() ->
     aim = Aim(1e-6, 0.5e-6, 20e-3)
     few = [replace(table, specification=replace(table.specification, interval=0.1)) for table in some[:3]]
     assert judge(few, law, aim)[1].settling == judge(few[1:2], law, aim)[0].settling
+
+
+@pytest.mark.parametrize("dead_time", [0.52e-3, 0.95e-3, 1.0e-3, 1.3e-3])
+def test_the_feedback_waits_as_the_trajectory_needs_it_at_any_dead_time(dead_time: float) -> None:
+    machine = load_machine()
+    machine = replace(machine, plant=replace(machine.plant, dead_time=dead_time))
+    wanted = Wanted(20e-6, 0.5e-6, 25e-3, Limits())
+    count, tried = quickest(machine, wanted, 50, least=50)
+    scheme = history_aware(machine, motion_of(machine, tried[count]))
+    given = scheme.references(machine.friction, sequence(machine, wanted.stroke))
+    judged = judge([machine], scheme.controller, Aim(20e-6, 0.5e-6, 25e-3), given)[0]
+    after = round((rest_time(machine, count)) / machine.sample_time) + 1
+    assert np.max(np.abs(judged.error[:, after:])) < 2 * machine.scale.resolution
 
 
 @pytest.mark.parametrize(
