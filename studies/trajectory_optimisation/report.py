@@ -99,7 +99,7 @@ def _milli(time: float | None) -> str:
 
 
 def _dispersion(whole: Results) -> Drawing:
-    figure, axes = style.subplots(1, 1, 62)
+    figure, axes = style.subplots(1, 1, 72)
     ax = axes[0, 0]
     for key, label in LABELS.items():
         values = 1e6 * np.array(whole["results"]["shown"][key]["dispersions_m"])
@@ -112,7 +112,7 @@ def _dispersion(whole: Results) -> Drawing:
     ax.annotate(
         "95 %", (1.0, 95), xycoords=ax.get_yaxis_transform(), xytext=(3, 0), textcoords="offset points", fontsize=7
     )
-    ax.legend(loc="lower right")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.02), ncols=3)
     return figure
 
 
@@ -132,7 +132,7 @@ def _envelope(whole: Results) -> Drawing:
     )
     style.mark_limit(ax, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", "x")
     ax.set_xlim(0, time[-1])
-    ax.set_ylim(0.05, 30)
+    ax.set_ylim(0.05, 400)  # room for the legend
     ax.set_xlabel("time from the step [ms]")
     ax.set_ylabel("largest error [µm]")
     ax.legend(loc="upper right", ncols=2)
