@@ -33,7 +33,7 @@ from design.loop import (
 from design.pid_goal import OBJECTIVES, Goal, achieved
 from design.pid_problem import Array, Attempt, Bounds, Problem, Slot, Tuning, TuningError
 from design.pid_program import program
-from design.pid_rounds import LONGEST_FILTER, from_start
+from design.pid_rounds import LONGEST_FILTER, from_start, shares
 from models.controller import PID
 from models.quantity import show
 
@@ -97,7 +97,8 @@ def tune(problem: Problem, bounds: Bounds, starts: Sequence[tuple[str, PID]], to
         limit = f", |T| <= {bounds.mt:g}, |CS| <= {show(bounds.mcs, 'N/m')}"
         raise TuningError(
             f"no PID with |S| <= {bounds.ms:g}{limit} for all {len(problem.members)} plants was found ({tried}); "
-            "raise a bound, or take plants out of the family"
+            "raise a bound, or take plants out of the family",
+            tuple(attempts),
         )
     return replace(best, attempts=tuple(attempts))
 
@@ -108,7 +109,7 @@ def _with_those_that_count(problem: Problem, bounds: Bounds, start: PID, toleran
     Many plants that are much alike would crowd each other out of the program's slots.
     """
     nominal = [i for i, member in enumerate(problem.members) if member.nominal]
-    worst = np.argsort(-_shares(problem, start, bounds), kind="stable")
+    worst = np.argsort(-_largest_shares(problem, start, bounds), kind="stable")
     seen = list(dict.fromkeys([*nominal, *worst.tolist()]))[:MANY] if len(worst) > MANY else list(range(len(worst)))
     while True:
         part = replace(
@@ -117,8 +118,10 @@ def _with_those_that_count(problem: Problem, bounds: Bounds, start: PID, toleran
         found, outcome = from_start(part, bounds, start, tolerance)
         if found is None or len(seen) == len(worst):
             return found, outcome
-        shares = _shares(problem, found.pid, bounds)
-        beyond = [int(i) for i in np.argsort(-shares)[: MANY // 4] if shares[i] > 1 + tolerance and i not in seen]
+        worst_shares = _largest_shares(problem, found.pid, bounds)
+        beyond = [
+            int(i) for i in np.argsort(-worst_shares)[: MANY // 4] if worst_shares[i] > 1 + tolerance and i not in seen
+        ]
         if not beyond:  # on the check's frequencies; what is certified holds between them too
             loops = tuple(assess(member.plant, found.pid) for member in problem.members)
             beyond = [i for i, loop in enumerate(loops) if i not in seen and _exceeds(loop, bounds, tolerance)]
@@ -128,14 +131,11 @@ def _with_those_that_count(problem: Problem, bounds: Bounds, start: PID, toleran
         seen += beyond
 
 
-def _shares(problem: Problem, pid: PID, bounds: Bounds) -> Array:
+def _largest_shares(problem: Problem, pid: PID, bounds: Bounds) -> Array:
     """The largest of |S|, |T| and |CS| over their bounds (members,) [1], at the check's frequencies."""
-    found = []
-    for omega, response in problem.check:
-        s = sensitivities(response, pid_response(pid, problem.sample_time, omega))
-        sizes = ((s["S"], bounds.ms), (s["T"], bounds.mt), (s["CS"], bounds.mcs))
-        found.append(max(float(np.max(np.abs(size))) / bound for size, bound in sizes))
-    return np.array(found)
+    ts = problem.sample_time
+    looked = [shares(sensitivities(p, pid_response(pid, ts, omega)), bounds) for omega, p in problem.check]
+    return np.array([np.max(one) for one in looked])
 
 
 def _exceeds(loop: Assessment, bounds: Bounds, tolerance: float) -> bool:

@@ -18,10 +18,6 @@ Array = NDArray[np.float64]
 Slot = tuple[float, complex]  # omega [rad/s] and P there [m/N]
 
 
-class TuningError(ValueError):
-    """No PID keeps to the bounds; the message says what was tried and what would help."""
-
-
 @dataclass(frozen=True)
 class Bounds:
     """What every loop of the family keeps to: peaks |S| <= ms [1], |T| <= mt [1], |CS| <= mcs [N/m]."""
@@ -38,6 +34,14 @@ class Attempt:
     start: str
     outcome: str
     value: float | None
+
+
+class TuningError(ValueError):
+    """No PID keeps to the bounds; the message says what was tried and what would help, `attempts` tell each start."""
+
+    def __init__(self, message: str, attempts: tuple[Attempt, ...] = ()) -> None:
+        super().__init__(message)
+        self.attempts = attempts
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,20 @@ See `design.pid` for the method.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
-from design.loop import Assessment, assess, frequency_response, pid_response, sensitivities
+from design.loop import (
+    Assessment,
+    Complex,
+    Sensitivity,
+    assess,
+    frequency_response,
+    pid_response,
+    sensitivities,
+)
 from design.pid_goal import achieved
 from design.pid_problem import Array, Bounds, Problem, Slot, Tuning
 from design.pid_program import SLOTS
@@ -22,6 +30,7 @@ NEAR: Final = 0.05  # of the largest gain: a round that moves less is followed b
 LEAST_TRUST: Final = 1.05
 WITHIN: Final = 0.04  # of the largest gain: a round that moves less may be the last,
 SETTLED: Final = 1e2  # and one that moves less than this by the tolerance, since the best is flat
+KEPT: Final = 1.01  # of a bound: a solution that exceeds none by more is one to come back to
 EXACT_TRUST: Final = 0.1  # of the factor's excess over 1, for the exact bounds
 BASE: Final = 40  # slots of the nominal members together that it begins with
 NEARLY: Final = 0.8  # of its bound: a maximum above it is among the first slots
@@ -33,21 +42,27 @@ def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -
     """Rounds of solving and looking between the slots; the certified tuning or None, and what happened.
 
     First with the stricter bounds, which keep a stable loop stable; with the exact ones once the gains hardly move.
+    start: in SI, as is tolerance [1], relative.
     """
     guess = before = _scaled(problem, start)
     slots = _tightest(problem, start, bounds, _critical(problem, start, bounds, NEARLY) + _base(problem))
-    trust, exact = TRUST, False
+    trust, exact, kept = TRUST, False, False
     for count in range(1, ROUNDS + 1):
         solution = _solve(problem, bounds, slots, guess, trust, exact=exact)
-        if solution is None:  # too far: back half the way, and on in shorter steps
-            trust, guess, exact = math.sqrt(trust), 0.5 * (before + guess), False
+        if solution is None:  # too far: back to where the bounds were kept, or half the way, and on in shorter steps
+            trust, guess, exact = math.sqrt(trust), before if kept else 0.5 * (before + guess), False
             if trust < LEAST_TRUST:
                 return None, f"IPOPT found no point within the bounds (round {count})"
             continue
         moved = float(np.max(np.abs(solution[:4] - guess[:4])) / np.max(guess[:3]))
-        before, guess, pid = guess, solution, _pid(problem, solution)
+        pid = _pid(problem, solution)
         above = _critical(problem, pid, bounds, 1 + 0.01 * tolerance)
-        certain = not _critical(problem, pid, bounds, 1 + tolerance) if above else True
+        excess = float(np.max(_shares(problem, pid, bounds, above), initial=0.0))
+        if excess <= KEPT:
+            before, kept = solution, True
+        elif not kept:
+            before = guess
+        guess, certain = solution, excess <= 1 + tolerance
         if certain and exact and moved < min(WITHIN, SETTLED * tolerance):
             loops = tuple(assess(member.plant, pid) for member in problem.members)
             if not all(loop.stable for loop in loops):
@@ -76,11 +91,20 @@ def _tightest(problem: Problem, pid: PID, bounds: Bounds, slots: Sequence[Slot])
     others = sorted(set(slots) - set(base), key=lambda slot: (slot[0], slot[1].real))
     if not others:
         return base
-    omega, response = np.array([w for w, _ in others]), np.array([p for _, p in others])
-    s = sensitivities(response, pid_response(pid, problem.sample_time, omega))
-    shares = [np.abs(s["S"]) / bounds.ms, np.abs(s["T"]) / bounds.mt, np.abs(s["CS"]) / bounds.mcs]
-    order = np.argsort(-np.max(shares, axis=0), kind="stable")[: SLOTS - len(base)]
+    order = np.argsort(-_shares(problem, pid, bounds, others), kind="stable")[: SLOTS - len(base)]
     return base + [others[i] for i in order]
+
+
+def _shares(problem: Problem, pid: PID, bounds: Bounds, slots: Sequence[Slot]) -> Array:
+    """The largest of |S|, |T| and |CS| over their bounds (n,) [1] at each slot."""
+    omega, response = np.array([w for w, _ in slots]), np.array([p for _, p in slots])
+    return shares(sensitivities(response, pid_response(pid, problem.sample_time, omega)), bounds)
+
+
+def shares(found: Mapping[Sensitivity, Complex], bounds: Bounds) -> Array:
+    """The largest of |S| [1], |T| [1] and |CS| [N/m] over their bounds (n,) [1]."""
+    sizes = ((found["S"], bounds.ms), (found["T"], bounds.mt), (found["CS"], bounds.mcs))
+    return np.asarray(np.max([np.abs(size) / bound for size, bound in sizes], axis=0), float)
 
 
 def _base(problem: Problem) -> list[Slot]:

@@ -40,7 +40,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--mass-error", default="0.1", metavar="RATIO", help="mass off to both sides by (default: 0.1)")
     parser.add_argument(
-        "--ensemble", type=Path, metavar="FILE", help="ensemble file whose machines join the family (default: none)"
+        "--ensemble",
+        type=Path,
+        metavar="FILE",
+        help="ensemble file whose machines join the family of the tuning (default: none; the default machine's "
+        "PIDs are then judged on models/machines/linear_motor_table_ensemble.toml afterwards)",
     )
 
 

@@ -14,18 +14,21 @@ from numpy.typing import NDArray
 from design.controller import default_controller
 from design.deadbeat import DesignError
 from design.family import Member, family, slopes
-from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
+from design.loop import DIAGRAM, frequency_response, grid, pid_response, sensitivities
 from design.pid import pose, tune
 from design.pid_goal import OBJECTIVES, Goal
 from design.pid_problem import Bounds, TuningError
-from models.controller import PID, to_json
+from design.pid_rules import simc
+from models.controller import PID, Controller, to_json
+from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
-from studies.command import Answer, BadInputError, Check, Progress, quantity
-from studies.pid_tradeoff import front
+from studies.command import Answer, BadInputError, Progress, quantity
+from studies.pid_tradeoff import ensemble, front
+from studies.pid_tradeoff.checks import made
 from studies.pid_tradeoff.front import Point
 from studies.pid_tradeoff.limits import bode_area, highest_crossover, least_sensitivity
 from studies.pid_tradeoff.published import SOURCE, compare
@@ -34,8 +37,8 @@ from studies.validation import Validation, validate_many
 Array = NDArray[np.float64]
 
 LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # of the bound on |S|
-QUICK_LEVELS: Final = (1.4, 1.8, 2.4, 3.0)
-CERTAIN: Final = 1e-6  # by which the certificate's level lies above the peak found, relative
+QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
+QUICK_MEMBERS: Final = 10  # every so many of an ensemble
 SHOWN: Final = 0.1  # s of the reversal in the figures
 
 
@@ -43,7 +46,7 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted = _wanted(options)
     others = _ensemble(options)
-    members = family(machine, wanted["mode_error"], wanted["mass_error"], others)
+    members = family(machine, wanted["mode_error"], wanted["mass_error"], others if options.ensemble else ())
     try:
         controller = default_controller(machine)
     except DesignError as error:
@@ -56,10 +59,11 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
     problem = pose(members, goal, machine.control.pid)
     levels = sorted({*(QUICK_LEVELS if options.quick else LEVELS), wanted["ms"]})
     progress(0.05, f"tuning {len(levels)} points of the front")
-    points, attempts = front.tuned(problem, levels, limits, machine)
-    chosen = next((point for point in points if point.bound == wanted["ms"]), None)
-    if chosen is None:
-        raise BadInputError(f"--ms {wanted['ms']:g}: {next(a['outcome'] for a in attempts if a['ms'] == wanted['ms'])}")
+    try:
+        points, attempts = front.tuned(problem, levels, limits, machine)
+    except TuningError as error:
+        raise BadInputError(f"--ms, --mt, --noise: {error}") from error
+    chosen = front.nearest(points, wanted["ms"])
     progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
     ruled = front.rules(machine, members)
     every = [*points, present, *ruled]
@@ -67,7 +71,9 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
     rows = [front.row(machine, members, point, v) for point, v in zip(every, validations, strict=True)]
     progress(0.65, "what each limit costs")
     costs = _costs(machine, wanted, limits, chosen, quick=options.quick)
-    progress(0.75, "published optima, limits and certificates")
+    progress(0.7, f"the PIDs on {len(others)} members of the ensemble")
+    on_ensemble = _on_ensemble(machine, others, wanted, limits, controller, chosen, tuned=options.ensemble is not None)
+    progress(0.8, "published optima, limits and certificates")
     published, count = compare(), len(points)
     fit = replace(controller, pid=chosen.pid)
     compensated = validate_many([with_pid(machine, c.pid, "this study") for c in (controller, fit)], [controller, fit])
@@ -79,6 +85,8 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
             "objective": goal.objective,
             "meaning": OBJECTIVES[goal.objective],
         },
+        "diagram": DIAGRAM,
+        "ensemble": on_ensemble,
         "family": [member.name for member in members],
         "front": rows[:count],
         "present": rows[count],
@@ -98,7 +106,7 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
         "compensated": [_outcome(one) for one in compensated],
         "force_N": _force(machine),
     }
-    checks = _checks(members, points, results, compensated[1], machine)
+    checks = made(members, points, results, compensated[1], machine)
     stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
     files = {"controller.json": to_json(fit, stroke, settling)}
     return Answer(results, checks, files, _summary(results))
@@ -117,12 +125,39 @@ def _wanted(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _ensemble(options: argparse.Namespace) -> tuple[Machine, ...]:
-    if options.ensemble is None:
+    """The machines of the file that was given; without one those that the default machine was chosen from."""
+    if options.ensemble is None and options.machine is not None:
         return ()
     try:
-        return load_ensemble(options.ensemble)
+        others = load_ensemble(options.ensemble or ENSEMBLE)
     except MachineError as error:
         raise BadInputError(f"--ensemble: {error}") from error
+    return others[:: QUICK_MEMBERS if options.quick else 1]
+
+
+def _on_ensemble(
+    machine: Machine,
+    others: Sequence[Machine],
+    wanted: dict[str, Any],
+    limits: Bounds,
+    controller: Controller,
+    chosen: Point,
+    *,
+    tuned: bool,
+) -> dict[str, Any] | None:
+    """What the PIDs do on every member and, unless the front was `tuned` for them all, one PID that holds them."""
+    if not others:
+        return None
+    pids = {"present": machine.control.pid, "chosen": chosen.pid}
+    outcome = None
+    if not tuned:
+        start = simc(machine.plant, machine.sample_time, front.SLOW_START, machine.control.pid.derivative_filter)
+        errors = wanted["mode_error"], wanted["mass_error"]
+        found, outcome = ensemble.held(machine, others, errors, limits, start)
+        pids |= {"all members": found} if found else {}
+    deadline = machine.specification.settling_time
+    on_every = ensemble.on_every_member(others, controller, pids, wanted["ms"], deadline)
+    return {**on_every, "tuned": tuned, "outcome": outcome}
 
 
 def _goal(machine: Machine, objective: Any) -> Goal:
@@ -259,57 +294,6 @@ def _outcome(validation: Validation) -> dict[str, Any]:
         "slowest_s": max(one.settling_time for one in validation.achieved),
         "dispersion_m": validation.worst_dispersion,
     }
-
-
-def _finer(members: Sequence[Member], points: Sequence[Point]) -> float:
-    """Largest |S| over the peak found, on a grid ten times finer than the one it was found on."""
-    worst = 0.0
-    for point in points:
-        for member, loop in zip(members, point.loops, strict=True):
-            omega = grid(member.plant, point.pid, 2000)
-            c = pid_response(point.pid, float(member.plant.dt), omega)
-            s = np.abs(sensitivities(frequency_response(member.plant, omega), c)["S"])
-            worst = max(worst, float(np.max(s)) / loop.ms.value)
-    return worst
-
-
-def _uncertain(members: Sequence[Member], points: Sequence[Point]) -> int:
-    """How many loops' |S| or |T| are not proved to stay below the peaks found, at all frequencies."""
-    missed = 0
-    for point in points:
-        for member, loop in zip(members, point.loops, strict=True):
-            for name, peak in (("S", loop.ms), ("T", loop.mt)):
-                system = sensitivity(member.plant, point.pid, name)  # type: ignore[arg-type]
-                missed += not stays_below(system, peak.value * (1 + CERTAIN))
-    return missed
-
-
-def _checks(
-    members: Sequence[Member],
-    points: Sequence[Point],
-    results: dict[str, Any],
-    compensated: Validation,
-    machine: Machine,
-) -> tuple[Check, ...]:
-    radius = max(loop.spectral_radius for point in points for loop in point.loops)
-    excess = max(point.ms / (point.bound or math.inf) for point in points)
-    published = max(row["largest_error"] for row in results["published"]["rows"])
-    settled = max(one.settling_time for one in compensated.positive())
-    return (
-        Check("largest eigenvalue of all loops of the front", radius, "1", 1 - 1e-9, "stability"),
-        Check("largest peak of the sensitivity over its bound", excess, "1", 1 + 2e-4, "certificate"),
-        Check(
-            "the same on a ten times finer grid, over the peak", _finer(members, points), "1", 1 + 1e-6, "certificate"
-        ),
-        Check(
-            "loops whose peaks are not proved at all frequencies", _uncertain(members, points), "1", 0, "Hamiltonian"
-        ),
-        Check("imbalance of Bode's integral", results["limits"]["imbalance"], "1", 0.01, "Bode"),
-        Check("error to published optima", published, "1", 0.01, "Åström et al., 1998"),
-        Check(
-            "settling of the chosen PID with compensation", settled, "s", machine.specification.settling_time, "II.D"
-        ),
-    )
 
 
 def _summary(results: dict[str, Any]) -> list[tuple[str, str]]:

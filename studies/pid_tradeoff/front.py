@@ -49,9 +49,11 @@ class Point:
 def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Machine) -> tuple[list[Point], list[Any]]:
     """The front over the levels of the bound on |S| [1], each warm-started from the last; and every attempt made.
 
-    limits: bounds on |T| (inf: that on |S|, at least LEAST_MT) and |CS| [N/m].
+    limits: bounds on |T| (inf: that on |S|, at least LEAST_MT) and |CS| [N/m]. Levels without a PID are left out of the
+    front; raises TuningError, that of the last level, if none has one.
     """
     points, log = [], []
+    refusal: TuningError | None = None
     keep = machine.control.pid.derivative_filter
     slow, fast = (simc(machine.plant, machine.sample_time, time, keep) for time in (SLOW_START, FAST_START))
     many = problem.goal.objective != "integral"  # the other objectives have more than one local optimum
@@ -66,8 +68,16 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
             points.append(Point(f"tuned, {ms:g}", last.pid, last.loops, ms))
             log += [{"ms": ms, **vars(attempt)} for attempt in last.attempts]
         except TuningError as error:
-            log.append({"ms": ms, "start": starts[0][0], "outcome": str(error), "value": None})
+            log += [{"ms": ms, **vars(attempt)} for attempt in error.attempts]
+            refusal = error
+    if refusal is not None and not points:
+        raise refusal
     return points, log
+
+
+def nearest(points: Sequence[Point], ms: float) -> Point:
+    """The point tuned for the bound `ms` [1]; else for the next stricter one with a PID; else the first of them."""
+    return next((point for point in reversed(points) if (point.bound or math.inf) <= ms), points[0])
 
 
 def mt_bound(ms: float, mt: float) -> float:

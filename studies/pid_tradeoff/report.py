@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from models.quantity import show
 from reports import style
 from reports.report import Figure, Report
+from studies.wording import filters
 
 Results = Mapping[str, Any]
 LOOPS = {"P_l": "$P_l$", "P_e1": "$P_{e1}$", "P_e2": "$P_{e2}$", "steepest": "steepest"}
@@ -31,17 +31,24 @@ def tell(whole: Results) -> Report:
         Figure("sensitivities", SENSITIVITIES, ("results.loops", "results.wanted", "results.chosen"), _sensitivities),
         Figure("between", BETWEEN, ("results.between",), _between),
     ]
+    if whole["results"]["ensemble"]:
+        keys = ("results.ensemble", "results.wanted", "machine.specification")
+        figures.append(Figure("ensemble", ENSEMBLE, keys, _ensemble))
     title = f"Friction suppression against stability: {whole['machine']['name']}"
-    filters: dict[str, Callable[..., Any]] = {
-        "show": _show,
-        "gain": _gain,
-        "number": _number,
-        "ratio": lambda ratio: f"{ratio:.2f}",
-    }
+    extra: dict[str, Callable[..., Any]] = {"gain": _gain, "number": _number, "ratio": _ratio}
     question = "How much friction suppression does stability leave, and is feedback alone enough?"
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters)
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **extra}, TABLES)
 
 
+TABLES = {
+    "beside": ("results.present", "results.chosen", "results.enough", "results.fastest", "results.compensated"),
+    "ensemble": ("results.ensemble",),
+    "front": ("results.front",),
+    "costs": ("results.costs",),
+    "checks": ("checks",),
+    "published": ("results.published",),
+    "attempts": ("results.attempts",),
+}
 FRONT = (
     "Settling of the reversal without friction compensation, on the nonsmooth machine, against the largest $|S|$ over "
     "the family: the tuned PIDs, the present one and two rules of thumb. A point on the upper edge never settles "
@@ -59,12 +66,11 @@ SENSITIVITIES = (
     "Sensitivities with the chosen PID, on the plants as they are known, with their bounds; thin: the present PID on "
     "$P_l$; dash-dotted: below it, $|S|$ on $P_l$ can't be brought by any controller with the same noise."
 )
+ENSEMBLE = (
+    "Every member of the ensemble: settling of its reversal without friction compensation against the largest $|S|$ of "
+    "its plants, with the same PID for all, and with the PID that each was chosen with (its own)."
+)
 BETWEEN = "Position after a step of friction of the reversal's size, chosen PID, between the samples too."
-
-
-def _show(number: float | None, unit: str, digits: int = 3) -> str:
-    """A number for the text; None stands for one that is not finite."""
-    return "never" if number is None else show(number, unit, digits).replace(" ", "\u00a0")
 
 
 def _gain(number: float | None) -> str:
@@ -79,8 +85,12 @@ def _number(number: float | None, digits: int = 3) -> str:
     return "–" if number is None else f"{number:.{digits}g}"
 
 
+def _ratio(number: float | None) -> str:
+    return "–" if number is None else f"{number:.2f}"
+
+
 def _column(rows: Any, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return np.array([np.nan if row[key] is None else row[key] for row in rows], float)
+    return _numbers([row[key] for row in rows])
 
 
 def _series(results: Results) -> list[tuple[str, list[Any], dict[str, Any]]]:
@@ -288,3 +298,31 @@ def _between(whole: Results) -> Drawing:
     axes[0, 0].set_ylabel("position [µm]")
     axes[0, 1].legend(loc="upper right")
     return figure
+
+
+def _ensemble(whole: Results) -> Drawing:
+    ensemble, spec = whole["results"]["ensemble"], whole["machine"]["specification"]
+    figure, axes = style.subplots(1, 1, 62)
+    ax = axes[0, 0]
+    looks = {
+        "own": (style.SKY, "s"),
+        "present": (style.VERMILION, "D"),
+        "chosen": (style.BLUE, "o"),
+        "all members": (style.GREEN, "^"),
+    }
+    for row in sorted(ensemble["rows"], key=lambda one: list(looks).index(one["name"])):
+        color, marker = looks[row["name"]]
+        label = "tuned for all" if row["name"] == "all members" else row["name"]
+        look: dict[str, Any] = {"color": color, "marker": marker, "linestyle": "none", "markersize": 3.5}
+        ax.plot(_numbers(row["ms"]), 1e3 * _numbers(row["settling_s"]), label=label, **look)
+    style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"required, {1e3 * spec['settling_time_s']:g} ms")
+    style.mark_limit(ax, whole["results"]["wanted"]["ms"], f"bound {whole['results']['wanted']['ms']:g}", axis="x")
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel("largest $|S|$ over the member's plants")
+    ax.set_ylabel("settling of the reversal [ms]")
+    ax.legend(loc="lower right", ncols=2)
+    return figure
+
+
+def _numbers(values: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([np.nan if value is None else value for value in values], float)

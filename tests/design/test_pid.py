@@ -10,11 +10,12 @@ import pytest
 
 from design.family import Member, family, slopes
 from design.loop import assess, frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
-from design.pid import pose, tune
+from design.pid import MANY, pose, tune
 from design.pid_goal import Goal, achieved
 from design.pid_problem import Bounds, Problem, TuningError
 from design.pid_rules import lambda_rule, simc
 from models.controller import PID
+from models.ensemble import load_ensemble
 from models.machine import load
 from studies.pid_tradeoff.published import PUBLISHED
 
@@ -90,6 +91,20 @@ def test_the_tuned_loop_keeps_its_bounds_over_the_family_and_uses_them(problem: 
         assert np.max(np.abs(s["S"])) <= loop.ms.value * (1 + 1e-6)
         assert np.max(np.abs(s["T"])) <= BOUNDS.mt * (1 + 2e-4)
         assert stays_below(sensitivity(member.plant, found.pid, "S"), BOUNDS.ms * (1 + 3e-4))
+
+
+def test_more_plants_than_a_program_has_room_for_are_all_held(problem: Problem) -> None:
+    others = load_ensemble()[::10]
+    members = family(MACHINE, others=others)
+    assert len(members) == 20 + 4 * len(others) > MANY
+    found = tune(pose(members, Goal(), MACHINE.control.pid), BOUNDS, [("slow", SLOW)])
+    assert len(found.loops) == len(members)
+    for member in members:
+        assert assess(member.plant, found.pid, count=1000).stable
+        assert stays_below(sensitivity(member.plant, found.pid, "S"), BOUNDS.ms * (1 + 3e-4))
+        assert stays_below(sensitivity(member.plant, found.pid, "CS"), BOUNDS.mcs * (1 + 3e-4))
+    assert found.ms == pytest.approx(BOUNDS.ms, rel=3e-4)
+    assert found.value < tune(problem, BOUNDS, [("slow", SLOW)]).value
 
 
 def test_two_starts_find_the_same_and_a_failed_one_is_reported(problem: Problem) -> None:

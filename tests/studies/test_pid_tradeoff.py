@@ -19,7 +19,7 @@ from models.plant import Mode, Plant, sampled
 from studies.command import BAD_INPUT, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
 from studies.pid_tradeoff.__main__ import STUDY
-from studies.pid_tradeoff.front import between_samples, step_error
+from studies.pid_tradeoff.front import Point, between_samples, nearest, step_error
 from studies.pid_tradeoff.limits import bode_area, highest_crossover, least_sensitivity
 
 TS = 5e-4
@@ -131,12 +131,33 @@ def test_between_the_samples_the_path_passes_through_the_samples() -> None:
     assert np.abs(samples[1:4]) == pytest.approx(expected[:3])
 
 
+def test_the_ensembles_counts_are_those_of_its_members(folder: Path) -> None:
+    """On machines that the PID was not tuned for; the one tuned for all keeps its bound on every one."""
+    ensemble = read(folder, "results.json")["results"]["ensemble"]
+    rows = {row["name"]: row for row in ensemble["rows"]}
+    count, bound = len(ensemble["members"]), ensemble["ms_bound"]
+    assert count >= 5
+    assert rows["all members"]["within"] == count
+    for row in rows.values():
+        assert len(row["ms"]) == len(row["settling_s"]) == count
+        assert row["within"] == sum(ms is not None and ms <= bound * (1 + 2e-4) for ms in row["ms"])
+        pairs = zip(row["settling_s"], rows["own"]["settling_s"], strict=True)
+        assert row["faster"] == sum((here or math.inf) < (own or math.inf) for here, own in pairs)
+        assert row["stable"] == sum(ms is not None for ms in row["ms"])
+    assert rows["own"]["faster"] == 0
+
+
+def test_a_bound_without_a_pid_is_answered_by_the_next_stricter_one_or_else_the_first() -> None:
+    points = [Point(f"{bound}", PID(1.0, 1.0, 0.0, 0.0), (), bound) for bound in (1.4, 1.8, 2.4)]
+    assert [nearest(points, ms).bound for ms in (1.8, 2.0, 3.0, 1.2)] == [1.8, 1.8, 2.4, 1.4]
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
         (["--ms", "1"], "--ms: 1 can't be"),
         (["--ms", "two"], "--ms"),
-        (["--ms", "1.01"], "--ms 1.01: no PID with |S| <= 1.01"),
+        (["--noise", "1 N/m", "--mode-error", "0", "--mass-error", "0"], "--ms, --mt, --noise: no PID with |S| <= 3"),
         (["--mode-error", "-0.1"], "--mode-error"),
         (["--mass-error", "0.7"], "--mass-error: 0.7 is no error any more"),
         (["--noise", "5 N"], "--noise"),

@@ -1,0 +1,84 @@
+"""What PIDs do on every machine that the same facts allow (an ensemble), and one PID that is tuned to hold them all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from design.family import Member, family
+from design.loop import assess
+from design.pid import pose, tune
+from design.pid_goal import Goal
+from design.pid_problem import Bounds, TuningError
+from models.controller import PID, Controller
+from models.machine import Machine, with_pid
+from studies.pid_tradeoff.front import mt_bound
+from studies.validation import validate_many
+
+OWN: Final = "own"  # the PID that a member's own file has
+
+
+def on_every_member(
+    others: Sequence[Machine], controller: Controller, pids: Mapping[str, PID], ms: float, deadline: float
+) -> dict[str, Any]:
+    """Largest |S| [1] over a member's four plants, as known, and the reversal's settling [s], for each PID and member.
+
+    controller: whose feedforward all motions have, without friction compensation. ms: bound on |S| that is counted;
+    deadline [s]: the specified settling time.
+    """
+    named: list[tuple[str, list[PID]]] = [(name, [pid] * len(others)) for name, pid in pids.items()]
+    named.append((OWN, [other.control.pid for other in others]))
+    rows = {name: _behaviour(others, controller, each) for name, each in named}
+    own = rows[OWN]["settling_s"]
+    return {
+        "members": [other.name for other in others],
+        "mass_kg": [1 / sum(mode.gain for mode in other.plant.modes if mode.frequency == 0) for other in others],
+        "ms_bound": ms,
+        "rows": [{"name": name, **row, **_counts(row, own, ms, deadline)} for name, row in rows.items()],
+    }
+
+
+def held(machine: Machine, others: Sequence[Machine], errors: tuple[float, float], limits: Bounds, start: PID) -> Any:
+    """(PID or None, what happened): the largest integral gain whose loops keep the bounds for every member too.
+
+    errors [1]: of the modes' frequencies and the mass of `machine` itself, as in `family`.
+    """
+    members = family(machine, *errors, others)
+    bounds = replace(limits, mt=mt_bound(limits.ms, limits.mt))
+    try:
+        found = tune(pose(members, Goal(), machine.control.pid), bounds, [("slow rule", start)])
+    except TuningError as error:
+        return None, str(error)
+    return found.pid, found.attempts[0].outcome
+
+
+def _behaviour(others: Sequence[Machine], controller: Controller, pids: Sequence[PID]) -> dict[str, Any]:
+    peaks = []
+    for other, pid in zip(others, pids, strict=True):
+        loops = [assess(member.plant, pid) for member in _plants(other)]
+        peaks.append(max(loop.ms.value if loop.stable else math.inf for loop in loops))
+    plain = controller.without_compensation()
+    machines = [with_pid(other, pid, "this study") for other, pid in zip(others, pids, strict=True)]
+    validations = validate_many(machines, [replace(plain, pid=pid) for pid in pids], repeats=4)
+    settling = [next(a.settling_time for a in one.positive() if a.motion.reversal) for one in validations]
+    return {"ms": peaks, "settling_s": settling}
+
+
+def _plants(machine: Machine) -> tuple[Member, ...]:
+    return family(machine, 0.0, 0.0)
+
+
+def _counts(row: Mapping[str, Any], own: Sequence[float], ms: float, deadline: float) -> dict[str, Any]:
+    peaks, settling = np.array(row["ms"]), np.array(row["settling_s"])
+    return {
+        "stable": int(np.sum(np.isfinite(peaks))),
+        "within": int(np.sum(peaks <= ms * (1 + 2e-4))),
+        "faster": int(np.sum(settling < np.array(own))),
+        "in_time": int(np.sum(settling <= deadline)),
+        "ms_range": [float(np.min(peaks)), float(np.median(peaks)), float(np.max(peaks))],
+        "settling_range_s": [float(np.min(settling)), float(np.median(settling)), float(np.max(settling))],
+    }
