@@ -35,6 +35,7 @@ OBJECTIVES: Final[dict[Objective, str]] = {
 }
 MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # relative errors of a frequency that "mode_robustness" looks at
 ROUGHNESS: Final = 1e-6  # weight of the thrust's differences beside the vibration left, for a smooth thrust
+ACTIVE: Final = 1e-10  # of the stroke, or of the thrust's scale: a constraint this near its bound is met with equality
 LONGEST: Final = 4096  # samples; a search for the shortest settling time gives up beyond
 
 
@@ -101,6 +102,8 @@ def synthesise(
     if objective not in get_args(Objective):
         raise DesignError(f"objective {objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
     problem = _problem(plant, sample_time, count, stroke)
+    if problem is None:
+        raise DesignError(_why_not(plant, sample_time, settling_time, stroke, constraints))
     solution = (
         _least_peak(problem, constraints)
         if objective == "peak_thrust"
@@ -116,8 +119,8 @@ def least_peak_thrust(
 ) -> float:
     """The least peak of |u_ff| [N] with which the stroke [m] can be done in settling_time [s]; inf if none can."""
     problem = _problem(plant, sample_time, _samples(settling_time, sample_time), stroke)
-    solution = _least_peak(problem, Constraints(monotone=monotone))
-    return math.inf if solution is None else float(problem.scale * np.max(np.abs(solution)))
+    solution = None if problem is None else _least_peak(problem, Constraints(monotone=monotone))
+    return math.inf if problem is None or solution is None else float(problem.scale * np.max(np.abs(solution)))
 
 
 def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, constraints: Constraints) -> float:
@@ -127,7 +130,8 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
     """
 
     def possible(count: int) -> bool:
-        return _least_peak(_problem(plant, sample_time, count, stroke), constraints) is not None
+        problem = _problem(plant, sample_time, count, stroke)
+        return problem is not None and _least_peak(problem, constraints) is not None
 
     low, high = 0, 8
     while not possible(high):
@@ -165,8 +169,11 @@ def _samples(settling_time: float, sample_time: float) -> int:
     return count
 
 
-def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Problem:
+def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Problem | None:
+    """The problem for `count` samples; None where they are fewer than the states, which nothing can bring to rest."""
     model = sampled(plant, sample_time, whole_delay=False)
+    if count < model.nstates:
+        return None
     powers = _reach(model, count)
     goal = np.zeros(model.nstates)
     goal[2 * _rigid(plant)] = 1.0
@@ -285,15 +292,22 @@ def _least_peak(problem: _Problem, constraints: Constraints) -> Array | None:
 
 
 def _refined(solution: Array, a: Array, lower: Array, upper: Array) -> Array | None:
-    """The nearest w that meets the deadbeat and the active constraints to round-off; None if there is none near."""
-    refined = solution
-    near = 1e-6
-    active = (a @ refined - lower < near) | (upper - a @ refined < near)
-    bound = np.where(a @ refined - lower < near, lower, upper)
-    for _ in range(3):  # each pass takes off what round-off left of the one before
-        refined = refined + np.linalg.lstsq(a[active], (bound - a @ refined)[active], rcond=1e-12)[0]
-    missed = np.max(np.maximum(lower - a @ refined, a @ refined - upper), initial=0.0)
-    return refined if missed < near else None
+    """The nearest w that meets the deadbeat and the active constraints to round-off; None if there is none near.
+
+    Only what the solver left within ACTIVE of its bound is held there: a small first step of x_T* is no active bound.
+    """
+    refined, close = solution, 1e-6
+    at_lower, at_upper = a @ solution - lower < ACTIVE, upper - a @ solution < ACTIVE
+    equal = lower == upper
+    for active in ((at_lower | at_upper | equal), equal):
+        bound = np.where(at_lower | equal, lower, upper)
+        refined = solution
+        for _ in range(3):  # each pass takes off what round-off left of the one before
+            refined = refined + np.linalg.lstsq(a[active], (bound - a @ refined)[active], rcond=1e-12)[0]
+        missed = np.max(np.maximum(lower - a @ refined, a @ refined - upper), initial=0.0)
+        if missed < close:
+            return refined
+    return None
 
 
 def _why_not(plant: Plant, sample_time: float, settling_time: float, stroke: float, constraints: Constraints) -> str:

@@ -26,11 +26,17 @@ def load_ensemble(path: Path = DEFAULT) -> tuple[Machine, ...]:
     for key in ("base", "member"):
         if key not in content:
             raise MachineError(f"{path}: {key} is missing; add it (see an ensemble file of this project)")
+    if not isinstance(content["member"], list) or not content["member"]:
+        raise MachineError(f"{path}: has no members; write [[member]] with the values that differ below")
     base = read_table(path.parent / str(content["base"]))
     source = str(content.get("source", "assumed: no source given"))
     members = []
     for number, changes in enumerate(content["member"], start=1):
         table = copy.deepcopy(base)
+        if not isinstance(changes, dict):
+            raise MachineError(
+                f"{path}: member {number} is no table; write [[member]] with the values that differ below"
+            )
         table["name"] = f"{base.get('name', path.stem)}, member {number}"
         for name, text in changes.items():
             _set(table, name, {"value": text, "source": source}, f"{path}: member {number}")
@@ -56,7 +62,9 @@ def _set(table: dict[str, Any], name: str, entry: Mapping[str, Any], where: str)
     place: Any = table
     for parent in parents:
         try:
-            place = place[int(parent) - 1] if parent.isdecimal() else place[parent]
+            place = place[int(parent) - 1 if int(parent) else len(place)] if parent.isdecimal() else place[parent]
         except (KeyError, IndexError, TypeError) as error:
             raise MachineError(f"{where}: {name} is nowhere in the base machine; mend its name") from error
+    if not isinstance(place, dict):
+        raise MachineError(f"{where}: {name} is nowhere in the base machine; mend its name")
     place[last] = entry

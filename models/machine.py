@@ -65,8 +65,8 @@ class Control:
     """What is fixed of the controller before a feedforward is designed."""
 
     sample_time: float = value("s", "sample time T_s", above=0)
-    reference_delay: int = value("1", "samples by which the PID's reference waits, z^-d", at_least=0)
-    compensator_elements: int = value("1", "elements N of the friction compensator RFM", at_least=1)
+    reference_delay: int = value("1", "samples by which the PID's reference waits, z^-d", at_least=0, below=1001)
+    compensator_elements: int = value("1", "elements N of the friction compensator RFM", at_least=1, below=101)
     pid: PID = dataclasses.field(kw_only=True)
 
 
@@ -79,7 +79,7 @@ class Specification:
     settling_time: float = value("s", "settling time", above=0)
     reference_settling_time: float = value("s", "time by which x_T* is settled", above=0)
     interval: float = value("s", "time from one motion to the next", above=0)
-    motions: int = value("1", "motions in one direction before the reversal", at_least=1)
+    motions: int = value("1", "motions in one direction before the reversal", at_least=2, below=101)
 
 
 @dataclass(frozen=True)
@@ -281,8 +281,29 @@ def _with_presliding(machine: Machine, sources: dict[str, Provenance]) -> Machin
     return dataclasses.replace(machine, presliding=presliding)
 
 
+def _check_times(machine: Machine) -> None:
+    """That the specification's times follow each other, and make a sequence that can be simulated."""
+    wanted, ts = machine.specification, machine.sample_time
+    if not wanted.reference_settling_time <= wanted.settling_time < wanted.interval:
+        raise MachineError(
+            "specification: reference_settling_time, settling_time and interval have to follow each other; "
+            f"they are {wanted.reference_settling_time:g} s, {wanted.settling_time:g} s and {wanted.interval:g} s"
+        )
+    for name, time, most in (
+        ("specification.interval", wanted.interval, 100_000),
+        ("specification.reference_settling_time", wanted.reference_settling_time, 1000),
+        ("plant.dead_time", machine.plant.dead_time, 1000),
+    ):
+        if time > most * ts:
+            raise MachineError(
+                f"{name}: {time:g} s are more than {most} samples of control.sample_time, {ts:g} s; "
+                "shorten it or lengthen the sample time"
+            )
+
+
 def _check(machine: Machine) -> None:
     """What no single value shows."""
+    _check_times(machine)
     nyquist = 0.5 / machine.sample_time
     for i, mode in enumerate(machine.plant.modes):
         if mode.frequency >= nyquist:

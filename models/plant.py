@@ -29,9 +29,9 @@ Array = NDArray[np.float64]
 class Mode:
     """One term k / (s^2 + 2 zeta w s + w^2) of eq. (1); the rigid body is the one with frequency 0."""
 
-    gain: float = value("1/kg", "modal gain k_t")
+    gain: float = value("1/kg", "modal gain k_t", above=1e-12, below=1e12)
     frequency: float = value("Hz", "natural frequency w / 2 pi (0: rigid body)", at_least=0)
-    damping: float = value("1", "damping ratio zeta", at_least=0)
+    damping: float = value("1", "damping ratio zeta", at_least=0, below=1)
 
 
 @dataclass(frozen=True)

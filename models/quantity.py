@@ -16,7 +16,7 @@ from typing import Any, Final
 import pint
 
 _NUMBER: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*(.*)", re.IGNORECASE)
-_ANGLES: Final = ("radian", "degree", "revolution", "turn", "rpm", "rps")
+_ANGLES: Final = {"radian", "degree", "revolution", "turn", "revolutions_per_minute", "revolutions_per_second"}
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -32,13 +32,20 @@ class Declaration:
     meaning: str
     above: float | None
     at_least: float | None
+    below: float | None
 
 
 def value(
-    unit: str, meaning: str, *, above: float | None = None, at_least: float | None = None, **field_options: Any
+    unit: str,
+    meaning: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    **field_options: Any,
 ) -> Any:
     """A dataclass field (a float, or a tuple of them) in the SI unit `unit`; "1" is dimensionless."""
-    declaration = Declaration(unit, meaning, above, at_least)
+    declaration = Declaration(unit, meaning, above, at_least, below)
     return dataclasses.field(metadata={"declaration": declaration}, **field_options)
 
 
@@ -63,9 +70,14 @@ def parse(text: object, unit: str) -> float:
     if not unit_text and unit != "1":
         raise QuantityError(f"{text!r} has no unit; write it like {_example(unit)!r}")
     try:
-        return float(magnitude * _factor(unit_text.strip() or "1", unit))
+        number_in_unit = float(magnitude * _factor(unit_text.strip() or "1", unit))
     except QuantityError as error:
         raise QuantityError(f"{text!r} {error}") from error
+    except ArithmeticError as error:
+        raise QuantityError(f"{text!r} is beyond all numbers") from error
+    if not math.isfinite(number_in_unit):
+        raise QuantityError(f"{text!r} is not a finite number")
+    return number_in_unit
 
 
 def check(number: float, declared: Declaration) -> None:
@@ -74,6 +86,8 @@ def check(number: float, declared: Declaration) -> None:
         raise QuantityError(f"{show(number, declared.unit)} must be above {show(declared.above, declared.unit)}")
     if declared.at_least is not None and not number >= declared.at_least:
         raise QuantityError(f"{show(number, declared.unit)} must be at least {show(declared.at_least, declared.unit)}")
+    if declared.below is not None and not number < declared.below:
+        raise QuantityError(f"{show(number, declared.unit)} must be below {show(declared.below, declared.unit)}")
 
 
 def show(number: float, unit: str, digits: int = 4) -> str:
@@ -126,11 +140,11 @@ def _factor(unit_text: str, unit: str) -> Decimal:
         given = registry.Quantity(Decimal(1), registry.parse_units(unit_text))
     except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
         raise QuantityError(f"has an unknown unit {unit_text!r}; write it like {_example(unit)!r}") from error
-    if any(angle in str(given.units) for angle in _ANGLES):
+    if any(str(part) in _ANGLES for part in given._units):
         raise QuantityError("is in an angle; give frequencies in Hz and damping as a ratio")
     try:
         return Decimal(given.to("" if unit == "1" else unit).magnitude)
-    except pint.DimensionalityError as error:
+    except (pint.PintError, TypeError, ArithmeticError) as error:  # offsets and logarithms of units are none here
         expected = "a plain number" if unit == "1" else f"a quantity in {unit}"
         raise QuantityError(f"is in {unit_text}, but this is {expected}, such as {_example(unit)!r}") from error
 

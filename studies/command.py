@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 DONE: Final = 0
 CHECK_MISSED: Final = 1
 BAD_INPUT: Final = 2
+FAULT: Final = 3
 
 
 class BadInputError(Exception):
@@ -106,6 +108,10 @@ def guarded(work: Callable[[], int]) -> int:
     except BadInputError as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
+    except Exception:
+        traceback.print_exc()
+        print("error: a fault of this tool, not of its input; please report it with the lines above", file=sys.stderr)
+        return FAULT
 
 
 def parser_of(study: Study) -> argparse.ArgumentParser:
@@ -124,12 +130,18 @@ def parser_of(study: Study) -> argparse.ArgumentParser:
         "--controller", type=Path, metavar="FILE", help="controller.json to take the PID from (default: the machine's)"
     )
     parser.add_argument(
-        "--output", type=Path, metavar="FOLDER", help=f"where results go (default: reports/out/{study.name})"
+        "--output", type=_folder, metavar="FOLDER", help=f"where results go (default: reports/out/{study.name})"
     )
     parser.add_argument("--quick", action="store_true", help="coarser curves, for a smoke test; the report says so")
     parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="of all that is random (default: 0)")
     parser.add_argument("--no-report", action="store_true", help="write no report, only results.json and the like")
     return parser
+
+
+def _folder(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty; give a folder")
+    return Path(text)
 
 
 def _seed(text: str) -> int:

@@ -17,6 +17,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "slowest": slowest,
         "micrometres": micrometres,
         "words": words,
+        "literal": literal,
     }
 
 
@@ -59,3 +60,8 @@ def amount(parameter: Mapping[str, Any]) -> str:
 def words(name: str) -> str:
     """A dotted name as words that a table may break: "plant.dead_time" becomes "plant: dead time"."""
     return name.replace(".", ": ", 1).replace(".", " ").replace("_", " ")
+
+
+def literal(text: str) -> str:
+    """A text from a machine file, such that Markdown prints it as it is."""
+    return "".join(f"\\{letter}" if letter in "\\`*_{}[]<>#|$~^@" else letter for letter in text)

@@ -1,8 +1,8 @@
 """From a hysteresis curve alone, measured or published, to the elements of eqs. (3)-(8); from a whole record: force.py.
 
 Two stages. Convex: on a fine grid of limits the force is linear in the stiffnesses, so that non-negative least squares
-finds the best distribution of them; its force is split into N equal shares, one an element. Then a CasADi NLP sets the
-limits free. Symbols as in models.friction; n points of the curve.
+finds the best distribution of them, whose neighbours are joined until N are left. Then a CasADi NLP sets the limits
+free. Symbols as in models.friction; n points of the curve.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def design(machine: Machine, options: argparse.Namespace, progress: Progress) ->
 def _wanted(machine: Machine, options: argparse.Namespace) -> dict[str, Any]:
     """What the design has to reach, from the options, else from the machine file."""
     specification, drive = machine.specification, machine.drive
-    given = options.thrust_limit and quantity(options.thrust_limit, "N", "--thrust-limit")
+    given = None if options.thrust_limit is None else quantity(options.thrust_limit, "N", "--thrust-limit")
     reserved = usable_thrust(machine)
     if given is not None and not 0 < given <= drive.rated_thrust:
         raise BadInputError(
@@ -96,19 +96,41 @@ def _wanted(machine: Machine, options: argparse.Namespace) -> dict[str, Any]:
             f"--machine: friction takes {show(machine.friction.coulomb_force, 'N')}, all of the rated "
             f"{show(drive.rated_thrust, 'N')}; give a stronger drive.rated_thrust or less friction"
         )
+    for option in ("settling_time", "stroke"):
+        _bounded(option, getattr(options, option), machine)
     overshoot = None if options.overshoot is None else quantity(options.overshoot, "1", "--overshoot")
     if overshoot is not None and overshoot < 0:
         raise BadInputError(f"--overshoot: {overshoot:g} is negative; give 0 or more")
     time, stroke = options.settling_time, options.stroke
     return {
-        "settling_time_s": quantity(time, "s", "--settling-time") if time else specification.reference_settling_time,
-        "stroke_m": quantity(stroke, "m", "--stroke") if stroke else specification.stroke,
+        "settling_time_s": specification.reference_settling_time
+        if time is None
+        else quantity(time, "s", "--settling-time"),
+        "stroke_m": specification.stroke if stroke is None else quantity(stroke, "m", "--stroke"),
         "thrust_limit_N": reserved if given is None else given,
         "objective": options.objective,
         "objective_meaning": OBJECTIVES[options.objective],
         "overshoot": overshoot,
         "monotone": options.monotone,
     }
+
+
+def _bounded(option: str, text: str | None, machine: Machine) -> None:
+    """Raises BadInputError for a settling time that is no motion's, or a stroke that is no axis's."""
+    name = f"--{option.replace('_', '-')}"
+    if option == "settling_time" and text is not None:
+        time, interval = quantity(text, "s", name), machine.specification.interval
+        if time >= min(interval, 1000 * machine.sample_time):
+            raise BadInputError(
+                f"{name}: {show(time, 's')} is longer than a motion; give less than {show(interval, 's')}"
+            )
+    if (
+        option == "stroke"
+        and text is not None
+        and not 1e-9 <= (length := quantity(text, "m", name)) <= 1e3
+        and length != 0
+    ):
+        raise BadInputError(f"{name}: {show(length, 'm')} is no stroke of an axis; give one from 1 nm to 1 km")
 
 
 def _constraints(wanted: Mapping[str, Any]) -> Constraints:

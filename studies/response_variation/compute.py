@@ -41,6 +41,8 @@ def vary(machine: Machine, options: argparse.Namespace, progress: Progress) -> A
             "--machine: no [published] outcomes to compare with; add reversal_settling_time, dispersion_without and "
             "dispersion_with to the machine file"
         )
+    if len(machine.plant.modes) != 3:
+        raise BadInputError("--machine: the paper's table has a rigid body and two vibration modes; this one has not")
     progress(0.02, "collecting the tables")
     files: dict[str, Any] = {}
     members = _searched(machine, options, progress, files) if options.search else _kept(machine, options)

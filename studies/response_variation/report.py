@@ -85,7 +85,7 @@ COMPENSATED = (
 )
 SET = (
     "The tables that meet every published outcome, each a line, over the ranges searched (0 to 1, logarithmic; "
-    "see [](#tbl:set)); thick: the default table, the most central one."
+    "see [](#tbl:set)); thick: the default table, one of the central ones."
 )
 GAP = "Dispersion with compensation over the set, beside the 2.4 µm of the experiment: the gap that the model leaves."
 
@@ -247,8 +247,8 @@ def _compensated(whole: Results) -> Drawing:
         ax.fill_between(time, low, high, color=colour, alpha=0.2, linewidth=0)
         ax.plot(time, MICRO * np.array(case["dispersion_m"]), label=label)
     published = whole["machine"]["published"]
-    style.mark_limit(ax, MICRO * published["dispersion_without_m"], "4.8 µm")
-    style.mark_limit(ax, MICRO * published["dispersion_with_m"], "2.4 µm")
+    style.mark_limit(ax, MICRO * published["dispersion_without_m"], show(published["dispersion_without_m"], "m"))
+    style.mark_limit(ax, MICRO * published["dispersion_with_m"], show(published["dispersion_with_m"], "m"))
     style.mark_limit(ax, 1e3 * specification["settling_time_s"], "", axis="x")
     ax.set_ylim(bottom=0)
     ax.set_ylabel("3σ [µm]")
@@ -284,7 +284,9 @@ def _gap(whole: Results) -> Drawing:
     ax = axes[0, 0]
     ordered = MICRO * np.sort(np.array(gap["dispersions_m"]))
     ax.plot(np.arange(1, ordered.size + 1), ordered, marker="o", linestyle="none", label="one table of the set")
-    style.mark_limit(ax, MICRO * published["dispersion_with_m"], "experiment,\n2.4 µm")
+    style.mark_limit(
+        ax, MICRO * published["dispersion_with_m"], f"experiment,\n{show(published['dispersion_with_m'], 'm')}"
+    )
     ax.set_xlabel("table, in the order of its dispersion")
     ax.set_ylabel("3σ with compensation [µm]")
     ax.set_ylim(bottom=0)

@@ -36,6 +36,7 @@ TOLERANCE: Final = 0.03
 LARGEST_MS: Final = 2.2
 POPULATION: Final = 160
 BATCH: Final = 64
+FINE: Final = 40
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,8 @@ def search(
                     f"{len(near)} of {POPULATION} tables within {aim * TOLERANCE:.1%}",
                 )
             population = sorted(near, key=lambda member: member.distance)[:POPULATION]
+        tell(0.95, "verifying the tables at four times as many substeps")
+        population = _verified(base, population, pool)
     return _distinct(population, count)
 
 
@@ -243,8 +246,17 @@ def _evaluated(base: Machine, drawn: list[Array], pool: ProcessPoolExecutor) -> 
     return [member for part in results for member in part if math.isfinite(member.distance)]
 
 
-def evaluate(base: Machine, points: list[Array]) -> list[Member]:
-    """The tables at these points with their distances, simulated side by side without compensation."""
+def _verified(base: Machine, population: list[Member], pool: ProcessPoolExecutor) -> list[Member]:
+    """The members that are within the tolerance at FINE substeps too: none is one by an error of the simulation."""
+    points = [member.theta for member in population]
+    parts = [points[i : i + BATCH // 2] for i in range(0, len(points), BATCH // 2)]
+    fine = [one for part in pool.map(evaluate, [base] * len(parts), parts, [FINE] * len(parts)) for one in part]
+    within = {tuple(one.theta) for one in fine if one.distance <= 1}
+    return [member for member in population if tuple(member.theta) in within]
+
+
+def evaluate(base: Machine, points: list[Array], substeps: int = 10) -> list[Member]:
+    """The tables at these points with their distances, simulated side by side without compensation [substeps]."""
     machines, controllers, kept = [], [], []
     for theta in points:
         machine = table(base, theta)
@@ -256,7 +268,7 @@ def evaluate(base: Machine, points: list[Array]) -> list[Member]:
         kept.append(theta)
     if not machines:
         return []
-    validations = validate_many(machines, controllers)
+    validations = validate_many(machines, controllers, substeps=substeps)
     return [
         Member(theta, machine, distance(machine, without))
         for theta, machine, without in zip(kept, machines, validations, strict=True)

@@ -151,6 +151,28 @@ def test_the_shortest_settling_time_can_be_met_and_none_shorter(constraints: Con
         synthesise(PLANT, TS, shortest - TS, STROKE, constraints=constraints)
 
 
+def test_the_least_peak_falls_with_the_settling_time_whatever_the_shape() -> None:
+    """More time is never worse; and a shape costs thrust, until it costs none."""
+    times = np.arange(41, 65) * TS
+    free, monotone = ([least_peak_thrust(PLANT, TS, time, STROKE, monotone=m) for time in times] for m in (False, True))
+    assert np.all(np.isfinite(monotone))
+    assert np.all(np.diff(free) < 0)
+    assert np.all(np.diff(monotone) < 0)
+    assert np.all(np.array(monotone) >= np.array(free) * (1 - 1e-6))
+    assert monotone[-1] == pytest.approx(free[-1], rel=1e-6)
+
+
+@pytest.mark.parametrize("dead_time", [1e-3, 1.2e-3])
+def test_fewer_samples_than_states_are_no_deadbeat_for_any_number_of_modes(dead_time: float) -> None:
+    for count in range(6):
+        modes = tuple(Mode(1e-3, 40.0 * (i + 1), 0.01) for i in range(count))
+        plant = Plant(dead_time, 1.0, (Mode(0.02, 0.0, 0.0), *modes))
+        states = 2 * (count + 1) + (dead_time > 1e-3)
+        for samples in range(1, states):
+            assert least_peak_thrust(plant, TS, samples * TS, STROKE) == math.inf
+        assert math.isfinite(shortest_settling_time(plant, TS, STROKE, Constraints(thrust=500.0)))
+
+
 @pytest.mark.parametrize(
     ("settling_time", "stroke", "says"),
     [

@@ -119,7 +119,7 @@ def test_two_runs_in_two_processes_write_the_same_bytes(folder: Path, tmp_path: 
 
 
 def test_a_missed_check_is_exit_status_1_and_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A table with 30 times the scale's steps cannot hold +-2 um with this controller's tolerance of 0.2 um."""
+    """A tolerance of a fifth of the scale's step cannot be held."""
     text = DEFAULT.read_text(encoding="utf-8").replace(
         'tolerance = { value = "2 um"', 'tolerance = { value = "0.02 um"'
     )
@@ -195,6 +195,11 @@ def test_the_pid_of_another_controller_is_taken(folder: Path, tmp_path: Path) ->
         (["--stroke", "20 kg"], "--stroke: '20 kg' is in kg, but this is a quantity in m"),
         (["--stroke", "nan um"], "not a finite number"),
         (["--settling-time", "15 ms"], "the shortest that can is "),
+        (["--settling-time", "2 ms"], "no thrust does it"),
+        (["--settling-time", ""], "--settling-time: '' is no number with a unit"),
+        (["--settling-time", "1000 s"], "longer than a motion"),
+        (["--thrust-limit", ""], "--thrust-limit: '' is no number with a unit"),
+        (["--stroke", "1e-12 m"], "is no stroke of an axis"),
         (["--settling-time", "20.2 ms"], "no whole number of samples"),
         (["--settling-time", "20"], "--settling-time: '20' has no unit"),
         (["--thrust-limit", "200 N"], "--thrust-limit: 200 N is not between 0 and the rated 150 N"),
