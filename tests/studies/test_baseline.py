@@ -1,0 +1,31 @@
+"""The quick runs on the default machine, beside those kept in reports/baseline: a change of a result is seen."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from studies.catalogue import every
+
+BASELINE = Path(__file__).parents[2] / "reports" / "baseline"
+
+
+def test_every_study_has_a_baseline() -> None:
+    assert {path.parent.name for path in BASELINE.glob("*/results.json")} == set(every())
+
+
+@pytest.mark.parametrize("name", sorted(every()))
+def test_checks_and_machine_are_those_of_the_baseline(name: str, quick_run: Callable[[str], tuple[Path, int]]) -> None:
+    """Within a hundredth: a rounding of the scale may fall otherwise on another processor, an outcome may not."""
+    kept = json.loads((BASELINE / name / "results.json").read_text(encoding="utf-8"))
+    folder, _ = quick_run(name)
+    now = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    assert now["machine"] == kept["machine"], "run make baseline if the default machine was meant to change"
+    assert [check["name"] for check in now["checks"]] == [check["name"] for check in kept["checks"]]
+    for check, before in zip(now["checks"], kept["checks"], strict=True):
+        assert check["holds"] == before["holds"], check["name"]
+        if before["value"] is not None and abs(before["value"]) > 1e-6 * abs(before["limit"]):
+            assert check["value"] == pytest.approx(before["value"], rel=0.01), check["name"]
