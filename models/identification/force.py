@@ -5,7 +5,10 @@ what the linear part leaves (variable projection; Golub and Pereyra, 1973). Elem
 where it takes away most, as long as BIC falls by ten and each carries 0.2 % of the slip force. Position and force go
 through the same zero-phase low-pass, then as few samples are kept as the pass band needs. The path has a wider low-pass
 of its own: a narrow one rounds the reversals, without one noise moves the elements. The covariance holds half of what a
-third of an octave of its cut-off changes. Symbols as in models.friction; n samples kept, p parameters.
+third of an octave of its cut-off changes. Damping is sought as one time tau = D_i / K_i of all elements: then f_i = K_i
+min(max(z_i + tau dx/dt, -X_i), X_i) stays linear in K_i, and tau is found with the limits. To first order a deflection
+with tau dz_i/dt added is the deflection at t + tau, so that an error of a known delay counts as an error of tau.
+Symbols as in models.friction; n samples kept, p parameters.
 """
 
 from __future__ import annotations
@@ -20,8 +23,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.signal import butter, cheby1, sosfiltfilt
 
-from models.friction import Friction, branch, deflections, elements
+from models.friction import deflections, elements
 from models.identification.estimate import Estimate, newey_west
+from models.identification.force_fit import DAMPING, SURE, ForceFit
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -36,6 +40,9 @@ MOST_ELEMENTS: Final = 10
 STRONG: Final = 10.0  # by which BIC must fall for an element more
 LEAST_SHARE: Final = 0.002  # of the slip force: an element that carries less stands for what the model leaves out
 SPACING: Final = 1.25  # least ratio of two neighbouring limits
+LAGS: Final = ("delay", DAMPING)  # parameters beside the limits [s]
+LAG_RANGE: Final = (np.array([-5.0, -5.0]), np.array([5.0, 100.0]))  # sample times
+LAG_ORIGIN: Final = 10.0  # sample times; steps of 1e-3 from there on are as long near no lag as elsewhere
 
 
 @dataclass(frozen=True)
@@ -43,7 +50,8 @@ class Terms:
     """What acts beside the elements. mass [kg]: known and taken off; None: identified. Others: identified or absent.
 
     by_direction: viscous friction of its own for each direction; bent: a part c' v^2 beside c v, so that it may grow
-    less than in proportion; delay: the position answers a delay after the command (known_delay [s] beside it).
+    less than in proportion; delay: the position answers a delay after the command (known_delay [s] beside it, with its
+    standard deviation). damped: damping of the elements is sought, and taken only if BIC falls by ten.
     """
 
     mass: float | None = None
@@ -52,43 +60,13 @@ class Terms:
     bent: bool = False
     delay: bool = False
     known_delay: float = 0.0
+    known_delay_std: float = 0.0
+    damped: bool = False
 
-
-@dataclass(frozen=True)
-class ForceFit:
-    """Elements, the estimate of all parameters, BIC by number of elements, and what is modelled.
-
-    time [s], measured and modelled force [N], path [m], friction's share [N] (n,); used: which were fitted.
-    """
-
-    friction: Friction
-    estimate: Estimate
-    criterion: tuple[float, ...]
-    time: Array
-    path: Array
-    measured: Array
-    modelled: Array
-    rolling: Array
-    used: NDArray[np.bool_]
-
-    def error(self, *, used: bool) -> float:
-        """Norm of the force error over that of the force, on the samples used in the fit or on the others [1]."""
-        part = self.used if used else ~self.used
-        return float(np.linalg.norm((self.measured - self.modelled)[part]) / np.linalg.norm(self.measured[part]))
-
-    def curve(self, distance: Array) -> tuple[Array, Array]:
-        """Force climbed [N] at `distance` (m,) [m] behind a reversal from full slip, and its standard deviation [N]."""
-        s, count = np.asarray(distance, float)[:, None], len(self.friction.limit)
-        stiffness, limit = np.array(self.friction.stiffness), np.array(self.friction.limit)
-        slopes = np.hstack([np.minimum(s, 2 * limit), np.where(s > 2 * limit, 2 * stiffness, 0.0)])
-        last = self.estimate.covariance[-2 * count :, -2 * count :]
-        return branch(self.friction, distance), np.sqrt(np.einsum("ij,jk,ik->i", slopes, last, slopes))
-
-    def slip_force(self) -> tuple[float, float]:
-        """T_fc = sum K_i X_i and its standard deviation [N]."""
-        far = np.array([4 * max(self.friction.limit)])
-        climbed, std = self.curve(far)
-        return float(climbed[0]) / 2, float(std[0]) / 2
+    @property
+    def lags(self) -> NDArray[np.bool_]:
+        """Which of LAGS are identified (2,)."""
+        return np.array([self.delay, self.damped])
 
 
 @dataclass(frozen=True)
@@ -113,32 +91,47 @@ def identify(
     until the path has turned after its first span, so the fit begins there.
     Raises ValueError for a record that can't show friction.
     """
+    plain = _fitted(record, replace(terms, damped=False), pass_band, fit_until, most)
+    if not terms.damped:
+        return plain
+    damped = _fitted(record, terms, pass_band, fit_until, most)
+    lag = damped.estimate.value(DAMPING), damped.estimate.deviation(DAMPING)
+    before, after = (fit.criterion[len(fit.friction.limit)] for fit in (plain, damped))
+    shown = after <= before - STRONG and lag[0] > SURE * lag[1]
+    return replace(damped if shown else plain, lag=lag)
+
+
+def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, most: int) -> ForceFit:
+    """Elements by BIC with all that `terms` name."""
     data = _prepared(record, terms, pass_band, fit_until)
-    limits = np.zeros(0)
-    best, delay = _solved(data, limits, 0.0), 0.0
+    limits, lags = np.zeros(0), np.zeros(2)
+    best = _solved(data, limits, lags)
     criterion = [best[2]]
     grid = np.geomspace(*_range(data), GRID)
     while limits.size < most:
-        wider = _with_element(data, limits, delay, grid)
+        wider = _with_element(data, limits, lags, grid)
         if wider is None:
             break
-        trial, shift = _refined(data, wider, delay)
+        trial, shift = _refined(data, wider, lags)
         solved = _solved(data, trial, shift)
         criterion.append(solved[2])
         slip = solved[0][solved[0].size - trial.size :] * trial
         if np.any(slip < LEAST_SHARE * np.sum(slip)) or criterion[-1] > min(criterion[:-1]) - STRONG:
             break
-        limits, delay, best = trial, shift, solved
+        limits, lags, best = trial, shift, solved
     if limits.size == 0:
         raise ValueError("no friction element takes anything away from the force; check signs, or record a reversal")
-    found = _answer(data, limits, delay, tuple(criterion))
+    found = _answer(data, limits, lags, tuple(criterion))
     apart = []
     for smoothing in SMOOTHING[1:]:
         other = _prepared(record, terms, pass_band, fit_until, smoothing)
-        shown = _refined(other, limits, delay)
+        shown = _refined(other, limits, lags)
         apart.append(_values(other, *shown))
     systematic = 0.5 * (apart[0] - apart[1])
     covariance = found.estimate.covariance + np.outer(systematic, systematic)
+    if terms.damped:
+        where = found.estimate.names.index(DAMPING)
+        covariance[where, where] += terms.known_delay_std**2
     return replace(found, estimate=replace(found.estimate, covariance=covariance))
 
 
@@ -172,12 +165,20 @@ def _range(data: _Data) -> tuple[float, float]:
     return max(2e-3 * min(span, 2e-4), 4e-7), 0.45 * min(span, 5e-2)
 
 
-def _states(limits: Array, path: Array) -> Array:
-    """z (samples, N) [m], from full slip on at the first extreme (the record came from there)."""
+def _states(limits: Array, path: Array, lead: float) -> Array:
+    """f_i / K_i (samples, N) [m], from full slip on at the first extreme (the record came from there).
+
+    lead: tau in samples. Below zero, which no friction has but noise may want, dz/dt stands for dx/dt: the law itself
+    would let slipping elements sway with the speed, which no record shows, and so hold tau at zero too surely.
+    """
     start = _memory_ends(path)
     direction = np.sign(path[start] - np.mean(path))
     z = np.tile(direction * limits, (path.size, 1))  # before it as at it: the low-pass must not see a step
     z[start:] = deflections(limits, path[start:], direction * limits)
+    if lead > 0:
+        z[start:] = np.clip(z[start:] + lead * np.gradient(path)[start:, None], -limits, limits)
+    elif lead < 0:
+        z += lead * np.gradient(z, axis=0)
     return z
 
 
@@ -189,10 +190,10 @@ def _shifted(data: _Data, delay: float) -> Array:
     return np.asarray(CubicSpline(time, data.path)(np.clip(time + total, 0, time[-1])))
 
 
-def _columns(data: _Data, limits: Array, delay: float) -> tuple[Array, Array]:
+def _columns(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array]:
     """(columns (n, p), force (n,)) at the samples kept, filtered; the elements' columns are the last."""
     terms, ts = data.terms, data.sample_time
-    path = _shifted(data, delay)
+    path = _shifted(data, float(lags[0]))
     speed = np.gradient(path, ts)
     acceleration = np.gradient(speed, ts)
     force = data.force - (terms.mass or 0.0) * acceleration
@@ -202,28 +203,28 @@ def _columns(data: _Data, limits: Array, delay: float) -> tuple[Array, Array]:
         columns += ways
     if terms.bent:
         columns += [way * np.abs(way) for way in ways]
-    columns += [np.ones(path.size), *_states(limits, path).T]
+    columns += [np.ones(path.size), *_states(limits, path, lags[1] / ts).T]
     both = sosfiltfilt(data.pass_band, np.column_stack([*columns, force]), axis=0)[data.keep]
     return both[:, :-1], both[:, -1]
 
 
-def _solved(data: _Data, limits: Array, delay: float) -> tuple[Array, Array, float]:
+def _solved(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array, float]:
     """(linear parameters, residual at the fitted samples, BIC)."""
-    columns, force = _columns(data, limits, delay)
+    columns, force = _columns(data, limits, lags)
     columns, force = columns[data.fitted], force[data.fitted]
     scale = np.maximum(np.max(np.abs(columns), axis=0), 1e-300)
     weights = np.linalg.lstsq(columns / scale, force, rcond=None)[0] / scale
     residual = force - columns @ weights
-    n, free = residual.size, weights.size + limits.size + data.terms.delay
+    n, free = residual.size, weights.size + limits.size + np.count_nonzero(data.terms.lags)
     return weights, residual, n * math.log(float(residual @ residual) / n) + free * math.log(n)
 
 
-def _with_element(data: _Data, limits: Array, delay: float, grid: Array) -> Array | None:
+def _with_element(data: _Data, limits: Array, lags: Array, grid: Array) -> Array | None:
     """The limits and one more, where with non-negative stiffnesses it takes away most; None if nowhere."""
     apart = grid[[bool(np.all(np.abs(np.log(x / limits)) > math.log(SPACING))) for x in grid]] if limits.size else grid
     if apart.size == 0:
         return None
-    columns, force = _columns(data, np.concatenate([limits, apart]), delay)
+    columns, force = _columns(data, np.concatenate([limits, apart]), lags)
     columns, force = columns[data.fitted], force[data.fitted]
     fixed = columns.shape[1] - apart.size
     basis, _ = np.linalg.qr(columns[:, :fixed])
@@ -236,47 +237,52 @@ def _with_element(data: _Data, limits: Array, delay: float, grid: Array) -> Arra
     return np.sort(np.append(limits, apart[int(np.argmax(gained))]))
 
 
-def _refined(data: _Data, limits: Array, delay: float) -> tuple[Array, float]:
-    """Limits and delay [s] by least squares on what the linear part leaves."""
-    ts, count = data.sample_time, limits.size
+def _refined(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array]:
+    """Limits and LAGS [s] by least squares on what the linear part leaves."""
+    ts, count, free = data.sample_time, limits.size, data.terms.lags
 
-    def left(theta: Array) -> Array:
-        shift = theta[count] * ts if data.terms.delay else 0.0
-        return _solved(data, np.exp(theta[:count]), shift)[1]
+    def split(theta: Array) -> tuple[Array, Array]:
+        shift = np.zeros(2)
+        shift[free] = (theta[count:] - LAG_ORIGIN) * ts
+        return np.exp(theta[:count]), shift
 
-    start = np.append(np.log(limits), [delay / ts] if data.terms.delay else [])
     low, high = np.log(_range(data)[0] / 2), np.log(_range(data)[1] * 1.05)
-    bounds = (
-        np.append(np.full(count, low), [-5.0] if data.terms.delay else []),
-        np.append(np.full(count, high), [5.0] if data.terms.delay else []),
+    bounds = tuple(
+        np.append(np.full(count, end), lag[free] + LAG_ORIGIN) for end, lag in zip((low, high), LAG_RANGE, strict=True)
     )
-    found = least_squares(left, np.clip(start, *bounds), bounds=bounds, diff_step=1e-3, max_nfev=15, x_scale="jac")
-    return np.sort(np.exp(found.x[:count])), float(found.x[count]) * ts if data.terms.delay else 0.0
+    start = np.clip(np.append(np.log(limits), lags[free] / ts + LAG_ORIGIN), *bounds)
+    found = least_squares(
+        lambda theta: _solved(data, *split(theta))[1],
+        start, bounds=bounds, diff_step=1e-3, max_nfev=15, x_scale="jac",
+    )  # fmt: skip
+    limits, lags = split(found.x)
+    return np.sort(limits), lags
 
 
-def _answer(data: _Data, limits: Array, delay: float, criterion: tuple[float, ...]) -> ForceFit:
-    weights, residual, _ = _solved(data, limits, delay)
-    columns, force = _columns(data, limits, delay)
+def _answer(data: _Data, limits: Array, lags: Array, criterion: tuple[float, ...]) -> ForceFit:
+    weights, residual, _ = _solved(data, limits, lags)
+    columns, force = _columns(data, limits, lags)
     count = limits.size
     stiffness = weights[weights.size - count :]
-    jacobian = [columns]
-    if data.terms.delay:
-        ahead, behind = (_columns(data, limits, delay + s * 1e-2 * data.sample_time) for s in (1, -1))
+    jacobian = []
+    for step in np.eye(2)[data.terms.lags] * 1e-2 * data.sample_time:
+        ahead, behind = (_columns(data, limits, lags + s * step) for s in (1, -1))
         change = (ahead[0] @ weights - ahead[1]) - (behind[0] @ weights - behind[1])
-        jacobian.insert(0, (change / (2e-2 * data.sample_time))[:, None])
+        jacobian.append((change / (2 * np.sum(step)))[:, None])
+    jacobian.append(columns)
     for i in range(count):
         moved = [limits * np.where(np.arange(count) == i, 1 + s * 2e-3, 1.0) for s in (1, -1)]
-        more, less = (_columns(data, other, delay)[0] @ weights for other in moved)
+        more, less = (_columns(data, other, lags)[0] @ weights for other in moved)
         jacobian.append(((more - less) / (4e-3 * limits[i]))[:, None])
     whole = np.hstack(jacobian)[data.fitted]
     scale = np.maximum(np.max(np.abs(whole), axis=0), 1e-300)
     covariance = newey_west(whole / scale, residual, lags=4)
     covariance = covariance / np.outer(scale, scale)
     names, units = _names(data.terms, count)
-    values = _values(data, limits, delay)
+    values = _values(data, limits, lags)
     modelled = columns @ weights
     return ForceFit(
-        elements(stiffness, limits),
+        elements(stiffness, limits, max(float(lags[1]), 0.0) * stiffness),
         Estimate(names, units, values, covariance),
         criterion,
         np.asarray(data.keep * data.sample_time, float),
@@ -288,14 +294,14 @@ def _answer(data: _Data, limits: Array, delay: float, criterion: tuple[float, ..
     )
 
 
-def _values(data: _Data, limits: Array, delay: float) -> Array:
+def _values(data: _Data, limits: Array, lags: Array) -> Array:
     """All parameters (p,) in the order of `_names`."""
-    return np.concatenate([[delay] if data.terms.delay else [], _solved(data, limits, delay)[0], limits])
+    return np.concatenate([lags[data.terms.lags], _solved(data, limits, lags)[0], limits])
 
 
 def _names(terms: Terms, count: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
     ways = ("forwards", "backwards") if terms.by_direction else ("",)
-    pairs = [("delay", "s")] if terms.delay else []
+    pairs = [(name, "s") for name, wanted in zip(LAGS, terms.lags, strict=True) if wanted]
     pairs += [] if terms.mass is not None else [("mass", "kg")]
     pairs += [(f"viscous friction {way}".strip(), "N s/m") for way in ways] if terms.viscous else []
     pairs += [(f"bend of the viscous friction {way}".strip(), "N s2/m2") for way in ways] if terms.bent else []

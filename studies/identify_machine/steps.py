@@ -11,6 +11,7 @@ import numpy as np
 
 from models.identification import force, inverse_dynamics, modes, motion, response
 from models.identification.estimate import Estimate, not_identifiable
+from models.identification.force_fit import SURE, ForceFit
 from models.machine import Machine, Provenance
 from models.plant import Plant
 from models.record import Record
@@ -107,17 +108,47 @@ def _identified(loaded: Loaded, std: float | Iterable[float], unit: str) -> Prov
 def from_hysteresis(found: Found, loaded: Loaded) -> Found:
     """The friction elements from a slow record; mass and dead time as known so far."""
     plant, ts = found.machine.plant, found.machine.sample_time
-    terms = force.Terms(mass=_mass(plant), known_delay=plant.dead_time + 0.5 * ts)
+    dead_time = [row["std"] for row in found.results.get("estimates", []) if row["name"] == "dead time"]
+    terms = force.Terms(
+        mass=_mass(plant),
+        known_delay=plant.dead_time + 0.5 * ts,
+        known_delay_std=max(dead_time, default=0.0),
+        damped=bool(dead_time),
+    )
     fit = force.identify(_record(loaded), terms, pass_band=found.pass_band or 20.0)
     slip, spread = fit.slip_force()
-    said = (f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",)
+    said = (
+        f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
+        _on_damping(fit),
+    )
     shown = {**_force(fit), "slip_N": slip, "slip_std_N": spread}
     machine = _with_friction(found.machine, fit, loaded)
     found = found.having("hysteresis", shown, fit.estimate, said)
     return replace(found, machine=machine, known=found.known | {"friction"})
 
 
-def _force(fit: force.ForceFit) -> dict[str, Any]:
+def _on_damping(fit: ForceFit) -> str:
+    """What the record says of the elements' damping D_i."""
+    if fit.lag is None:
+        return (
+            "Damping of the elements was not sought: in a slow record it looks like dead time, which no record gave; "
+            "add a frequency response."
+        )
+    time, std = (1e3 * number for number in fit.lag)
+    if fit.damped:
+        return f"The elements are damped: D = {time:.3g} ms times K, with a standard deviation of {std:.2g} ms."
+    speed = float(np.max(np.abs(np.gradient(fit.path, fit.time))))
+    most = 1e3 * fit.longest_lag
+    if fit.longest_lag * speed > max(fit.friction.limit):
+        return "The record does not show damping of the elements, nor bound it: it passes their range too quickly."
+    return (
+        f"The record does not show damping of the elements: it is too slow, {1e3 * speed:.2g} mm/s at most, to tell "
+        f"{time:.2g} ms times K from none; by {SURE:g} standard deviations D is at most {most:.2g} ms times K, which "
+        f"leads the deflection by {most * speed * 1e3:.2g} µm there."
+    )
+
+
+def _force(fit: ForceFit) -> dict[str, Any]:
     every = max(fit.time.size // SHOWN, 1)
     top = 2 * max(fit.friction.limit)
     distance = np.geomspace(min(fit.friction.limit) / 3, 1.5 * top, 60)
@@ -131,16 +162,20 @@ def _force(fit: force.ForceFit) -> dict[str, Any]:
         "error": fit.error(used=True),
         "criterion": fit.criterion,
         "elements": len(fit.friction.limit),
+        "damping": fit.lag and {"time_s": fit.lag[0], "std_s": fit.lag[1], "shown": fit.damped},
         "curve": {"distance_m": distance, "climbed_N": climbed, "std_N": std},
     }
 
 
-def _with_friction(machine: Machine, fit: force.ForceFit, loaded: Loaded) -> Machine:
+def _with_friction(machine: Machine, fit: ForceFit, loaded: Loaded) -> Machine:
     count, std = len(fit.friction.limit), fit.estimate.deviations
     sources = {name: source for name, source in machine.sources.items() if not name.startswith("presliding")}
     sources["friction.stiffness"] = _identified(loaded, std[-2 * count : -count].tolist(), "N/m")
     sources["friction.limit"] = _identified(loaded, std[-count:].tolist(), "m")
-    sources["friction.damping"] = Provenance("assumed", "a record of slow motion does not show it")
+    if fit.damped:
+        sources["friction.damping"] = _identified(loaded, fit.damping_std().tolist(), "N s/m")
+    else:
+        sources["friction.damping"] = Provenance("assumed", f"record {loaded.name} does not show it")
     return _own_curve(replace(machine, friction=fit.friction, sources=sources))
 
 
@@ -225,6 +260,8 @@ def from_dynamics(found: Found, loaded: Loaded) -> Found:
         ("the same and a delay", force.Terms(viscous=True, by_direction=True, delay=True)),
         ("the same and a bend of the viscous friction",
          force.Terms(viscous=True, by_direction=True, bent=True, delay=True)),
+        ("the same and damping of the elements, where it shows",
+         force.Terms(viscous=True, by_direction=True, bent=True, delay=True, damped=True)),
     ]  # fmt: skip
     band = found.pass_band or 40.0
     fits = [(name, force.identify(record, terms, pass_band=band, fit_until=half)) for name, terms in ladder]
@@ -238,6 +275,7 @@ def from_dynamics(found: Found, loaded: Loaded) -> Found:
     said = (
         "Viscous friction and offset are no part of a machine file's rolling friction: they are reported, and the "
         "simulation of the other studies goes without them.",
+        _on_damping(best),
     )
     machine = _with_dynamics(found, best, loaded)
     found = found.having("dynamics", shown, best.estimate, said)
@@ -272,7 +310,7 @@ def _reproduced(record: Record) -> list[dict[str, Any]]:
     return both
 
 
-def _with_dynamics(found: Found, fit: force.ForceFit, loaded: Loaded) -> Machine:
+def _with_dynamics(found: Found, fit: ForceFit, loaded: Loaded) -> Machine:
     machine, e = found.machine, fit.estimate
     if "plant" not in found.known:
         rigid = next(i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0)

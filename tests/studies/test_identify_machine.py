@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from models.friction import elements
 from models.identification import modes
 from models.machine import DEFAULT, Machine, load, parameters
 from models.machine_file import to_toml
@@ -97,6 +98,28 @@ def test_every_identified_value_carries_hash_and_deviation(folder: Path) -> None
     for parameter in found:
         assert "std " in parameter.provenance.detail, parameter.name
         assert any(hash_ in parameter.provenance.detail for hash_ in hashes), parameter.name
+
+
+def test_damping_that_the_records_do_not_show_is_assumed_and_said(folder: Path) -> None:
+    damping = load(folder / "identified.toml").sources["friction.damping"]
+    assert damping.kind == "assumed"
+    said = [text for text in read(folder, "results.json")["results"]["said"] if "damping of the elements" in text]
+    assert len(said) == 1
+    assert "at most" in said[0]
+
+
+def test_damping_that_a_record_shows_is_written(tmp_path: Path, table: Machine, records: list[Path]) -> None:
+    stiffness = np.array(table.friction.stiffness)
+    damped = replace(table, friction=elements(stiffness, table.friction.limit, 3e-3 * stiffness))
+    path = write(tmp_path / "damped.csv", own_records.hysteresis(damped, 1))
+    main(STUDY, [str(path), str(records[2]), "--no-report", "--output", str(tmp_path / "both")])
+    found = load(tmp_path / "both" / "identified.toml")
+    assert found.sources["friction.damping"].kind == "identified"
+    assert "std " in found.sources["friction.damping"].detail
+    assert found.friction.damping == pytest.approx(damped.friction.damping, rel=0.5)
+    main(STUDY, [str(path), "--no-report", "--output", str(tmp_path / "alone")])
+    assert load(tmp_path / "alone" / "identified.toml").sources["friction.damping"].kind == "assumed"
+    assert any("was not sought" in text for text in read(tmp_path / "alone", "results.json")["results"]["said"])
 
 
 def test_the_identified_machine_goes_into_the_next_study(folder: Path, tmp_path: Path) -> None:
