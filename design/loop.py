@@ -187,6 +187,8 @@ def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessme
     omega = grid(plant, pid, count)
     found = response(omega)
     peaks = {name: peak(lambda w, name=name: np.abs(response(w)[name]), omega) for name in SENSITIVITIES}  # type: ignore[misc]
+    if pid.ki > 0 and peaks["T"].value < 1:  # T = 1 at rest, which no grid in a logarithm reaches
+        peaks["T"] = Peak(1.0, 0.0)
     loop, weak = found["T"] / found["S"], np.abs(found["S"]) - math.sqrt(0.5)
     at_one = _crossings(omega, np.log(np.abs(loop)))
     rising = _crossings(omega, weak)

@@ -64,6 +64,7 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
     except TuningError as error:
         raise BadInputError(f"--ms, --mt, --noise: {error}") from error
     chosen = front.nearest(points, wanted["ms"])
+    limits = replace(limits, ms=chosen.bound or wanted["ms"])
     progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
     ruled = front.rules(machine, members)
     every = [*points, present, *ruled]
@@ -156,7 +157,7 @@ def _on_ensemble(
         found, outcome = ensemble.held(machine, others, errors, limits, start)
         pids |= {"all members": found} if found else {}
     deadline = machine.specification.settling_time
-    on_every = ensemble.on_every_member(others, controller, pids, wanted["ms"], deadline)
+    on_every = ensemble.on_every_member(others, controller, pids, limits.ms, deadline)
     return {**on_every, "tuned": tuned, "outcome": outcome}
 
 

@@ -20,19 +20,19 @@ LOOPS = {"P_l": "$P_l$", "P_e1": "$P_{e1}$", "P_e2": "$P_{e2}$", "steepest": "st
 
 def tell(whole: Results) -> Report:
     """The report on what results.json holds."""
-    rows = ("results.front", "results.present", "results.rules", "results.wanted")
+    rows = ("results.front", "results.present", "results.rules", "results.chosen")
     figures = [
         Figure("front", FRONT, (*rows, "machine.specification"), _front),
         Figure("reversal", REVERSAL, ("results.reversal", "machine.specification"), _reversal),
         Figure("gains", GAINS, rows, _gains),
         Figure("limits", LIMITS, ("results.limits", "results.front", "results.present"), _limits),
         Figure("bode", BODE, ("results.loops",), _bode),
-        Figure("nyquist", NYQUIST, ("results.loops", "results.wanted"), _nyquist),
+        Figure("nyquist", NYQUIST, ("results.loops", "results.chosen"), _nyquist),
         Figure("sensitivities", SENSITIVITIES, ("results.loops", "results.wanted", "results.chosen"), _sensitivities),
         Figure("between", BETWEEN, ("results.between",), _between),
     ]
     if whole["results"]["ensemble"]:
-        keys = ("results.ensemble", "results.wanted", "machine.specification")
+        keys = ("results.ensemble", "machine.specification")
         figures.append(Figure("ensemble", ENSEMBLE, keys, _ensemble))
     title = f"Friction suppression against stability: {whole['machine']['name']}"
     extra: dict[str, Callable[..., Any]] = {"gain": _gain, "number": _number, "ratio": _ratio}
@@ -114,14 +114,15 @@ def _series(results: Results) -> list[tuple[str, list[Any], dict[str, Any]]]:
 
 def _front(whole: Results) -> Drawing:
     results, spec = whole["results"], whole["machine"]["specification"]
-    figure, axes = style.subplots(1, 1, 64)
+    figure, axes = style.subplots(1, 1, 48)
     ax = axes[0, 0]
     top = 1e3 * spec["interval_s"]
     for label, rows, look in _series(results):
         settling = 1e3 * _column(rows, "settling_s")
         ax.semilogy(_column(rows, "ms"), np.where(np.isnan(settling), top, settling), label=label, **look)
     style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"required,\n{1e3 * spec['settling_time_s']:g} ms")
-    style.mark_limit(ax, results["wanted"]["ms"], f"chosen, $M_s \\leq$ {results['wanted']['ms']:g}", axis="x")
+    bound = results["chosen"]["bound"]
+    style.mark_limit(ax, bound, f"chosen, $M_s \\leq$ {bound:g}", axis="x")
     ax.set_xlim(1.15, 3.15)
     ax.set_ylim(15, top * 1.1)
     ticks = [tick for tick in (15, 20, 30, 50, 100, 200, 500) if tick <= top * 1.1]
@@ -230,7 +231,7 @@ def _bode(whole: Results) -> Drawing:
 
 
 def _nyquist(whole: Results) -> Drawing:
-    loops, ms = whole["results"]["loops"], whole["results"]["wanted"]["ms"]
+    loops, ms = whole["results"]["loops"], whole["results"]["chosen"]["bound"]
     figure, axes = style.subplots(1, 1, 92)
     ax = axes[0, 0]
     for i, loop in enumerate(loops["nyquist"]):
@@ -269,7 +270,7 @@ def _sensitivities(whole: Results) -> Drawing:
         frequency, np.where(least > 1e-2, least, np.nan), color=style.LIMIT, linestyle="-.", linewidth=0.9
     )
     for ax, limit in (
-        (axes[0, 0], wanted["ms"]),
+        (axes[0, 0], chosen["bound"]),
         (axes[0, 1], max(chosen["mt"], chosen["ms"])),
         (axes[1, 1], wanted["mcs_N_per_m"]),
     ):
@@ -316,8 +317,8 @@ def _ensemble(whole: Results) -> Drawing:
         look: dict[str, Any] = {"color": color, "marker": marker, "linestyle": "none", "markersize": 3.5}
         ax.plot(_numbers(row["ms"]), 1e3 * _numbers(row["settling_s"]), label=label, **look)
     style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"required, {1e3 * spec['settling_time_s']:g} ms")
-    style.mark_limit(ax, whole["results"]["wanted"]["ms"], f"bound {whole['results']['wanted']['ms']:g}", axis="x")
-    ax.set_ylim(bottom=0)
+    style.mark_limit(ax, ensemble["ms_bound"], f"bound {ensemble['ms_bound']:g}", axis="x")
+    ax.set_ylim(0, 1.35 * ax.get_ylim()[1])
     ax.set_xlabel("largest $|S|$ over the member's plants")
     ax.set_ylabel("settling of the reversal [ms]")
     ax.legend(loc="lower right", ncols=2)

@@ -98,6 +98,17 @@ def test_a_peak_is_proved_at_all_frequencies_and_held_on_a_ten_times_finer_grid(
     assert not stays_below(system, top.value * (1 - 1e-5))
 
 
+def test_the_largest_t_of_a_sluggish_loop_is_its_1_at_rest() -> None:
+    """A soft integrator against the friction's spring: |T| falls from 1 on, which a grid from above 0 on misses."""
+    soft = PID(1e-4 * GAINS.kp, 1e-4 * GAINS.ki, 0.0, GAINS.derivative_filter)
+    found = assess(model(SLOPES[-1]), soft)
+    assert found.stable
+    assert found.mt.value == 1.0
+    assert found.mt.omega == 0.0
+    assert stays_below(sensitivity(model(SLOPES[-1]), soft, "T"), 1 + 1e-6)
+    assert not stays_below(sensitivity(model(SLOPES[-1]), soft, "T"), 1 - 1e-4)
+
+
 def test_a_narrow_peak_between_grid_points_is_found() -> None:
     """1 / sqrt(x^2 + w^2) has a peak of 1 / w, 1000 times narrower than the grid's spacing of its neighbours."""
 

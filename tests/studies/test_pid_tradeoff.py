@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,10 @@ TS = 5e-4
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(quick_run: Callable[[str], tuple[Path, int]]) -> Path:
     """What one quick run wrote."""
-    output = tmp_path_factory.mktemp("tradeoff") / "out"
-    assert main(STUDY, ["--quick", "--output", str(output)]) == DONE
+    output, status = quick_run("pid_tradeoff")
+    assert status == DONE
     return output
 
 
