@@ -28,6 +28,7 @@ check: $(ENVIRONMENT)
 
 benchmark: $(ENVIRONMENT)
 	$(BIN)/python -m tests.benchmark
+	$(BIN)/python -m tests.benchmark.optimal_control
 
 # What the tests compare quick runs with: only after a change of results that was meant, and read before it is committed.
 baseline: $(ENVIRONMENT)
