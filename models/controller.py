@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
-from models.compiled import compiled
+from models.effects import catalogue
+from models.effects.ahead import Ahead, ahead_thrust
+from models.effects.base import Effect, parameters
 from models.friction import Friction, elements, follow
-from models.quantity import value
+from models.quantity import json_name, value
 
 Array = NDArray[np.float64]
 
@@ -42,7 +44,8 @@ class Controller:
     """One 2DoF law at one sample time: x_T* = N_ff(z) r, u_ff = D_ff(z) r, u_M = u_fb + u_ff + u_rf.
 
     n_ff, d_ff: coefficients of z^0, z^-1, ... [m/m] and [N/m]; reference_delay [samples]: the z^-d by which the PID's
-    reference waits for the dead time (Smith's method); friction_compensation: the RFM, or None for u_rf = 0.
+    reference waits for the dead time (Smith's method); friction_compensation: the RFM, or None for u_rf = 0;
+    effect_compensation: effects that u_rf meets along x_T*, too, or None.
     """
 
     sample_time: float
@@ -51,16 +54,17 @@ class Controller:
     n_ff: tuple[float, ...]
     d_ff: tuple[float, ...]
     friction_compensation: Friction | None = None
+    effect_compensation: Ahead | None = None
 
     def without_compensation(self) -> Controller:
         """The same law with u_rf = 0 (Fig. 6)."""
-        return replace(self, friction_compensation=None)
+        return replace(self, friction_compensation=None, effect_compensation=None)
 
 
 def to_json(controller: Controller, stroke: float, settling_time: float) -> dict[str, Any]:
     """The content of controller.json; the feedforward was designed for stroke [m] and settling_time [s]."""
-    pid, rfm = controller.pid, controller.friction_compensation
-    return {
+    pid, rfm, ahead = controller.pid, controller.friction_compensation, controller.effect_compensation
+    content: dict[str, Any] = {
         "sample_time_s": controller.sample_time,
         "stroke_m": stroke,
         "settling_time_s": settling_time,
@@ -75,6 +79,9 @@ def to_json(controller: Controller, stroke: float, settling_time: float) -> dict
         },
         "friction_compensation": rfm and {"stiffness_N_per_m": list(rfm.stiffness), "limit_m": list(rfm.limit)},
     }
+    if ahead is not None:
+        content["effect_compensation"] = {"late_s": ahead.late, "effects": _effects_to_json(ahead.effects)}
+    return content
 
 
 def load(path: Path) -> Controller:
@@ -103,7 +110,33 @@ def _from_json(content: Mapping[str, Any]) -> Controller:
     if not (math.isfinite(sample_time) and sample_time > 0 and delay >= 0):
         raise ValueError("sample_time_s must be above 0 and reference_delay_samples at least 0")
     compensation = rfm and elements(rfm["stiffness_N_per_m"], rfm["limit_m"])
-    return Controller(sample_time, PID(*gains), delay, tuple(content["n_ff"]), tuple(content["d_ff"]), compensation)
+    known = content.get("effect_compensation")
+    ahead = known and Ahead(_effects_from_json(known["effects"]), float(known["late_s"]))
+    if ahead and not 0 <= ahead.late < sample_time:
+        raise ValueError("effect_compensation.late_s must be at least 0 and below sample_time_s")
+    filters = tuple(content["n_ff"]), tuple(content["d_ff"])
+    return Controller(sample_time, PID(*gains), delay, *filters, compensation, ahead)
+
+
+def _effects_to_json(effects: tuple[Effect, ...]) -> dict[str, dict[str, float]]:
+    """Each effect's parameters by name, as results.json has them in `machine.effects`."""
+    return {
+        name: {json_name(item.name, item.unit): getattr(effect, item.name) for item in parameters(type(effect))}
+        for name, effect in catalogue.named(effects).items()
+    }
+
+
+def _effects_from_json(content: Mapping[str, Mapping[str, float]]) -> tuple[Effect, ...]:
+    known, found = catalogue.every(), list[Effect]()
+    for path, values in content.items():
+        name = path.partition(".")[0]
+        if name not in known:
+            raise ValueError(f"effect_compensation.effects: no effect is named {name!r}")
+        numbers = {item.name: float(values[json_name(item.name, item.unit)]) for item in parameters(known[name])}
+        if not all(math.isfinite(number) for number in numbers.values()):
+            raise ValueError(f"effect_compensation.effects.{path}: a number is not finite")
+        found.append(known[name](**numbers))
+    return catalogue.in_order(found)
 
 
 @dataclass(frozen=True)
@@ -118,23 +151,18 @@ class References:
 def references(controller: Controller, target: ArrayLike) -> References:
     """x_T*, u_ff and u_rf over the target r (n,) [m], from rest at r = 0 before its first sample.
 
-    The RFM follows x_T* from the virgin state, and keeps its history over the whole of r.
+    The RFM follows x_T* from the virgin state, and keeps its history over the whole of r. u_rf holds what the effects
+    ask for beside it.
     """
     r = np.asarray(target, float)
     position = np.asarray(lfilter(controller.n_ff, 1.0, r), float)
     feedforward = np.asarray(lfilter(controller.d_ff, 1.0, r), float)
     compensation = np.zeros(r.size)
-    if controller.friction_compensation is not None:
-        compensation, _ = follow(controller.friction_compensation, position)
+    rfm, ahead = controller.friction_compensation, controller.effect_compensation
+    if rfm is not None:
+        compensation, _ = follow(rfm, position)
+    if ahead is not None:
+        compensation = compensation + ahead_thrust(
+            ahead, rfm, position, feedforward + compensation, controller.sample_time
+        )
     return References(position, feedforward, compensation)
-
-
-@compiled
-def pid_step(
-    error: float, previous: float, integral: float, slope: float, gains: Array, sample_time: float
-) -> tuple[float, float, float]:
-    """One sample of the PID: (u_fb [N], I [N], d [m/s]) from e[k], e[k-1] [m], I, d at k-1; gains (kp, ki, kd, tau)."""
-    keep = gains[3] / (gains[3] + sample_time)
-    integral = integral + gains[1] * sample_time * error
-    slope = keep * slope + (1.0 - keep) * (error - previous) / sample_time
-    return gains[0] * error + integral + gains[2] * slope, integral, slope

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.compiled import compiled, inlined
-from models.controller import pid_step
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -72,6 +71,17 @@ def quantised(position: float, resolution: float) -> float:
 def clipped(number: float, limit: float) -> float:
     """The nearest number within +-limit; any unit, the same for both [N] or [m]."""
     return max(-limit, min(number, limit))
+
+
+@compiled
+def pid_step(
+    error: float, previous: float, integral: float, slope: float, gains: Array, sample_time: float
+) -> tuple[float, float, float]:
+    """One sample of the PID: (u_fb [N], I [N], d [m/s]) from e[k], e[k-1] [m], I, d at k-1; gains (kp, ki, kd, tau)."""
+    keep = gains[3] / (gains[3] + sample_time)
+    integral = integral + gains[1] * sample_time * error
+    slope = keep * slope + (1.0 - keep) * (error - previous) / sample_time
+    return gains[0] * error + integral + gains[2] * slope, integral, slope
 
 
 @compiled

@@ -17,6 +17,8 @@ from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
 from models.columns import Columns
 from models.controller import PID
+from models.effects import catalogue
+from models.effects.base import Effect
 from models.friction import Friction, branch
 from models.plant import Plant
 from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, value
@@ -65,7 +67,9 @@ class Control:
     """What is fixed of the controller before a feedforward is designed."""
 
     sample_time: float = value("s", "sample time T_s", above=0)
-    reference_delay: int = value("1", "samples by which the PID's reference waits, z^-d", at_least=0, below=1001)
+    reference_delay: int = value(
+        "1", "samples by which the reference of the PID in place waits", at_least=0, below=1001
+    )
     compensator_elements: int = value("1", "elements N of the friction compensator RFM", at_least=1, below=101)
     pid: PID = dataclasses.field(kw_only=True)
 
@@ -102,7 +106,10 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Machine:
-    """One positioning axis. `sources` maps the dotted name of every value ("plant.dead_time") to its Provenance."""
+    """One positioning axis. `sources` maps the dotted name of every value ("plant.dead_time") to its Provenance.
+
+    effects: what acts beside the nominal model, in the order of the catalogue; a file's tables [effects.NAME].
+    """
 
     name: str
     drive: Drive
@@ -114,6 +121,7 @@ class Machine:
     presliding: Presliding = None  # type: ignore[assignment]  # derived by `load` where a file leaves it out
     published: Published | None = None
     record: Columns | None = None
+    effects: tuple[Effect, ...] = ()
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
     @property
@@ -217,11 +225,28 @@ def _entry(
         return entry
     if isinstance(hint, UnionType):  # an optional part, and here it is
         hint = next(kind for kind in get_args(hint) if kind is not NoneType)
+    if hint == tuple[Effect, ...]:
+        return _effects(entry, where, sources)
     if get_origin(hint) is tuple:
         if not isinstance(entry, list) or not entry:
             raise MachineError(f"{where}: needs one table or more; write [[{where}]] with its values below")
         return tuple(_read(get_args(hint)[0], item, f"{where}.{i + 1}", sources) for i, item in enumerate(entry))
     return _read(hint, entry, where, sources)
+
+
+def _effects(table: object, where: str, sources: dict[str, Provenance]) -> tuple[Effect, ...]:
+    """The effects in [effects.NAME], or [[effects.NAME]] where several are of one name, in the catalogue's order."""
+    if not isinstance(table, dict):
+        raise MachineError(f"{where}: is no table; write [{where}.NAME] with the effect's values below")
+    known, found = catalogue.every(), list[Effect]()
+    for name, entry in table.items():
+        path = _join(where, name)
+        if name not in known:
+            raise MachineError(f"{path}: unknown; {_nearest(name, list(known))}")
+        same = entry if isinstance(entry, list) else [entry]
+        for i, item in enumerate(same):
+            found.append(_read(known[name], item, path if len(same) == 1 else f"{path}.{i + 1}", sources))
+    return catalogue.in_order(found)
 
 
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
@@ -305,10 +330,13 @@ def _check(machine: Machine) -> None:
     """What no single value shows."""
     _check_times(machine)
     nyquist = 0.5 / machine.sample_time
-    for i, mode in enumerate(machine.plant.modes):
+    modes = {f"plant.modes.{i + 1}": mode for i, mode in enumerate(machine.plant.modes)}
+    for name, effect in catalogue.named(machine.effects).items():
+        modes |= {f"effects.{name}": mode for mode in effect.modes()}
+    for where, mode in modes.items():
         if mode.frequency >= nyquist:
             raise MachineError(
-                f"plant.modes.{i + 1}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency "
+                f"{where}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency "
                 f"{nyquist:g} Hz of control.sample_time; shorten the sample time or leave the mode out"
             )
     rigid = sum(mode.frequency == 0 for mode in machine.plant.modes)
@@ -330,6 +358,9 @@ def _parameters(part: Any, where: str, sources: Mapping[str, Provenance]) -> Ite
             yield Parameter(path, declared.meaning, declared.unit, item, provenance)
         elif dataclasses.is_dataclass(item):
             yield from _parameters(item, path, sources)
+        elif field.name == "effects":
+            for name, effect in catalogue.named(item).items():
+                yield from _parameters(effect, _join(path, name), sources)
         elif isinstance(item, tuple):
             for i, member in enumerate(item):
                 yield from _parameters(member, f"{path}.{i + 1}", sources)
@@ -341,9 +372,11 @@ def _plain(part: Any) -> object:
     plain: dict[str, object] = {}
     for field in dataclasses.fields(part):
         item, declared = getattr(part, field.name), declaration(field)
-        if field.name == "sources" or item is None:
+        if field.name == "sources" or item is None or (field.name == "effects" and not item):
             continue
-        if declared is not None:
+        if field.name == "effects":
+            plain["effects"] = {name: _plain(effect) for name, effect in catalogue.named(item).items()}
+        elif declared is not None:
             plain[json_name(field.name, declared.unit)] = list(item) if isinstance(item, tuple) else item
         elif isinstance(item, tuple):
             plain[field.name] = [_plain(member) for member in item]

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from models.columns import Columns
+from models.effects import catalogue
 from models.machine import Machine, Provenance
 from models.quantity import declaration
 
@@ -22,6 +23,9 @@ def to_toml(machine: Machine) -> str:
             lines += ["", f"[{field.name}]", *_columns(part)]
         elif dataclasses.is_dataclass(part) and not (field.name == "presliding" and derived):
             lines += _table(part, field.name, machine.sources)
+    for name, effect in catalogue.named(machine.effects).items():
+        head = f"[effects.{name}]" if name == effect.name else f"[[effects.{effect.name}]]"
+        lines += _table(effect, f"effects.{name}", machine.sources, head)
     return "\n".join(lines) + "\n"
 
 

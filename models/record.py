@@ -78,7 +78,7 @@ def cut(record: Record) -> tuple[Motion, ...]:
     before = np.concatenate([[0.0], speed[:-1]])
     starts = np.flatnonzero((speed != 0) & (speed != before))
     found: list[Motion] = []
-    for start, stop in zip(starts, [*starts[1:], r.size], strict=True):
+    for start, stop in zip(starts, [*starts[1:], r.size][: starts.size], strict=True):  # none where nothing moves
         origin, goal = float(record.reference[start]), float(record.reference[stop - 1])
         reversal = not found or (goal > origin) != (found[-1].target > found[-1].origin)
         found.append(Motion(int(start), int(stop), origin, goal, reversal))

@@ -6,18 +6,22 @@ h, as a midpoint rule is, at one evaluation a substep. The thrust changes where 
 it out, also within a sample.
 
 `simulate` runs one machine; `simulate_many` runs variations side by side in one call, equal to `simulate` bit for bit.
+A machine's effects (models/effects) act in both. They set in at the first sample, except that the PID's integral holds
+the external force at the start, too: let a run begin with a halt where they have to settle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.controller import Controller, References, references
+from models.effects.calling import pack
+from models.effects.kernel import run_effects
 from models.kernel import Loop, Run, run_many, run_one
 from models.machine import Machine
 from models.plant import delay_split, state_space, transition
@@ -63,9 +67,7 @@ def simulate(
     """
     r = np.asarray(target, float)
     known = given or references(controller, r)
-    loop, run = _prepare(machine, controller, known, substeps, seed, initial_friction)
-    run_one(loop, run)
-    return _response(machine, r, run)
+    return _alone(machine, r, _prepare(machine, controller, known, substeps, seed, initial_friction))
 
 
 def simulate_many(
@@ -81,7 +83,7 @@ def simulate_many(
     """`simulate` for machines[i] with controllers[i], all over the same target, in one call; the same options.
 
     given: for all machines, or given[i] for each. Machines with equal numbers of modes and elements and equal delays in
-    whole samples run side by side.
+    whole samples run side by side, except those with effects, which run one by one.
     """
     r = np.asarray(target, float)
     if given is None:
@@ -93,7 +95,11 @@ def simulate_many(
         for machine, controller, its in zip(machines, controllers, known, strict=True)
     ]
     groups: dict[object, list[int]] = {}
+    responses: dict[int, Response] = {}
     for i, (loop, run) in enumerate(prepared):
+        if machines[i].effects:
+            responses[i] = _alone(machines[i], r, prepared[i])
+            continue
         key = (
             loop.sample_time,
             *loop.delays,
@@ -103,13 +109,22 @@ def simulate_many(
             bool(np.any(loop.damping > 0)),
         )
         groups.setdefault(key, []).append(i)
-    responses: dict[int, Response] = {}
     for members in groups.values():
         loop, run = _side_by_side([prepared[i] for i in members])
         run_many(loop, run)
         for lane, i in enumerate(members):
             responses[i] = _response(machines[i], r, _lane(run, lane))
     return tuple(responses[i] for i in range(len(prepared)))
+
+
+def _alone(machine: Machine, target: Array, prepared: tuple[Loop, Run]) -> Response:
+    """The response of one machine."""
+    loop, run = prepared
+    if machine.effects:
+        run_effects(loop, run, pack(machine.effects, run.z.size))
+    else:
+        run_one(loop, run)
+    return _response(machine, target, run)
 
 
 def _prepare(
@@ -125,7 +140,8 @@ def _prepare(
             f"the controller runs at {controller.sample_time:g} s and the machine at {machine.sample_time:g} s; "
             "design the controller for this machine's sample time"
         )
-    friction, plant, pid = machine.friction, machine.plant, controller.pid
+    friction, pid = machine.friction, controller.pid
+    plant = replace(machine.plant, modes=sum((effect.modes() for effect in machine.effects), machine.plant.modes))
     counts, step, delay = _parts(plant.dead_time, machine.sample_time, substeps)
     modes = len(plant.modes)
     phi, gamma = np.zeros((2, modes, 4)), np.zeros((2, modes, 2))

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from models.controller import PID, Controller, ControllerError, load, pid_step, references, to_json
+from models.controller import PID, Controller, ControllerError, load, references, to_json
 from models.friction import elements, follow
+from models.kernel import pid_step
 
 TS = 5e-4
 GAINS = PID(1.9e6, 7.8e7, 1.05e4, 2e-4)

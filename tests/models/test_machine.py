@@ -51,13 +51,13 @@ def test_the_default_machine_is_the_published_one() -> None:
 
 
 def test_the_elements_agree_with_the_published_curve() -> None:
-    """T_fc, 800 N/mm over the first 20 um, 100 N/mm beyond, up to about 2 x 100 um: they close in N/mm only."""
+    """T_fc, 800 N/mm over the first 20 um, 100 N/mm beyond, up to about 2 x 100 um, each to the 3 % of the set."""
     machine = load()
     end = 2 * max(machine.friction.limit)
     climbed = branch(machine.friction, [20e-6, end, 1e-3])
     assert 80e-6 < end / 2 < 120e-6
-    assert climbed[0] / 20e-6 == pytest.approx(8e5, rel=0.01)
-    assert (climbed[1] - climbed[0]) / (end - 20e-6) == pytest.approx(1e5, rel=0.01)
+    assert climbed[0] / 20e-6 == pytest.approx(8e5, rel=0.03)
+    assert (climbed[1] - climbed[0]) / (end - 20e-6) == pytest.approx(1e5, rel=0.03)
     assert climbed[2] == pytest.approx(2 * 16.5, rel=1e-3)
     assert "N/mm" in machine.sources["presliding.stiffness_1"].note
 
@@ -83,7 +83,7 @@ def test_the_machine_in_results_has_the_agreed_names() -> None:
 def test_facts_that_a_file_leaves_out_follow_from_its_elements(tmp_path: Path) -> None:
     machine = load(without(tmp_path, "presliding"))
     assert machine.presliding.coulomb_force == machine.friction.coulomb_force
-    assert machine.presliding.stiffness_1 == pytest.approx(8e5, rel=0.01)
+    assert machine.presliding.stiffness_1 == pytest.approx(8e5, rel=0.03)
     assert machine.sources["presliding.boundary"].kind == "derived"
     assert load(without(tmp_path, "published")).published is None
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from models.record import feeding_sequence, motions
+from models.record import Record, cut, feeding_sequence, motions
 from models.settling import dispersion, overshoot, settling_time
 
 
@@ -20,6 +20,11 @@ def test_the_sequence_of_figure_5() -> None:
     assert [i for i, motion in enumerate(found) if motion.reversal] == [0, 5, 10, 15]
     assert {motion.stop - motion.start for motion in found} == {1000}
     assert [motion.direction for motion in found[:10]] == [1] * 5 + [-1] * 5
+
+
+def test_a_record_in_which_nothing_moves_has_no_motions() -> None:
+    nothing = np.zeros(100)
+    assert cut(Record(1e-3, nothing, nothing, nothing, nothing, nothing)) == ()
 
 
 def test_settling_is_the_time_after_which_nothing_leaves_the_band() -> None:

@@ -7,9 +7,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
+import pyarrow
 import pytest
 from numpy.typing import NDArray
+from pyarrow.parquet import write_table
 from scipy.io import savemat
 
 from models.columns import Columns
@@ -56,7 +59,6 @@ def csv(path: Path, table: Table, delimiter: str = ",") -> Path:
 
 
 def mat73(path: Path, table: Table) -> Path:
-    h5py = pytest.importorskip("h5py")
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, column in table.items():
             file[f"log/{name}"] = column[None]
@@ -67,8 +69,7 @@ def mat73(path: Path, table: Table) -> Path:
 
 
 def parquet(path: Path, table: Table) -> Path:
-    arrow = pytest.importorskip("pyarrow")
-    pytest.importorskip("pyarrow.parquet").write_table(arrow.table(table), path)
+    write_table(pyarrow.table(table), path)
     return path
 
 

@@ -1,0 +1,51 @@
+"""Every effect that there is, found in the modules of this package: one's own is one more file in its folder."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Iterable, Iterator, Mapping
+
+import models.effects
+from models.effects.base import FAMILIES, Effect
+
+
+def every() -> Mapping[str, type[Effect]]:
+    """The effects by name, in the order in which they act: by family, module and place in the module."""
+    found: dict[str, type[Effect]] = {}
+    for kind in sorted(_kinds(), key=lambda kind: FAMILIES.index(kind.family)):
+        if kind.name in found:
+            other = found[kind.name].__module__
+            raise ValueError(f"{kind.__module__}: the effect {kind.name!r} is in {other} already; name it otherwise")
+        found[kind.name] = kind
+    return found
+
+
+def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """The effects in the order in which they act."""
+    order = {name: i for i, name in enumerate(every())}
+    return tuple(sorted(effects, key=lambda effect: order.get(effect.name, len(order))))
+
+
+def named(effects: Iterable[Effect]) -> Mapping[str, Effect]:
+    """The effects by name as in a machine file's paths: "cogging", or "cogging.1" and "cogging.2" of two."""
+    members: dict[str, list[Effect]] = {}
+    for effect in effects:
+        members.setdefault(effect.name, []).append(effect)
+    paths: dict[str, Effect] = {}
+    for name, same in members.items():
+        for i, effect in enumerate(same):
+            paths[name if len(same) == 1 else f"{name}.{i + 1}"] = effect
+    return paths
+
+
+def _kinds() -> Iterator[type[Effect]]:
+    for module in pkgutil.iter_modules(models.effects.__path__):
+        content = vars(importlib.import_module(f"{models.effects.__name__}.{module.name}"))
+        for item in content.values():
+            if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == content["__name__"]:
+                if item is Effect:
+                    continue
+                if item.family not in FAMILIES:
+                    raise ValueError(f"{item.__module__}.{item.__name__}: family is one of {', '.join(FAMILIES)}")
+                yield item

@@ -1,0 +1,230 @@
+"""What the friction's contacts may do beyond the nominal elements: forget, heal, drag, differ by direction or place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+from models.effects.base import LIMIT, MOVED, STIFFNESS, Effect, H, Numbers, T, V, X, Z, hook, parameter, phase
+
+REST_SPEED: Final = 1e-4  # m/s; well below it a contact heals, well above it loses what it gained
+SURVEY: Final = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, A survey of models for machines with friction"
+
+
+@hook
+def _relaxing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    keep = math.exp(-0.5 * now[H] / p[1])
+    leaking, count, reloads = 0.0, memory.size // 2, p[2] > 0.5
+    for i in range(count):
+        moved = now[MOVED] if reloads else contact[Z, i] - memory[count + i]
+        z = (memory[i] * keep + moved) * keep
+        memory[i] = max(-contact[LIMIT, i], min(z, contact[LIMIT, i])) if reloads else z
+        memory[count + i] = contact[Z, i]
+        leaking += contact[STIFFNESS, i] * memory[i]
+    return (1.0 - p[0]) * value + p[0] * leaking
+
+
+@dataclass(frozen=True)
+class FrictionRelaxation(Effect):
+    """A part of each contact's force decays with time: slip loads it again, or only what a contact takes up."""
+
+    name: ClassVar = "friction_relaxation"
+    family: ClassVar = "friction"
+    equation: ClassVar = (
+        r"F=\sum_i K_i\left[(1-b)z_i+b\,\zeta_i\right],\quad "
+        r"\dot\zeta_i=\dot z_i-\zeta_i/\tau\ (r\le\tfrac12)\ \text{or}\ "
+        r"\dot\zeta_i=\dot x-\zeta_i/\tau,\ |\zeta_i|\le X_i\ (r>\tfrac12)"
+    )
+    source: ClassVar = (
+        "Flügge 1975, Viscoelasticity (a Maxwell element beside a spring), here with the slip of each contact; "
+        "sizes assumed"
+    )
+    hooks: ClassVar = {"friction": _relaxing}
+    part: float = parameter("1", "part b of the force that decays", 0.05, 0.3, "amplitude", at_least=0, below=1)
+    time: float = parameter("s", "time constant tau", 0.05, 1.0, "shape", above=0)
+    reload: float = parameter("1", "r: whether slip loads it again (above 1/2) or not", 0.25, 1.0, "shape", above=0)
+
+    def memory(self, elements: int) -> int:
+        """A leaking displacement and the last displacement of each element."""
+        return 2 * elements
+
+
+@hook
+def _healing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    rest = 1.0 / (1.0 + (now[V] / REST_SPEED) ** 2)
+    gain, loss = rest * now[H] / p[1], (1.0 - rest) * abs(now[MOVED]) / p[2]
+    final = gain / (gain + loss)
+    memory[0] = final + (memory[0] - final) * math.exp(-(gain + loss))
+    return value * (1.0 + p[0] * memory[0])
+
+
+@dataclass(frozen=True)
+class DwellBreakaway(Effect):
+    """Contacts that rested hold more, until they have moved a little."""
+
+    name: ClassVar = "dwell_breakaway"
+    family: ClassVar = "friction"
+    equation: ClassVar = (
+        r"X_i(1+a\theta),\quad \dot\theta=w\,\frac{1-\theta}{\tau}-(1-w)\frac{|\dot x|}{\lambda}\theta,\quad "
+        r"w=\frac{1}{1+(\dot x/v_0)^2},\ v_0=0.1\,\mathrm{mm/s}"
+    )
+    source: ClassVar = (
+        f"Ruina 1983, Slip instability and state variable friction laws (a state that heals in time and is lost over a "
+        f"distance); {SURVEY}; v_0 and sizes assumed"
+    )
+    hooks: ClassVar = {"limit": _healing}
+    rise: float = parameter("1", "rise a of the limits after a long rest", 0.02, 0.3, "amplitude", at_least=0)
+    time: float = parameter("s", "time constant tau of the rise", 0.1, 10.0, "shape", above=0)
+    distance: float = parameter("m", "distance lambda over which it is lost", 1e-6, 1e-5, "shape", above=0)
+
+    def memory(self, elements: int) -> int:  # noqa: ARG002
+        """The state theta."""
+        return 1
+
+
+@hook
+def _viscous(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value + p[0] * now[V]
+
+
+@dataclass(frozen=True)
+class ViscousFriction(Effect):
+    """A drag in proportion to speed."""
+
+    name: ClassVar = "viscous_friction"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"F+c\,\dot x"
+    source: ClassVar = f"{SURVEY}; sizes assumed"
+    hooks: ClassVar = {"friction": _viscous}
+    coefficient: float = parameter("N s/m", "drag c", 10.0, 100.0, "amplitude", at_least=0)
+
+
+@hook
+def _stribeck(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value * (1.0 + p[0] * math.exp(-((now[V] / p[1]) ** 2)))
+
+
+@dataclass(frozen=True)
+class Stribeck(Effect):
+    """Contacts hold more at low speed."""
+
+    name: ClassVar = "stribeck"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"X_i\left(1+a\,e^{-(\dot x/v_s)^2}\right)"
+    source: ClassVar = f"Bo and Pavelescu 1982, The friction-speed relation; {SURVEY}; sizes assumed"
+    hooks: ClassVar = {"limit": _stribeck}
+    rise: float = parameter("1", "rise a of the limits at rest", 0.05, 0.3, "amplitude", at_least=0)
+    speed: float = parameter("m/s", "speed v_s over which it is lost", 5e-4, 5e-3, "shape", above=0)
+
+
+@hook
+def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value + p[0] * abs(value)
+
+
+@dataclass(frozen=True)
+class DirectionalFriction(Effect):
+    """Friction is larger one way than the other."""
+
+    name: ClassVar = "directional_friction"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"F+a\,|F|\quad(=F(1+a\,\mathrm{sign}\,\dot x)\ \text{where the contacts slip})"
+    source: ClassVar = (
+        "Janot, Gautier and Brunot 2019, Data set and reference models of EMPS (friction that differs by direction); "
+        "by the force's sign, so that nothing jumps where the table turns: assumed; sizes assumed"
+    )
+    hooks: ClassVar = {"friction": _directional}
+    asymmetry: float = parameter("1", "asymmetry a", 0.02, 0.1, "amplitude", signed=True, above=-1, below=1)
+
+
+@hook
+def _placed(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value * (1.0 + p[0] * math.sin(2.0 * math.pi * now[X] / p[1] + p[2]))
+
+
+@dataclass(frozen=True)
+class PositionDependentFriction(Effect):
+    """Friction varies along the guide."""
+
+    name: ClassVar = "position_dependent_friction"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"F\left(1+a\sin(2\pi x/L+\varphi)\right)"
+    source: ClassVar = "Armstrong-Hélouvry 1991, Control of machines with friction (measured on a robot); sizes assumed"
+    hooks: ClassVar = {"friction": _placed}
+    part: float = parameter("1", "variation a", 0.03, 0.2, "amplitude", at_least=0, below=1)
+    length: float = parameter("m", "length L of a period", 3e-3, 6e-2, "shape", above=0)
+    phase: float = phase()
+
+
+@hook
+def _lagging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    if p[0] == 0.0:
+        return value
+    if memory[2] > 0.0:  # the force as a straight line from the last call's to this one
+        keep = math.exp(-now[H] / p[0])
+        memory[0] = memory[0] * keep + (value - memory[1]) * p[0] / now[H] * (1.0 - keep)
+    memory[1], memory[2] = value, 1.0
+    return value - memory[0]
+
+
+@dataclass(frozen=True)
+class FrictionalLag(Effect):
+    """Friction follows what the contacts say with a lag."""
+
+    name: ClassVar = "frictional_lag"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"\tau\dot F+F=\sum_i K_i z_i"
+    source: ClassVar = (
+        "Hess and Soom 1990, Friction at a lubricated line contact operating at oscillating sliding velocities "
+        "(a lag); of first order, and sizes: assumed"
+    )
+    hooks: ClassVar = {"friction": _lagging}
+    time: float = parameter("s", "time constant tau", 2e-4, 3e-3, "width", at_least=0)
+
+    def memory(self, elements: int) -> int:  # noqa: ARG002
+        """By how much the friction lags, the force at the last call, and whether there was one."""
+        return 3
+
+
+@hook
+def _drifting(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value * (1.0 + p[0] * now[T])
+
+
+@dataclass(frozen=True)
+class FrictionDrift(Effect):
+    """Friction grows or falls with time, as where the lubricant warms."""
+
+    name: ClassVar = "friction_drift"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"F(1+k t)"
+    source: ClassVar = "assumed: the first term of any slow change; 4 to 40 % in 40 s"
+    hooks: ClassVar = {"friction": _drifting}
+    clocked: ClassVar = True
+    rate: float = parameter("1/s", "relative rate k", 1e-3, 1e-2, "amplitude", signed=True)
+
+
+@hook
+def _playing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    memory[0] = max(-0.5 * p[0], min(memory[0] - now[MOVED], 0.5 * p[0]))
+    return value + memory[0]
+
+
+@dataclass(frozen=True)
+class Play(Effect):
+    """A dead zone between the table and the friction's contacts: behind a reversal, the force stays for a while.
+
+    For strokes well above w: the operator gives energy back on those that are not, which no clearance does.
+    """
+
+    name: ClassVar = "play"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"x_c=x+o,\quad \dot o=-\dot x\ \text{while}\ |o|\le w/2\quad(\text{play operator})"
+    source: ClassVar = "Krasnosel'skii and Pokrovskii 1989, Systems with hysteresis; sizes assumed"
+    hooks: ClassVar = {"path": _playing}
+    width: float = parameter("m", "width w of the dead zone", 2e-7, 3e-6, "width", at_least=0)
+
+    def memory(self, elements: int) -> int:  # noqa: ARG002
+        """By how much the contacts are off the table."""
+        return 1

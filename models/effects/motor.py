@@ -1,0 +1,174 @@
+"""What motor and amplifier may do to a command on its way to a thrust."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+from models.effects.base import Effect, H, Numbers, X, hook, parameter, phase
+
+RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
+FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated
+
+
+@hook
+def _cogging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value + p[0] * math.sin(2.0 * math.pi * now[X] / p[1] + p[2])
+
+
+@dataclass(frozen=True)
+class Cogging(Effect):
+    """Magnets and iron pull the table towards places, whatever the current."""
+
+    name: ClassVar = "cogging"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"d=A\sin(2\pi x/p+\varphi)"
+    source: ClassVar = f"{RIPPLE}; sizes assumed"
+    hooks: ClassVar = {"force": _cogging}
+    amplitude: float = parameter("N", "amplitude A", 0.5, 5.0, "amplitude", at_least=0)
+    pitch: float = parameter("m", "pitch p", 2e-2, 6e-2, "shape", above=0)
+    phase: float = phase()
+
+
+@hook
+def _ripple(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value * (1.0 + p[0] * math.sin(2.0 * math.pi * now[X] / p[1] + p[2]))
+
+
+@dataclass(frozen=True)
+class ThrustRipple(Effect):
+    """The thrust constant varies along the magnets."""
+
+    name: ClassVar = "thrust_ripple"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"K_t\left(1+a\sin(2\pi x/p+\varphi)\right)u"
+    source: ClassVar = f"{RIPPLE}; sizes assumed"
+    hooks: ClassVar = {"thrust": _ripple}
+    part: float = parameter("1", "variation a", 0.01, 0.06, "amplitude", at_least=0, below=1)
+    pitch: float = parameter("m", "pitch p", 2e-2, 6e-2, "shape", above=0)
+    phase: float = phase()
+
+
+@hook
+def _asymmetric(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value + p[0] * abs(value)
+
+
+@dataclass(frozen=True)
+class GainAsymmetry(Effect):
+    """The amplifier's gain differs by the sign of the command."""
+
+    name: ClassVar = "gain_asymmetry"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"K_t(1+a\,\mathrm{sign}\,u)\,u"
+    source: ClassVar = "assumed: two halves of an amplifier with unequal gains"
+    hooks: ClassVar = {"thrust": _asymmetric}
+    asymmetry: float = parameter("1", "asymmetry a", 0.005, 0.04, "amplitude", signed=True, above=-1, below=1)
+
+
+@hook
+def _saturating(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value * (1.0 - p[0] * (value / FULL_THRUST) ** 2)
+
+
+@dataclass(frozen=True)
+class ThrustSaturation(Effect):
+    """The thrust constant falls at large currents."""
+
+    name: ClassVar = "thrust_saturation"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"K_t\left(1-a\,(u/100\,\mathrm{N})^2\right)u"
+    source: ClassVar = "assumed: the first term of iron that saturates alike both ways"
+    hooks: ClassVar = {"thrust": _saturating}
+    loss: float = parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0, below=0.3)
+
+
+@hook
+def _lagging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    if p[0] == 0.0:
+        return value
+    behind = memory[0] - value if memory[1] > 0.0 else 0.0
+    keep = math.exp(-now[H] / p[0])
+    memory[0], memory[1] = value + behind * keep, 1.0
+    return value + behind * (1.0 - keep) * p[0] / now[H]
+
+
+@dataclass(frozen=True)
+class CurrentLoopLag(Effect):
+    """The current follows the command with a lag; exact for a command that is held over a substep."""
+
+    name: ClassVar = "current_loop_lag"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"\tau\dot u_i+u_i=u"
+    source: ClassVar = "assumed: a current control of first order; 0.2 ms is a bandwidth of 800 Hz"
+    hooks: ClassVar = {"thrust": _lagging}
+    time: float = parameter("s", "time constant tau", 1e-4, 5e-4, "width", at_least=0)
+
+    def memory(self, elements: int) -> int:  # noqa: ARG002
+        """The current at the end of the last substep, in newtons, and whether there was one."""
+        return 2
+
+
+@hook
+def _late(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    sample, before = memory[1], memory[0] if memory[1] > 0.0 else value
+    memory[0], memory[1] = value, sample + 1.0
+    number = int(sample) & 0x7FFFFFFF  # a hash of the sample's number: mixed bits, the same in every run
+    for _ in range(3):
+        number = ((number ^ (number >> 15)) * 0x2C1B3C6D + 0x297A2D39) & 0x7FFFFFFF
+    return before if number < p[0] * 0x80000000 else value
+
+
+@dataclass(frozen=True)
+class TimingJitter(Effect):
+    """A command now and then comes a sample late: the one before stays. Which samples: the same in every run."""
+
+    name: ClassVar = "timing_jitter"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"u[k-1]\ \text{instead of}\ u[k]\ \text{in a part}\ q\ \text{of the samples}"
+    source: ClassVar = (
+        "Wittenmark, Nilsson and Törngren 1995, Timing problems in real-time control systems; sizes assumed"
+    )
+    hooks: ClassVar = {"command": _late}
+    part: float = parameter("1", "part q of the samples", 0.005, 0.1, "amplitude", at_least=0, below=1)
+
+    def memory(self, elements: int) -> int:  # noqa: ARG002
+        """The last command and the number of samples so far."""
+        return 2
+
+
+@hook
+def _dead(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value - max(-p[0], min(value, p[0]))
+
+
+@dataclass(frozen=True)
+class AmplifierDeadband(Effect):
+    """Commands near zero do nothing."""
+
+    name: ClassVar = "amplifier_deadband"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"\mathrm{sign}(u)\max(|u|-w,0)"
+    source: ClassVar = (
+        "Tao and Kokotović 1996, Adaptive control of systems with actuator and sensor nonlinearities; sizes assumed"
+    )
+    hooks: ClassVar = {"command": _dead}
+    width: float = parameter("N", "command w up to which nothing happens", 0.05, 0.5, "width", at_least=0)
+
+
+@hook
+def _stepped(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value if p[0] == 0.0 else math.floor(value / p[0] + 0.5) * p[0]
+
+
+@dataclass(frozen=True)
+class DacQuantisation(Effect):
+    """The command is put out in steps."""
+
+    name: ClassVar = "dac_quantisation"
+    family: ClassVar = "motor"
+    equation: ClassVar = r"q\lfloor u/q+1/2\rfloor"
+    source: ClassVar = "Widrow and Kollár 2008, Quantization noise; sizes assumed"
+    hooks: ClassVar = {"command": _stepped}
+    step: float = parameter("N", "step q", 1e-2, 1e-1, "width", at_least=0)

@@ -1,0 +1,67 @@
+"""What the structure and the surroundings may add: a mode, the floor, a cable."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from models.effects.base import Effect, Numbers, T, X, hook, parameter, phase
+from models.plant import Mode
+
+
+@dataclass(frozen=True)
+class AdditionalMode(Effect):
+    """One more vibration mode beside the plant's."""
+
+    name: ClassVar = "additional_mode"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"P'(s)+K_t\frac{k}{s^2+2\zeta\omega s+\omega^2}"
+    source: ClassVar = "Ewins 2000, Modal testing; sizes assumed: 1 to 10 % of 1/M for M of 15 to 50 kg"
+    gain: float = parameter("1/kg", "modal gain k", 2e-4, 7e-3, "amplitude", at_least=0)
+    frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", above=0)
+    damping: float = parameter("1", "damping ratio", 5e-3, 5e-2, "shape", at_least=0, below=1)
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The mode, unless its gain is 0."""
+        return (Mode(self.gain, self.frequency, self.damping),) if self.gain > 0 else ()
+
+
+@hook
+def _shaking(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value + p[0] * math.sin(2.0 * math.pi * p[1] * now[T] + p[2])
+
+
+@dataclass(frozen=True)
+class FloorVibration(Effect):
+    """The floor shakes the table, whatever it does."""
+
+    name: ClassVar = "floor_vibration"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"d=A\sin(2\pi f t+\varphi)"
+    source: ClassVar = (
+        "Gordon 1991, Generic criteria for vibration-sensitive equipment; sizes assumed: 0.02 N is an acceleration of "
+        "0.4 mm/s2 of 45 kg"
+    )
+    hooks: ClassVar = {"force": _shaking}
+    clocked: ClassVar = True
+    amplitude: float = parameter("N", "amplitude A", 0.02, 1.0, "amplitude", at_least=0)
+    frequency: float = parameter("Hz", "frequency f", 2.0, 30.0, "shape", above=0)
+    phase: float = phase()
+
+
+@hook
+def _pulling(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value - p[0] * now[X]
+
+
+@dataclass(frozen=True)
+class CableSpring(Effect):
+    """Cables and hoses pull the table back. From where on, k x_0, is an offset of the thrust, no part of the effect."""
+
+    name: ClassVar = "cable_spring"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"d=-k\,x"
+    source: ClassVar = "assumed: a linear spring; sizes assumed"
+    hooks: ClassVar = {"force": _pulling}
+    stiffness: float = parameter("N/m", "stiffness k", 50.0, 500.0, "amplitude", at_least=0)

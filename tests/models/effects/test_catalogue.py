@@ -1,0 +1,180 @@
+"""The catalogue: the agreed names, priors that make sense, one's own effect from one file, and machine files."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import models.effects
+from models.effects.base import FAMILIES, PLACES, ROLES, parameter, parameters
+from models.effects.calling import pack
+from models.effects.catalogue import every, in_order, named
+from models.machine import DEFAULT, MachineError, load, to_json
+from models.machine import parameters as values
+from models.machine_file import to_toml
+from models.simulator import simulate
+from tests.models.effects.paths import make
+from tests.models.test_simulator import TARGET, controlled
+
+AGREED = {
+    "friction": "friction_relaxation dwell_breakaway viscous_friction stribeck directional_friction "
+    "position_dependent_friction frictional_lag friction_drift play",
+    "motor": "cogging thrust_ripple gain_asymmetry thrust_saturation current_loop_lag timing_jitter "
+    "amplifier_deadband dac_quantisation",
+    "structure": "additional_mode floor_vibration cable_spring",
+    "scale": "scale_drift scale_periodic_error scale_gain_error",
+    "protocol": "controller_mismatch",
+}
+
+OWN = '''
+"""Friction that grows where the table is off its middle."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from models.effects.base import Effect, Numbers, X, hook, parameter
+
+
+@hook
+def _bowed(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    return value * (1.0 + p[0] * (now[X] / p[1]) ** 2)
+
+
+@dataclass(frozen=True)
+class BowedGuide(Effect):
+    """A guide that is bowed."""
+
+    name: ClassVar = "bowed_guide"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"F(1 + a (x/l)^2)"
+    source: ClassVar = "assumed"
+    hooks: ClassVar = {"friction": _bowed}
+    part: float = parameter("1", "growth a", 0.05, 0.5, "amplitude")
+    length: float = parameter("m", "length l", 1e-5, 1e-1, "shape", above=0)
+'''
+
+
+def machine_file(folder: Path, effects: str) -> Path:
+    path = folder / "machine.toml"
+    path.write_text(DEFAULT.read_text(encoding="utf-8") + effects, encoding="utf-8")
+    return path
+
+
+def test_the_agreed_names_in_their_order() -> None:
+    kinds = every()
+    assert list(kinds) == " ".join(AGREED.values()).split()
+    assert all(kinds[name].family == family for family, names in AGREED.items() for name in names.split())
+    assert tuple(AGREED) == FAMILIES
+
+
+@pytest.mark.parametrize("name", " ".join(AGREED.values()).split())
+def test_an_effect_says_all_that_is_asked_of_it(name: str) -> None:
+    kind = every()[name]
+    assert kind.equation
+    assert kind.__doc__
+    assert re.search(r"\b(19|20)\d\d\b|assumed: ", kind.source)
+    assert set(kind.hooks) <= set(PLACES)
+    assert kind.hooks or kind.typical().modes()
+    assert {item.role for item in parameters(kind)} & {"amplitude", "width"}
+    for item in parameters(kind):
+        assert item.role in ROLES
+        assert item.low < item.typical < item.high
+        assert item.low > 0 or item.role == "phase" or item.low == -item.high
+    assert kind.typical().values().tolist() == [item.typical for item in parameters(kind)]
+
+
+def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:
+    with pytest.raises(ValueError, match="role 'size' is unknown; give one of amplitude, shape, phase, width"):
+        parameter("N", "a size", 1.0, 2.0, "size")
+    assert parameters(every()["cogging"])[0].typical == pytest.approx(math.sqrt(0.5 * 5))
+
+
+def test_ones_own_effect_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a folder that the package is told to look in for the time of the test; machine file, loop and all."""
+    (tmp_path / "bowed.py").write_text(OWN, encoding="utf-8")
+    monkeypatch.setattr(models.effects, "__path__", [*models.effects.__path__, str(tmp_path)])
+    try:
+        assert every()["bowed_guide"].typical().values() == pytest.approx([math.sqrt(0.025), 1e-3])
+        path = machine_file(tmp_path, '[effects.bowed_guide]\npart = "0.3"\nlength = "20 um"\n')
+        machine = load(path)
+        controller = controlled(machine)
+        bowed = simulate(machine, controller, TARGET)
+        nominal = simulate(replace(machine, effects=()), controller, TARGET)
+        assert np.max(np.abs(bowed.record.command - nominal.record.command)) > 0.1
+    finally:
+        sys.modules.pop("models.effects.bowed", None)
+        monkeypatch.undo()
+    assert "bowed_guide" not in every()
+
+
+def test_two_effects_of_one_name_in_a_package_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "twice.py").write_text(OWN.replace("bowed_guide", "cogging"), encoding="utf-8")
+    monkeypatch.setattr(models.effects, "__path__", [*models.effects.__path__, str(tmp_path)])
+    try:
+        with pytest.raises(ValueError, match=r"the effect 'cogging' is in models\.effects\.twice already"):
+            every()
+    finally:
+        sys.modules.pop("models.effects.twice", None)
+
+
+def test_a_machine_file_keeps_every_effect(tmp_path: Path) -> None:
+    effects = [kind.typical() for kind in every().values()]
+    effects += [make("friction_relaxation", 0.1, 0.8, 1.0)]  # one effect may have two members
+    machine = replace(load(), effects=in_order(reversed(effects)))
+    path = tmp_path / "machine.toml"
+    path.write_text(to_toml(machine), encoding="utf-8")
+    assert load(path).effects[2:] == machine.effects[2:]
+    assert set(load(path).effects) == set(effects)
+    assert load(path) == machine
+    shown = to_json(machine)["effects"]
+    assert shown["cogging"] == {
+        "amplitude_N": pytest.approx(1.5811388),
+        "pitch_m": pytest.approx(0.0346410),
+        "phase": 1,
+    }
+    assert set(named(machine.effects)) >= {"friction_relaxation.1", "friction_relaxation.2", "play"}
+    assert "effects" not in to_json(load())
+
+
+def test_values_of_effects_have_sources(tmp_path: Path) -> None:
+    text = '[effects.cable_spring]\nstiffness = { value = "0.2 N/mm", source = "identified: stroke.csv" }\n'
+    machine = load(machine_file(tmp_path, text))
+    assert machine.effects == (make("cable_spring", 200.0),)
+    (found,) = [item for item in values(machine) if item.name.startswith("effects.")]
+    assert (found.name, found.unit, found.number) == ("effects.cable_spring.stiffness", "N/m", 200.0)
+    assert (found.provenance.kind, found.provenance.detail) == ("identified", "stroke.csv")
+    assert 'source = "identified: stroke.csv"' in to_toml(machine).partition("[effects.cable_spring]")[2]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ('[effects.coging]\namplitude = "1 N"', "effects.coging: unknown; did you mean 'cogging'?"),
+        ('[effects.cogging]\namplitude = "1 N"', "effects.cogging.pitch: missing; add it, pitch p, in m"),
+        ("[effects]\nplay = 3", "effects.play: is no table; write [effects.play] with its values below"),
+        ('[effects.play]\nwidth = "1 N"', "effects.play.width: '1 N' is in N, but this is a quantity in m"),
+        ('[effects.play]\nwidht = "1 um"', "effects.play.widht: unknown; did you mean 'width'?"),
+        ('[effects.play]\nwidth = "-1 um"', "effects.play.width: -1 µm must be at least 0 m"),
+        (
+            '[effects.additional_mode]\ngain = "1e-3 1/kg"\nfrequency = "2 kHz"\ndamping = "0.01"',
+            "effects.additional_mode.frequency: 2000 Hz is not below the Nyquist frequency",
+        ),
+    ],
+)
+def test_every_mistake_gets_its_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(MachineError, match=re.escape(sentence)):
+        load(machine_file(tmp_path, text + "\n"))
+
+
+def test_packing_is_quick_once_compiled() -> None:
+    """A diagnosis packs an effect for every trial of its parameters."""
+    hooks = pack([make("cogging", 1.0, 0.03, 0.0), make("friction_relaxation", 0.1, 0.2, 1.0)], 10)
+    assert hooks.memory.size == 20
+    assert hooks.parameters.tolist() == [1.0, 0.03, 0.0, 0.1, 0.2, 1.0]
+    assert hooks.span.tolist() == [[3, 6, 0, 20], [0, 3, 0, 0]]
