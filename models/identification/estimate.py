@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ALIKE: Final = 0.95  # correlation from which on two parameters can hardly be told apart
+STRONG: Final = 10.0  # by which BIC must fall for a parameter more: strong evidence (Kass and Raftery, 1995)
 LOOSE: Final = 0.5  # relative standard deviation from which on a record does not show a parameter
 
 

@@ -15,7 +15,7 @@ from models.identification.estimate import Estimate
 Array = NDArray[np.float64]
 
 DAMPING: Final = "damping over stiffness"  # the name of tau = D_i / K_i, one for all elements
-SURE: Final = 2.0  # standard deviations that a damping must be away from none
+SURE: Final = 3.0  # standard deviations that damping or viscous friction must be away from none
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class ForceFit:
 
     @property
     def longest_lag(self) -> float:
-        """The longest tau = D_i / K_i that the data allow, at two standard deviations [s]; nan if none was sought."""
+        """The longest tau = D_i / K_i that the data allow, at SURE standard deviations [s]; nan if none was sought."""
         return max(self.lag[0], 0.0) + SURE * self.lag[1] if self.lag else math.nan
 
     def damping_std(self) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from models.identification.estimate import Estimate
+from models.identification.estimate import STRONG, Estimate
 from models.identification.response import FrequencyResponse
 from models.plant import Mode, Plant, delay_split
 
@@ -25,7 +25,6 @@ Complex = NDArray[np.complex128]
 DAMPINGS: Final = (0.003, 0.01, 0.03, 0.1)  # of the grid of starting values
 MOST_MODES: Final = 6
 HEAVY: Final = 0.2  # damping ratio that no structure has: such a mode stands for friction
-STRONG: Final = 10.0  # by which BIC must fall for a mode more: strong evidence (Kass and Raftery, 1995)
 
 
 @dataclass(frozen=True)
@@ -166,14 +165,18 @@ def _with_mode(f: Array, p: Complex, weight: Array, ts: float, theta: Array) -> 
     left = _residual(theta, f, p, weight, ts)
     rigid = _unit(f, 0.0, 0.0, plant.dead_time, ts) * weight
     first = np.concatenate([rigid.real, rigid.imag])
+    rigid_power, rigid_load = float(first @ first), float(-first @ left)
     best, found = math.inf, (0.0, float(f[0]), 0.01)
     for natural in np.geomspace(1.2 * f[0], 0.95 * f[-1], 240):
         for damping in DAMPINGS:
             shape = _unit(f, float(natural), damping, plant.dead_time, ts) * weight
-            columns = np.column_stack([first, np.concatenate([shape.real, shape.imag])])
-            gram, load = columns.T @ columns, columns.T @ -left
-            gains = np.linalg.lstsq(gram, load, rcond=None)[0]
-            gained = -float(gains @ load)
+            second = np.concatenate([shape.real, shape.imag])
+            cross, own, load = float(first @ second), float(second @ second), float(-second @ left)
+            determinant = rigid_power * own - cross**2
+            if determinant < 1e-12 * rigid_power * own:
+                continue
+            gains = np.array([own * rigid_load - cross * load, rigid_power * load - cross * rigid_load]) / determinant
+            gained = -float(gains @ (rigid_load, load))
             if gained < best:
                 best, found = gained, (float(gains[1]), float(natural), damping)
     gain, natural, damping = found

@@ -7,12 +7,15 @@ disturbance (Box-Jenkins with C = 1; Ljung, System Identification, 4.2):
 
 What is minimised are the one-step prediction errors e = A(q) (u - u_sim + offset); A is fitted to what is left, twice.
 In closed loop the position hides what the model leaves out and the command carries it, so the command is predicted.
-theta scales the mass, the friction and its presliding lengths, and shifts the dead time; the friction's displacement at
-the start is identified too. n samples.
+theta scales the mass, the friction and its presliding lengths, and shifts the dead time; damping of the elements comes
+in where it shows. What the friction remembers at
+the record's start is not known: the fit begins where the axis first is as far away as it gets, and what an element that
+did not slip until then still carries acts as a constant force, part of the offset. n samples.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,8 +24,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from models.controller import Controller, References
-from models.friction import Friction
-from models.identification.estimate import Estimate
+from models.friction import elements
+from models.identification.estimate import STRONG, Estimate
+from models.identification.force_fit import DAMPING, SURE
 from models.machine import Machine
 from models.record import Record
 from models.simulator import simulate
@@ -30,29 +34,63 @@ from models.simulator import simulate
 Array = NDArray[np.float64]
 
 ORDER: Final = 30  # of A(q)
-START: Final = 60  # samples left out at the start, in which the controller's state is unknown
+START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
+FAR: Final = 0.98  # of the longest way from the start: from there on friction has forgotten what it can forget
 UNSTATED: Final = 0.3  # of a scale's step: the noise of a scale whose file states none
 DRAWS: Final = 60  # of the noise, for the covariance
-NAMES: Final = ("mass", "friction level", "presliding length", "dead time", "offset")
-UNITS: Final = ("1", "1", "1", "s", "N")
-STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 2e-7])  # of the numerical derivatives; the last is the start's
+PARTS: Final = (("mass", "1"), ("friction level", "1"), ("presliding length", "1"), ("dead time", "s"), (DAMPING, "s"))
+STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 1e-5])  # of the numerical derivatives, in the order of PARTS
+SMALL: Final = 0.05  # relative change of stiffnesses and limits up to which the command changes in proportion
+PLAIN: Final = 4  # parts that are always identified; the damping only where it shows
 
 
 @dataclass(frozen=True)
 class MotionFit:
-    """The estimate (mass, friction level and presliding length relative to the machine given [1], dead time [s], offset
-    [N]), the machine with it, and the command [N] as logged and as modelled (n,), its residual and the white e (n,)."""
+    """The estimate (mass, friction level and presliding length relative to the machine given [1], dead time [s], the
+    elements' damping over stiffness [s] if it shows, offset [N]), the machine with it, and the command [N] as logged
+    and as modelled (n,), its residual and the white e. lag: tau = D_i / K_i and its standard deviation [s], taken or
+    not; carried: elements that may carry a constant force from before, as in the module's head, and that force [N]."""
 
     estimate: Estimate
     machine: Machine
     command: Array
     modelled: Array
     prediction_error: Array
+    lag: tuple[float, float]
+    carried: tuple[int, float]
+
+    @property
+    def damped(self) -> bool:
+        """Whether the record shows damping of the elements."""
+        return DAMPING in self.estimate.names
 
 
-def identify(record: Record, machine: Machine, *, iterations: int = 6) -> MotionFit:
+@dataclass(frozen=True)
+class _Job:
+    """The record, the machine with its noise and without, the sample at which the fit begins, and how sure the shape of
+    the friction is (None: taken as known)."""
+
+    record: Record
+    machine: Machine
+    still: Machine
+    first: int
+    friction_covariance: Array | None
+
+    def whitened(self, filter_: Array, signals: Array) -> Array:
+        """Signals (samples, ...) [N] through A(q), from where the fit begins."""
+        filtered = lfilter(filter_, 1.0, signals, axis=0) if signals.size else signals
+        return np.asarray(filtered[self.first + ORDER :])
+
+
+def identify(
+    record: Record, machine: Machine, *, friction_covariance: Array | None = None, iterations: int = 6
+) -> MotionFit:
     """Fits a motion record to the machine that is nominally known, its PID among it; see the module's head.
 
+    friction_covariance (2 N, 2 N): of the stiffnesses [N/m] and limits [m] that the machine's friction has from another
+    record. The fit can only scale them, so that what is unsure of their shape makes all that it finds unsure.
+    Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
+    none. What the machine has is not used: motions show damping better than anything that it may be from.
     Raises ValueError if the record's sample time is another than the machine's, or nothing moves [s].
     """
     if abs(record.sample_time / machine.sample_time - 1) > 1e-3:
@@ -62,94 +100,175 @@ def identify(record: Record, machine: Machine, *, iterations: int = 6) -> Motion
         )
     if np.ptp(record.reference) == 0:
         raise ValueError("the record's reference does not move: nothing of a motion shows; give the reference's column")
+    machine = replace(machine, friction=elements(machine.friction.stiffness, machine.friction.limit))
     still = replace(machine, scale=replace(machine.scale, noise=0.0, resolution=0.0))
-    theta = np.array([1.0, 1.0, 1.0, machine.plant.dead_time, 0.0])
+    job = _Job(record, machine, still, begin(record), friction_covariance)
+    theta, filter_ = _converged(job, np.array([1.0, 1.0, 1.0, machine.plant.dead_time]), iterations)
+    found = _near(job, np.append(theta, 0.0), filter_)
+    plain, whole = _solved(found, PLAIN), _solved(found, STEPS.size)
+    if _shows(plain, whole):
+        theta, filter_ = _converged(job, whole.values[:-1], iterations)
+        plain = whole = _solved(_near(job, theta, filter_), STEPS.size)
+    return _told(job, plain, whole)
+
+
+def begin(record: Record) -> int:
+    """The sample at which the fit begins; see the module's head. A record that never comes back begins at START."""
+    away = np.abs(record.position - record.position[0])
+    far = int(np.argmax(away >= FAR * np.max(away)))
+    return max(far, START) if far < 0.6 * away.size else START
+
+
+def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
+    """theta (4,) or, with the damping, (5,) and A(q) by Gauss-Newton steps."""
     filter_ = np.array([1.0, -1.0])
+    largest = np.array([0.2, 0.3, 0.3, 0.3 * job.record.sample_time, 1e-3])[: theta.size]
     for iteration in range(iterations):
-        left, slopes = _linearised(record, still, theta)
+        left, slopes = _linearised(job, theta)
         for _ in range(2):  # A(q) and the step depend on each other
-            white = lfilter(filter_, 1.0, np.column_stack([left, slopes]), axis=0)[START + ORDER :]
-            step = np.linalg.lstsq(white[:, 1:] / _scale(white), -white[:, 0], rcond=None)[0] / _scale(white)
-            filter_ = _autoregression((left + slopes @ step)[START:])
-        moved = np.clip(step[:-1], -_largest(record.sample_time), _largest(record.sample_time))
+            white = job.whitened(filter_, np.column_stack([left, slopes]))
+            step = _estimator(white[:, 1:]) @ white[:, 0]
+            filter_ = _autoregression((left + slopes @ step)[job.first :])
+        moved = np.clip(step[:-1], -largest, largest)
         theta = theta + moved
-        if iteration > 1 and np.all(np.abs(moved) < 1e-3 * STEPS):
+        theta[4:] = np.maximum(theta[4:], 0.0)
+        if iteration > 1 and np.all(np.abs(moved) < 1e-3 * STEPS[: theta.size]):
             break
-    left, slopes = _linearised(record, still, theta)
-    white = lfilter(filter_, 1.0, np.column_stack([left, slopes]), axis=0)[START + ORDER :]
-    scale = _scale(white)
-    estimator = -np.linalg.pinv(white[:, 1:] / scale) / scale[:, None]
-    offset = float((estimator @ white[:, 0])[-1])
-    error = white[:, 0] + white[:, -1] * offset
-    covariance = _covariance(record, machine, theta, filter_, estimator, error)
-    order = [0, 1, 2, 3, 5]
-    estimate = Estimate(NAMES, UNITS, np.append(theta[:4], offset), covariance[np.ix_(order, order)])
-    modelled = record.command - left - offset
-    return MotionFit(estimate, _changed(machine, theta), record.command, modelled, error)
+    return theta, filter_
 
 
-def _covariance(
-    record: Record, machine: Machine, theta: Array, filter_: Array, estimator: Array, error: Array
-) -> Array:
-    """Covariance (6, 6): the fitted loop simulated with the scale's noise and rounding, through the estimator.
+@dataclass(frozen=True)
+class _Near:
+    """All near theta (5,), whitened: the command that is left (n,), its slopes by theta and by the offset (n, 6), and
+    what is made of it by the scale's noise and rounding (n, DRAWS), and by one standard deviation in each of the
+    directions in which the friction's shape is unsure (n, M)."""
 
-    The noise goes through the friction's memory, which no stationary disturbance model follows. If the record's errors
-    e (n,) [N] are larger than these, so is the covariance, by the ratio of their variances.
+    theta: Array
+    left: Array
+    slopes: Array
+    shaken: Array
+    unsure: Array
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Values of the first parts and, last, of the offset (p,), their covariance, and the errors e left (n,)."""
+
+    values: Array
+    covariance: Array
+    error: Array
+
+
+def _near(job: _Job, theta: Array, filter_: Array) -> _Near:
+    left, slopes = _linearised(job, theta)
+    scale = job.machine.scale
+    noisy = replace(job.machine, scale=replace(scale, noise=scale.noise or UNSTATED * scale.resolution))
+    clean = _simulated(job.record, job.still, theta)
+    runs = [_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, DRAWS + 1)]
+    parts = (left, slopes, np.column_stack(runs), _unsure(job, theta))
+    return _Near(theta, *(job.whitened(filter_, part) for part in parts))
+
+
+def _unsure(job: _Job, theta: Array) -> Array:
+    """By how much u [N] changes with the friction's shape, by one standard deviation in each direction (samples, M)."""
+    if job.friction_covariance is None:
+        return np.zeros((job.record.command.size, 0))
+    friction = job.still.friction
+    values = np.concatenate([friction.stiffness, friction.limit])
+    sizes, directions = np.linalg.eigh(job.friction_covariance / np.outer(values, values))
+    changes = []
+    for size, direction in zip(np.sqrt(np.maximum(sizes, 0.0)), directions.T, strict=True):
+        step = min(1.0, SMALL / max(size, 1e-300)) * size  # so far that it is seen, so near that it is in proportion
+        runs = []
+        for sign in (1, -1):
+            stiffness, limit = np.split(values * np.exp(sign * step * direction), 2)
+            moved = replace(job.still, friction=elements(stiffness, limit, friction.damping))
+            runs.append(_simulated(job.record, moved, theta))
+        changes.append((runs[0] - runs[1]) * (0.5 * size / max(step, 1e-300)))
+    return np.column_stack(changes)
+
+
+def _solved(near: _Near, parts: int) -> _Solution:
+    """The first `parts` and the offset identified, less their bias, with their covariance.
+
+    Both by simulating the fitted loop with the scale's noise and rounding, through the estimator (a parametric
+    bootstrap; Efron and Tibshirani, 1993): the noise goes through the friction's memory, which no stationary model of a
+    disturbance follows, and shakes the elements, so that its mean effect is not zero. If the record's errors are larger
+    than these, so is the covariance, by the ratio of their variances.
     """
-    scale = machine.scale
-    machine = replace(machine, scale=replace(scale, noise=scale.noise or UNSTATED * scale.resolution))
-    still = replace(machine, scale=replace(scale, noise=0.0, resolution=0.0))
-    clean = _simulated(record, still, theta)
-    runs = [_simulated(record, machine, theta, seed) - clean for seed in range(1, DRAWS + 1)]
-    white = lfilter(filter_, 1.0, np.column_stack(runs), axis=0)[START + ORDER :]
-    draws = estimator @ white
-    size = float(np.var(error)) / max(float(np.var(white)), 1e-300)
-    return np.asarray(draws @ draws.T / DRAWS * max(1.0, size))
+    slopes = near.slopes[:, [*range(parts), -1]]
+    estimator = _estimator(slopes)
+    step, draws = estimator @ near.left, estimator @ near.shaken
+    error = near.left + slopes @ step
+    size = float(np.var(error)) / max(float(np.var(near.shaken)), 1e-300)
+    covariance = np.cov(draws) * (1 + 1 / DRAWS) * max(1.0, size)
+    apart = estimator @ near.unsure
+    covariance = covariance + apart @ apart.T
+    return _Solution(np.append(near.theta[:parts], 0.0) + step - np.mean(draws, axis=1), covariance, error)
 
 
-def _scale(white: Array) -> Array:
-    return np.asarray(np.maximum(np.linalg.norm(white[:, 1:], axis=0), 1e-300), float)
+def _shows(plain: _Solution, whole: _Solution) -> bool:
+    """Whether BIC falls by ten with the damping, and it is surely above none."""
+    n = plain.error.size
+    fallen = n * math.log(float(plain.error @ plain.error) / float(whole.error @ whole.error)) - math.log(n)
+    return fallen > STRONG and bool(whole.values[-2] > SURE * math.sqrt(whole.covariance[-2, -2]))
 
 
-def _largest(sample_time: float) -> Array:
-    """By how much an iteration may move each parameter."""
-    return np.array([0.2, 0.3, 0.3, 0.3 * sample_time, 2e-5])
+def _told(job: _Job, found: _Solution, whole: _Solution) -> MotionFit:
+    names, units = zip(*PARTS[: found.values.size - 1], ("offset", "N"), strict=True)
+    theta, command = found.values[:-1], job.record.command
+    modelled = _simulated(job.record, job.still, theta) - float(found.values[-1])
+    friction = _changed(job.machine, theta).friction
+    way = float(np.max(np.abs(job.record.position[: job.first + 1] - job.record.position[0])))
+    carried = [k * (2 * x - way) for k, x in zip(friction.stiffness, friction.limit, strict=True) if 2 * x > way]
+    return MotionFit(
+        Estimate(names, units, found.values, found.covariance),
+        _changed(job.machine, theta),
+        command,
+        modelled,
+        found.error,
+        (float(whole.values[-2]), math.sqrt(whole.covariance[-2, -2])),
+        (len(carried), sum(carried)),
+    )
+
+
+def _estimator(slopes: Array) -> Array:
+    """What makes of whitened errors (n,) the step (p,) that takes most of them away."""
+    scale = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    return np.asarray(-np.linalg.pinv(slopes / scale) / scale[:, None])
 
 
 def _changed(machine: Machine, theta: Array) -> Machine:
-    """The machine with the first four of theta put in."""
+    """The machine with theta (4,) put in, or (5,) with damping."""
     modes = tuple(replace(mode, gain=mode.gain / theta[0]) for mode in machine.plant.modes)
     plant = replace(machine.plant, modes=modes, dead_time=max(float(theta[3]), 0.0))
-    friction = machine.friction
-    stiffness = tuple(k * float(theta[1] / theta[2]) for k in friction.stiffness)
-    limit = tuple(x * float(theta[2]) for x in friction.limit)
-    return replace(machine, plant=plant, friction=Friction(stiffness, limit, friction.damping))
+    stiffness = np.array(machine.friction.stiffness) * theta[1] / theta[2]
+    damping = stiffness * max(theta[4], 0.0) if theta.size > PLAIN else 0.0
+    friction = elements(stiffness, np.array(machine.friction.limit) * theta[2], damping)
+    return replace(machine, plant=plant, friction=friction)
 
 
-def _linearised(record: Record, machine: Machine, theta: Array) -> tuple[Array, Array]:
-    """u - u_sim (n,) [N] and its slopes (n, 6) by theta and by the offset."""
-    trials = [theta]
-    for i, step in enumerate(STEPS):
-        for sign in (1, -1):
-            trials.append(theta + sign * step * (np.arange(theta.size) == i))  # noqa: PERF401
-    runs = [_simulated(record, machine, trial) for trial in trials]
-    slopes = [-(runs[1 + 2 * i] - runs[2 + 2 * i]) / (2 * step) for i, step in enumerate(STEPS)]
-    return record.command - runs[0], np.column_stack([*slopes, np.ones(record.command.size)])
+def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:
+    """u - u_sim (n,) [N] and its slopes (n, p + 1) by theta (p,) and by the offset."""
+    slopes = []
+    for i, step in enumerate(STEPS[: theta.size]):
+        ends = [theta + sign * step * (np.arange(theta.size) == i) for sign in (1, -1)]
+        if i >= PLAIN:
+            ends[1] = np.maximum(ends[1], 0.0)  # there is no damping below none
+        more, less = (_simulated(job.record, job.still, end) for end in ends)
+        slopes.append((less - more) / (ends[0][i] - ends[1][i]))
+    left = job.record.command - _simulated(job.record, job.still, theta)
+    return left, np.column_stack([*slopes, np.ones(left.size)])
 
 
 def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) -> Array:
-    """u (n,) [N] of the loop over the record's reference and feedforward, from rest where the record starts."""
+    """u (n,) [N] of the loop over the record's reference and feedforward, from rest with friction unstrained."""
     changed = _changed(machine, theta)
     control = machine.control
     controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
     origin = record.reference[0]
     given = References(record.reference - origin, record.feedforward, np.zeros(record.feedforward.size))
-    limit = np.array(changed.friction.limit)
-    start = np.clip(theta[4], -limit, limit)
-    run = simulate(
-        changed, controller, record.target - origin, given=given, initial_friction=start, substeps=6, seed=seed
-    )
-    return run.record.command
+    return simulate(changed, controller, record.target - origin, given=given, substeps=6, seed=seed).record.command
 
 
 def _autoregression(signal: Array) -> Array:

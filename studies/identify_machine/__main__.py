@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from studies.command import Answer, Progress, Study, main
-
-if TYPE_CHECKING:
-    from models.machine import Machine
-    from reports.report import Report
+from studies.command import Study, main
 
 KINDS = ("auto", "response", "excitation", "hysteresis", "motion", "dynamics")
 
@@ -54,26 +48,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
-    """See compute.py."""
-    from studies.identify_machine.compute import identify
-
-    return identify(machine, options, progress)
-
-
-def report(whole: Mapping[str, Any]) -> Report:
-    """See report.py."""
-    from studies.identify_machine.report import tell
-
-    return tell(whole)
-
-
 STUDY = Study(
     name="identify_machine",
     question="Which machine is this, as its frequency response, hysteresis and motion records show it, and how surely?",
     add_options=add_options,
-    compute=compute,
-    report=report,
+    verb="identify",
 )
 
 if __name__ == "__main__":

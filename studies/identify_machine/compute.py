@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.columns import Columns
+from models.identification.force_fit import SURE
 from models.identification.response import FrequencyResponse, period
 from models.machine import Machine, parameters
 from models.machine_file import to_toml
@@ -21,7 +22,8 @@ from models.record_file import Loaded, load
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.identify_machine import own_records, round_trip
 from studies.identify_machine.__main__ import KINDS
-from studies.identify_machine.steps import STEPS, Found
+from studies.identify_machine.found import Found
+from studies.identify_machine.steps import STEPS
 
 Array = NDArray[np.float64]
 
@@ -50,6 +52,7 @@ def identify(machine: Machine, options: argparse.Namespace, progress: Progress) 
         **found.results,
         "parameters": [_parameter(p) for p in parameters(found.machine) if p.provenance.kind == "identified"],
         "said": list(found.said),
+        "sure": SURE,
     }
     if not options.record:
         tables = min(options.tables, QUICK_TABLES) if options.quick else options.tables

@@ -29,7 +29,8 @@ def tell(whole: Results) -> Report:
         ("round_trip", Figure("round_trip", ROUND_TRIP, ("results.round_trip",), _round_trip)),
     )
     figures = tuple(figure for part, figure in possible if part in results)
-    tables = {name: keys for name, keys in TABLES.items() if keys[0].split(".")[1] in results}
+    there = {*(f"results.{part}" for part in results), "parameters"}
+    tables = {name: keys for name, keys in TABLES.items() if ".".join(keys[0].split(".")[:2]) in there}
     title = f"Identification: {whole['machine']['name']}"
     question = "Which machine is this, as its records show it, and how surely?"
     return Report(title, question, Path(__file__).parent / "report.md", figures, filters(), tables)
@@ -42,6 +43,7 @@ TABLES = {
     "published": ("results.dynamics.published",),
     "ladder": ("results.dynamics.ladder",),
     "coverage": ("results.round_trip",),
+    "parameters": ("parameters",),
 }
 BODE = (
     "Measured frequency response and the $P_l$ fitted to it; below, what is left beside the standard deviation of each "
@@ -95,6 +97,13 @@ def _bode(whole: Results) -> Drawing:
     return figure
 
 
+def _legend_above(ax: Any) -> None:
+    """A legend in a strip of its own above the curves."""
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + 0.22 * (high - low))
+    ax.legend(loc="upper center", ncols=2)
+
+
 def _loop(ax: Any, r: Results) -> None:
     path = 1e6 * np.array(r["path_m"])
     measured = np.array(r["measured_N"])
@@ -104,7 +113,7 @@ def _loop(ax: Any, r: Results) -> None:
     ax.plot(path, r["rolling_N"], color=style.VERMILION, linestyle="-", linewidth=1.0, label="elements")
     ax.set_xlabel("position [µm]")
     ax.set_ylabel("rolling friction [N]")
-    ax.legend(loc="upper left")
+    _legend_above(ax)
 
 
 def _curve(ax: Any, curve: Results) -> None:
@@ -143,7 +152,7 @@ def _dynamics(whole: Results) -> Drawing:
     axes[0, 0].plot(time, measured, label="measured", linewidth=1.4, color=style.SKY, linestyle="-")
     axes[0, 0].plot(time, modelled, label="identified", linewidth=0.7, color=style.BLACK, linestyle="-")
     axes[0, 0].set_ylabel("force [N]")
-    axes[0, 0].legend(loc="upper right")
+    _legend_above(axes[0, 0])
     axes[1, 0].plot(time, measured - modelled, linewidth=0.6, color=style.VERMILION, linestyle="-")
     axes[1, 0].set_ylabel("difference [N]")
     axes[1, 0].set_xlabel("time [s]")

@@ -26,6 +26,7 @@ def test_the_machine_file_is_complete() -> None:
     machine = load_machine(MACHINE)
     assert machine.friction.coulomb_force == pytest.approx(20.3935, rel=1e-6)
     assert 1 / machine.plant.modes[0].gain == pytest.approx(95.1089, rel=1e-4)
+    assert [effect.values().tolist() for effect in machine.effects] == [[203.5034]]
     assert machine.record is not None
     assert machine.record.source("command").factor == pytest.approx(35.1507, rel=1e-5)
 
@@ -73,3 +74,6 @@ def test_the_study_writes_a_machine_file_of_it(tmp_path: Path) -> None:
     machine = load_machine(tmp_path / "identified.toml")
     assert machine.sources["plant.modes.1.gain"].kind == "identified"
     assert "6cf6814ae146" in machine.sources["friction.limit"].detail
+    assert [effect.name for effect in machine.effects] == ["viscous_friction", "directional_friction"]
+    assert machine.effects[0].values()[0] == pytest.approx(203.5, rel=0.02)
+    assert "6cf6814ae146" in machine.sources["effects.viscous_friction.coefficient"].detail

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.controller import Controller, References
 from models.friction import branch, elements
 from models.identification import force, modes, motion, response
 from models.identification.estimate import Estimate, newey_west, not_identifiable
@@ -15,8 +16,9 @@ from models.identification.response import FrequencyResponse
 from models.machine import Machine, load
 from models.plant import frequency_response, sampled
 from models.record import Record
+from models.simulator import simulate
 from studies.identify_machine import own_records
-from studies.identify_machine.round_trip import judged, true_modes
+from studies.identify_machine.round_trip import WITHIN, judged, true_modes
 
 MACHINE = own_records.noisy(load())
 
@@ -172,6 +174,42 @@ def test_a_motion_fit_finds_what_was_changed() -> None:
     assert np.diag(found.estimate.correlation) == pytest.approx(np.ones(5))
 
 
+@pytest.mark.parametrize("seed", [21, 23])
+def test_motions_show_the_elements_damping(seed: int) -> None:
+    """D = 0.1 ms times K, a lead of 0.2 um at the motions' 2 mm/s; and none where there is none."""
+    table, truth = own_records.drawn_from(MACHINE, seed)
+    stiffness = np.array(table.friction.stiffness)
+    damped = replace(table, friction=elements(stiffness, table.friction.limit, 1e-4 * stiffness))
+    found = motion.identify(own_records.motions(damped, seed, float(truth[-1]), MACHINE), MACHINE)
+    assert found.damped
+    assert abs(found.lag[0] - 1e-4) < 4 * found.lag[1] < 1e-4
+    truth = np.append(truth[:4], [1e-4, truth[4]])
+    assert np.all(np.abs(found.estimate.values - truth) < 4 * found.estimate.deviations)
+    assert found.machine.friction.damping == pytest.approx(damped.friction.damping, rel=0.6)
+    plain = motion.identify(own_records.motions(table, seed, float(truth[-1]), MACHINE), MACHINE)
+    assert not plain.damped
+    assert abs(plain.lag[0]) < 4 * plain.lag[1] < 1e-4
+    assert plain.machine.friction.damping == (0.0,) * len(stiffness)
+
+
+def test_what_friction_remembers_at_the_start_does_not_mislead_a_motion_fit() -> None:
+    """The longest element begins full: the offset alone takes the force that stays in it, no more than is said."""
+    table, truth = own_records.drawn_from(MACHINE, 11)
+    control = MACHINE.control
+    controller = Controller(MACHINE.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
+    given = own_records.motions(table, 11, 0.0, MACHINE)
+    strained = np.where(
+        np.arange(len(table.friction.limit)) == len(table.friction.limit) - 1, -table.friction.limit[-1], 0
+    )
+    known = References(given.reference, given.feedforward, np.zeros(given.feedforward.size))
+    record = simulate(table, controller, given.target, given=known, seed=11, initial_friction=strained).record
+    found = motion.identify(record, MACHINE)
+    wrong = np.abs(found.estimate.values[:4] - truth[:4])
+    assert np.all(wrong < 4 * found.estimate.deviations[:4])
+    assert found.carried[0] == 1
+    assert 1.0 < abs(found.estimate.value("offset")) < found.carried[1]
+
+
 def test_a_motion_record_that_does_not_move_or_has_another_clock_is_refused() -> None:
     record = own_records.motions(MACHINE, 1)
     with pytest.raises(ValueError, match="sampled at"):
@@ -198,13 +236,14 @@ def test_what_can_not_be_identified_is_said() -> None:
     assert "mass: its" not in said
 
 
-def test_stated_intervals_hold_the_truth_over_seeds() -> None:
-    """A small draw of what the study shows over 50 tables; 6 tables, some 100 intervals."""
-    found = judged(MACHINE, 6, 300, lambda _share, _text: None)
-    assert found["wrong_number"] <= 1
-    assert found["intervals"] >= 90
-    assert found["coverage"] >= 0.9
+def test_stated_intervals_hold_the_truth_over_fifty_tables() -> None:
+    """Tables that no constant of the methods was chosen on; 950 intervals, some 30 s."""
+    found = judged(MACHINE, 50, 300, lambda _share, _text: None)
+    assert found["wrong_number"] <= 5
+    assert found["intervals"] >= 900
+    assert 0.9 <= found["coverage"] <= 0.99
     kinds = {kind["record"]: np.concatenate([kind["errors"]]) for kind in found["kinds"]}
     for name, errors in kinds.items():
-        assert np.sqrt(np.mean(errors**2)) < 1.5, name
-        assert np.sqrt(np.mean(errors**2)) > 0.2, name  # deviations that are stated far too large hold anything
+        assert np.mean(np.abs(errors) < WITHIN) > 0.9, name
+        assert np.sqrt(np.mean(errors**2)) < 1.3, name
+        assert np.sqrt(np.mean(errors**2)) > 0.7, name  # deviations that are stated far too large hold anything

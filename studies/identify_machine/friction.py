@@ -1,0 +1,253 @@
+"""Friction into the machine: the elements of a slow record, all that acts in a fast one by inverse dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects import catalogue
+from models.effects.base import Effect
+from models.effects.friction import DirectionalFriction, ViscousFriction
+from models.identification import force, inverse_dynamics
+from models.identification.estimate import STRONG, newey_west
+from models.identification.force_fit import SURE, ForceFit
+from models.machine import Machine, Provenance
+from models.record import Record
+from models.record_file import Loaded
+from studies.command import Check
+from studies.identify_machine.found import SHOWN, Found, identified, mass_of, own_curve, record_of
+
+Array = NDArray[np.float64]
+
+PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # of the inverse dynamics as EMPS's authors do it
+WAYS: Final = ("viscous friction forwards", "viscous friction backwards")
+
+
+def from_hysteresis(found: Found, loaded: Loaded) -> Found:
+    """The friction elements from a slow record; mass and dead time as known so far."""
+    plant, ts = found.machine.plant, found.machine.sample_time
+    dead_time = [row["std"] for row in found.results.get("estimates", []) if row["name"] == "dead time"]
+    terms = force.Terms(
+        mass=mass_of(plant),
+        known_delay=plant.dead_time + 0.5 * ts,
+        known_delay_std=max(dead_time, default=0.0),
+        damped=bool(dead_time),
+    )
+    record, band = record_of(loaded), found.pass_band or 20.0
+    fit = force.identify(record, terms, pass_band=band)
+    dragged = force.identify(record, replace(terms, viscous=True), pass_band=band)
+    if _drags(fit, dragged):
+        fit = dragged
+    slip, spread = fit.slip_force()
+    said = (
+        f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
+        _on_damping(fit),
+        _on_drag(dragged, taken=fit is dragged),
+    )
+    shown = {**_force(fit), "slip_N": slip, "slip_std_N": spread}
+    machine = _with_friction(found.machine, fit, loaded)
+    if fit is dragged:
+        drag = fit.estimate.value("viscous friction"), fit.estimate.deviation("viscous friction")
+        machine = _with_drag(machine, loaded, drag, None)
+    found = found.having("hysteresis", shown, fit.estimate, said)
+    last = slice(-2 * len(fit.friction.limit), None)
+    shape = fit.estimate.covariance[last, last]
+    return replace(found, machine=machine, known=found.known | {"friction"}, friction_covariance=shape)
+
+
+def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
+    """Whether a slow record shows viscous friction: BIC falls by ten, and it is surely above none."""
+    fallen = plain.criterion[len(plain.friction.limit)] - dragged.criterion[len(dragged.friction.limit)]
+    name = "viscous friction"
+    return fallen > STRONG and dragged.estimate.value(name) > SURE * dragged.estimate.deviation(name)
+
+
+def _on_drag(dragged: ForceFit, *, taken: bool) -> str:
+    """What a slow record says of viscous friction."""
+    value, std = (f("viscous friction") for f in (dragged.estimate.value, dragged.estimate.deviation))
+    if taken:
+        return f"Viscous friction is {value:.3g} N s/m with a standard deviation of {std:.2g} N s/m."
+    return (
+        f"The record does not show viscous friction: by {SURE:g} standard deviations it is at most "
+        f"{max(value, 0.0) + SURE * std:.2g} N s/m; a fast record shows it."
+    )
+
+
+def _with_drag(
+    machine: Machine, loaded: Loaded, drag: tuple[float, float], asymmetry: tuple[float, float] | None
+) -> Machine:
+    """With viscous friction c [N s/m] and friction by direction [1], each with its standard deviation, as effects."""
+    found: list[tuple[Effect, str, float, str]] = [(ViscousFriction(drag[0]), "coefficient", drag[1], "N s/m")]
+    if asymmetry is not None:
+        found.append((DirectionalFriction(asymmetry[0]), "asymmetry", asymmetry[1], "1"))
+    ours = tuple(f"effects.{kind.name}" for kind in (ViscousFriction, DirectionalFriction))
+    sources = {name: source for name, source in machine.sources.items() if not name.startswith(ours)}
+    for effect, part, std, unit in found:
+        sources[f"effects.{effect.name}.{part}"] = identified(loaded, std, unit)
+    others = [effect for effect in machine.effects if f"effects.{effect.name}" not in ours]
+    effects = catalogue.in_order([*others, *(effect for effect, *_ in found)])
+    return replace(machine, effects=effects, sources=sources)
+
+
+def _on_damping(fit: ForceFit) -> str:
+    """What the record says of the elements' damping D_i."""
+    if fit.lag is None:
+        return (
+            "Damping of the elements was not sought: in a slow record it looks like dead time, which no record gave; "
+            "add a frequency response."
+        )
+    time, std = (1e3 * number for number in fit.lag)
+    if fit.damped:
+        return f"The elements are damped: D = {time:.3g} ms times K, with a standard deviation of {std:.2g} ms."
+    speed = float(np.max(np.abs(np.gradient(fit.path, fit.time))))
+    most = 1e3 * fit.longest_lag
+    if fit.longest_lag * speed > max(fit.friction.limit):
+        return "The record does not show damping of the elements, nor bound it: it passes their range too quickly."
+    return (
+        f"The record does not show damping of the elements: it is too slow, {1e3 * speed:.2g} mm/s at most, to tell "
+        f"{time:.2g} ms times K from none; by {SURE:g} standard deviations D is at most {most:.2g} ms times K, which "
+        f"leads the deflection by {most * speed * 1e3:.2g} µm there."
+    )
+
+
+def _force(fit: ForceFit) -> dict[str, Any]:
+    every = max(fit.time.size // SHOWN, 1)
+    top = 2 * max(fit.friction.limit)
+    distance = np.geomspace(min(fit.friction.limit) / 3, 1.5 * top, 60)
+    climbed, std = fit.curve(distance)
+    return {
+        "time_s": fit.time[::every],
+        "path_m": fit.path[::every],
+        "measured_N": fit.measured[::every],
+        "modelled_N": fit.modelled[::every],
+        "rolling_N": fit.rolling[::every],
+        "error": fit.error(used=True),
+        "criterion": fit.criterion,
+        "elements": len(fit.friction.limit),
+        "damping": fit.lag and {"time_s": fit.lag[0], "std_s": fit.lag[1], "shown": fit.damped},
+        "curve": {"distance_m": distance, "climbed_N": climbed, "std_N": std},
+    }
+
+
+def _with_friction(machine: Machine, fit: ForceFit, loaded: Loaded) -> Machine:
+    count, std = len(fit.friction.limit), fit.estimate.deviations
+    sources = {name: source for name, source in machine.sources.items() if not name.startswith("presliding")}
+    sources["friction.stiffness"] = identified(loaded, std[-2 * count : -count].tolist(), "N/m")
+    sources["friction.limit"] = identified(loaded, std[-count:].tolist(), "m")
+    if fit.damped:
+        sources["friction.damping"] = identified(loaded, fit.damping_std().tolist(), "N s/m")
+    else:
+        sources["friction.damping"] = Provenance("assumed", f"record {loaded.name} does not show it")
+    return own_curve(replace(machine, friction=fit.friction, sources=sources))
+
+
+def from_dynamics(found: Found, loaded: Loaded) -> Found:
+    """Inverse dynamics of a fast record: the published least squares, then this project's friction, both held out."""
+    record = record_of(loaded)
+    half = 0.5 * record.position.size * record.sample_time
+    by_direction = force.Terms(viscous=True, by_direction=True)
+    late = replace(by_direction, delay=True, damped=True)
+    ladder = [
+        ("elements and viscous friction by direction", by_direction),
+        ("the same, a delay, and damping of the elements where it shows", late),
+        ("the same and a bend of the viscous friction, which no machine file holds", replace(late, bent=True)),
+    ]
+    band = found.pass_band or 40.0
+    fits = [(name, force.identify(record, terms, pass_band=band, fit_until=half)) for name, terms in ladder]
+    window = fits[0][1].time[[0, -1]]
+    rows = [*_published(record, half, window)]
+    rows += [{"model": name, "fitted": fit.error(used=True), "held_out": fit.error(used=False)} for name, fit in fits]
+    fit = fits[1][1]
+    machine, written, constant = _with_dynamics(found, fit, loaded)
+    rows.append(written)
+    slip, spread = fit.slip_force()
+    shown = {**_force(fit), "ladder": rows, "published": _reproduced(record), "slip_N": slip, "slip_std_N": spread,
+             "half_s": half, "constant_N": constant}  # fmt: skip
+    said = (
+        f"A constant force of {constant:.3g} N beside the friction has no place in a machine file; without it the "
+        f"held-out force error is {100 * written['held_out']:.2f} % instead of {100 * rows[3]['held_out']:.2f} %.",
+        _on_damping(fit),
+    )
+    found = found.having("dynamics", shown, fit.estimate, said)
+    name = "held-out force error, over that of the published model by direction"
+    check = Check(name, rows[3]["held_out"] / rows[1]["held_out"], "1", 1.0, "second half of the record, not fitted")
+    known = found.known | {"plant", "friction"}
+    return replace(found, machine=machine, known=known, checks=(*found.checks, check))
+
+
+def _holdable(fit: ForceFit) -> tuple[tuple[float, float], tuple[float, float] | None, dict[str, Any], float]:
+    """(viscous friction, asymmetry or None, errors of the force, constant force) as a machine file can hold them.
+
+    F = sum K_i z_i + c v, with c the mean of both directions. What is left beyond it is even in the direction: a |F|,
+    the friction by direction of a machine file, and a constant force, for which a file has no place. So the asymmetry a
+    is written if it is sure, and if without the constant force less is left with it than with none.
+    """
+    e, kept = fit.estimate, fit.used
+    where = [e.names.index(name) for name in WAYS]
+    ahead, back = e.values[where]
+    drag = float(ahead + back) / 2, 0.5 * float(np.sqrt(np.sum(e.covariance[np.ix_(where, where)])))
+    speed = np.gradient(fit.path, fit.time)
+    beyond = fit.measured - fit.modelled + e.value("offset") + 0.5 * (ahead - back) * np.abs(speed)
+    columns = np.column_stack([np.abs(fit.rolling + drag[0] * speed), np.ones(speed.size)])
+    found = np.linalg.lstsq(columns[kept], beyond[kept], rcond=None)[0]
+    covariance = newey_west(columns[kept], (beyond - columns @ found)[kept], force.TOGETHER)
+    asymmetry, constant = float(found[0]), float(found[1])
+    std = float(np.sqrt(covariance[0, 0]))
+    rest = beyond - asymmetry * columns[:, 0]
+    taken: tuple[float, float] | None = (asymmetry, std)
+    if abs(asymmetry) < SURE * std or np.linalg.norm(rest[kept]) > np.linalg.norm(beyond[kept]):
+        taken, rest, constant = None, beyond, float(np.mean(beyond[kept]))
+    errors = [float(np.linalg.norm(rest[part]) / np.linalg.norm(fit.measured[part])) for part in (kept, ~kept)]
+    words = "viscous friction" + (" and friction by direction" if taken else "")
+    row = {"model": f"what the machine file holds: elements, {words}", "fitted": errors[0], "held_out": errors[1]}
+    return drag, taken, row, constant
+
+
+def _published(record: Record, half: float, window: Any) -> Iterable[dict[str, Any]]:
+    """The authors' two models, fitted to the first half and judged on the same stretch as the others."""
+    for name, by_direction in (
+        ("published: viscous and Coulomb friction", False),
+        ("published: the same by direction", True),
+    ):
+        found = inverse_dynamics.regress(record, by_direction=by_direction, fit_until=half, **PUBLISHED)  # type: ignore[arg-type]
+        inside = (found.time >= window[0]) & (found.time <= window[1])
+        parts = [part & inside for part in (found.used, ~found.used)]
+        left = found.measured - found.modelled
+        errors = [float(np.linalg.norm(left[part]) / np.linalg.norm(found.measured[part])) for part in parts]
+        yield {"model": name, "fitted": errors[0], "held_out": errors[1]}
+
+
+def _reproduced(record: Record) -> list[dict[str, Any]]:
+    """The published least squares over the whole record."""
+    both = []
+    for by_direction in (False, True):
+        found = inverse_dynamics.regress(record, by_direction=by_direction, **PUBLISHED)  # type: ignore[arg-type]
+        rows = zip(found.estimate.names, found.estimate.units, found.estimate.values, strict=True)
+        values = [{"name": name, "unit": unit, "number": float(number)} for name, unit, number in rows]
+        both.append({"by_direction": by_direction, "error": found.error(), "values": values})
+    return both
+
+
+def _with_dynamics(found: Found, fit: ForceFit, loaded: Loaded) -> tuple[Machine, dict[str, Any], float]:
+    """The machine, the row of what it holds for the ladder, and the constant force [N] that it has no place for."""
+    machine, e = found.machine, fit.estimate
+    if "plant" not in found.known:
+        rigid = next(i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0)
+        gain = 1 / (e.value("mass") * machine.plant.thrust_constant)
+        modes_ = tuple(replace(m, gain=gain) if i == rigid else m for i, m in enumerate(machine.plant.modes))
+        delay = max(e.value("delay") - 0.5 * machine.sample_time, 0.0)
+        sources = dict(machine.sources)
+        spread = gain * e.deviation("mass") / e.value("mass")
+        sources[f"plant.modes.{rigid + 1}.gain"] = identified(loaded, spread, "1/kg")
+        sources["plant.dead_time"] = identified(loaded, e.deviation("delay"), "s")
+        machine = replace(machine, plant=replace(machine.plant, modes=modes_, dead_time=delay), sources=sources)
+    if "friction" not in found.known:
+        machine = _with_friction(machine, fit, loaded)
+    drag, asymmetry, row, constant = _holdable(fit)
+    if drag[0] > SURE * drag[1]:
+        machine = _with_drag(machine, loaded, drag, asymmetry)
+    return machine, row, constant
