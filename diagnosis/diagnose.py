@@ -1,0 +1,403 @@
+"""The diagnosis of records: which effect, whether the answer is adequate, how far the gap shrinks with it.
+
+attributed            effects explain what is left, and nothing like them does it as well
+ambiguous             several do it as well: a set of names
+none_of_these         something is left that no effect of the catalogue explains
+parameters            a re-fit of what is nominal explains it
+nothing_to_explain    the machine as delivered explains it
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.fit import Fit, at, at_bounds, coordinates, own_spread, weights
+from diagnosis.how_far import Gap, HowFar, closure, energy, gap, held_out, mirrored, squares
+from diagnosis.motions import Piece, numbered, pieces
+from diagnosis.nominal import Parameters, parameters
+from diagnosis.null import Null, null
+from diagnosis.residual import noise, smooth
+from diagnosis.scan import Finding, freed
+from diagnosis.which import MOST, Step, refit, search_effects
+from models.effects.base import Effect
+from models.effects.base import parameters as parameters_of
+from models.machine import Machine
+from models.record import Record
+from models.record_check import replay
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+ATTRIBUTED, AMBIGUOUS, NONE, NOTHING, PARAMETERS = (
+    *("attributed", "ambiguous", "none_of_these", "nothing_to_explain", "parameters"),
+)
+HALF: Final = 0.5  # of the gap that effects must close to be named: a wrong name closes less
+LATE: Final = 60.0  # chi-square from which on commands are late now and then
+EXCESS: Final = 0.013  # of the floor's energy by which what is left may exceed it before something is missing
+ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
+SHIFTED: Final = 60.0  # chi-square of the nominal parameters' shifts from which on they are wrong
+SURE: Final = 0.97  # probability of a name far above its threshold
+DOUBT: Final = 0.3  # by which it is less just above it
+MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
+DEPARTS: Final = 1e-3  # of the feedback's size by which the logged command may depart from the law
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect of the answer, or one that was looked at: gains and thresholds in chi-square, the rest [1]."""
+
+    effect: Effect | None
+    name: str
+    deviation: Mapping[str, float]
+    gain: float
+    threshold: float
+    probability: float
+    adequate: bool
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that was found: the outcome, the names, the stages of the search, what is left, how far the gap shrinks."""
+
+    outcome: str
+    effects: tuple[str, ...]
+    equivalent: tuple[tuple[str, ...], ...]
+    unexplained: float
+    which: tuple[Named, ...]
+    how_far: HowFar
+    steps: tuple[Step, ...]
+    pieces: tuple[Piece, ...]
+    records: tuple[Record, ...]
+    null: Null
+
+    @property
+    def nominal(self) -> Fit:
+        """The re-fitted nominal machine."""
+        return self.steps[0].fitted
+
+    @property
+    def final(self) -> Fit:
+        """The model with the effects in it."""
+        return self.steps[-1].fitted
+
+
+def diagnose(
+    machine: Machine,
+    records: Sequence[Record],
+    *,
+    seed: int = 0,
+    disabled: Collection[str] = (),
+    progress: Progress | None = None,
+    cache: Path | None = None,
+) -> Diagnosis:
+    """Why the records differ from what the machine file says; disabled: names of effects that are not to be used.
+
+    cache: a folder in which the null's thresholds are kept for other records of the same schedule.
+    """
+    say = progress or (lambda _share, _text: None)
+    layout = parameters(machine, len(records))
+    say(0.02, "re-fitting what is nominal")
+    nominal = refit(layout, records)
+    found = pieces(records)
+    segment = numbered(found, records)
+    say(0.2, "thresholds: the same search where nothing is missing")
+    thresholds = null(layout, records, cache=cache, say=lambda text: say(0.2, text))
+    say(0.5, "every effect of the catalogue against what is left")
+    steps = search_effects(
+        nominal,
+        records,
+        segment,
+        thresholds.thresholds,
+        thresholds.floor(records),
+        disabled,
+        lambda text: say(0.7, text),
+    )
+    say(0.9, "how far the gap shrinks")
+    return _concluded(layout, records, steps, found, thresholds, seed, disabled)
+
+
+def _concluded(
+    layout: Parameters,
+    records: Sequence[Record],
+    steps: tuple[Step, ...],
+    found: tuple[Piece, ...],
+    thresholds: Null,
+    seed: int,
+    disabled: Collection[str],
+) -> Diagnosis:
+    segment = numbered(found, records)
+    far, excess = _how_far(steps, records, segment, seed)
+    names = _names(steps)
+    jittered = steps[-1].lateness.gain > LATE and "timing_jitter" not in disabled
+    departs = departure(records, layout.machine) > DEPARTS and "controller_mismatch" not in disabled
+    if jittered:
+        names = (*names, "timing_jitter")
+    if departs:
+        names = ("controller_mismatch", *names)
+    outcome = _outcome(steps, names, far, excess)
+    rivals = _rivals(steps) if outcome == ATTRIBUTED else ()
+    if rivals:
+        outcome = AMBIGUOUS
+    which = _which(steps, thresholds, names if outcome != NONE else (), rivals, far)
+    if outcome == NONE:
+        names = ()
+    if outcome == PARAMETERS:
+        names = _wrong(steps[0].fitted)
+    unexplained = 0.0 if outcome in {PARAMETERS, NOTHING} else float(np.clip(1 - far.closure, 0.0, 1.0))
+    return Diagnosis(outcome, names, rivals, unexplained, which, far, steps, found, tuple(records), thresholds)
+
+
+def _rivals(steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
+    """Sets of effects that explain as much as one another: those tried for a stage, of another class than the best."""
+    groups = []
+    for before, after in pairwise(steps):
+        if not after.rivals:
+            continue
+        best, least = after.rivals[0]
+        margin = max(10.0, ALIKE * (before.fitted.cost - least))
+        alike = [name for name, cost in after.rivals[1:] if cost - least < margin and name != best]
+        if alike:
+            groups.append((best, *alike))
+    return tuple(groups)
+
+
+def _names(steps: Sequence[Step]) -> tuple[str, ...]:
+    """The effects of the final model, strongest first: by what each gained when it was added."""
+    gains: dict[str, float] = {}
+    for before, after in pairwise(steps):
+        was = [effect.name for effect in before.fitted.candidate.effects]
+        new = [effect.name for effect in after.fitted.candidate.effects]
+        for name in was:
+            new.remove(name)
+        added = new[0] if new else "floor_vibration"
+        gains[added] = gains.get(added, 0.0) + before.fitted.cost - after.fitted.cost
+    return tuple(sorted(gains, key=lambda name: -gains[name]))
+
+
+def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float) -> str:
+    """Named where the effects close the gap or nothing significant is left; else something that has no name here."""
+    if names and (len(steps) == 1 or far.closure >= HALF or excess < EXCESS) and not _bent(steps):
+        return ATTRIBUTED
+    if names or excess > EXCESS:
+        return NONE
+    return PARAMETERS if shifted(steps[0].fitted) > SHIFTED else NOTHING
+
+
+def _bent(steps: Sequence[Step]) -> bool:
+    """Whether the effect that gained the most had to leave its prior range for it."""
+    names = _names(steps)
+    first = [effect for effect in steps[-1].fitted.candidate.effects if names and effect.name == names[0]]
+    return bool(first) and all(at_bounds(effect) for effect in first)
+
+
+def shifted(fitted: Fit) -> float:
+    """Chi-square of the nominal parameters' shifts together, the starts of the records left out."""
+    where, inverse = _settled(fitted)
+    moved = fitted.candidate.theta[where]
+    return float(moved @ inverse @ moved)
+
+
+def _settled(fitted: Fit) -> tuple[NDArray[np.int64], Array]:
+    """Which of theta are no starts, and the inverse of their covariance by the data alone."""
+    layout = fitted.candidate.layout
+    where = np.flatnonzero(np.array(layout.names) != "initial_friction_state")
+    rest = np.setdiff1d(np.arange(layout.count), where)
+    whole = fitted.slopes.T @ fitted.slopes
+    wide = np.diag(1 / layout.deviation[rest] ** 2)
+    inverse = whole[np.ix_(where, where)] - whole[np.ix_(where, rest)] @ np.linalg.solve(
+        whole[np.ix_(rest, rest)] + wide, whole[np.ix_(rest, where)]
+    )
+    return where, inverse
+
+
+CALLED: Final = {"mode_gain": "payload_mass", "presliding_limit": "presliding_stiffness"}
+
+
+def _wrong(fitted: Fit) -> tuple[str, ...]:
+    """The nominal parameters that are wrong, those whose shift matters the most first."""
+    where, inverse = _settled(fitted)
+    layout, theta = fitted.candidate.layout, fitted.candidate.theta
+    gains: dict[str, float] = {}
+    for name in dict.fromkeys(layout.names):
+        own = np.flatnonzero(np.array(layout.names)[where] == name)
+        if own.size:
+            moved = theta[where[own]]
+            called = CALLED.get(name, name)
+            gains[called] = gains.get(called, 0.0) + float(moved @ inverse[np.ix_(own, own)] @ moved)
+    most = max(gains.values())
+    return tuple(
+        sorted((name for name in gains if gains[name] > max(0.02 * most, 12.0)), key=lambda name: -gains[name])
+    )
+
+
+def departure(records: Sequence[Record], machine: Machine) -> float:
+    """How far the logged commands are from the law of the logged error, of the feedback's size [1].
+
+    A constant (the integral's start) and the first samples (the derivative filter's) are not in a record.
+    """
+    most = 0.0
+    for record in records:
+        law = replay(record, machine.control.pid, machine.control.reference_delay)
+        apart = (record.command - law)[60:]
+        feedback = (record.command - record.feedforward)[60:]
+        size = float(np.std(np.diff(feedback)))
+        most = max(most, float(np.std(apart - np.median(apart))) / max(size, 1e-12))
+    return most
+
+
+def _how_far(
+    steps: Sequence[Step], records: Sequence[Record], segment: NDArray[np.int64], seed: int
+) -> tuple[HowFar, float]:
+    """The gaps of all stages and the closure; and by how much what is left exceeds the floor, of its energy [1]."""
+    first, final = steps[0].fitted, steps[-1].fitted
+    delivered = _as_delivered(first)
+    made = [mirrored(final.candidate, records, seed + 500 + 10 * i) for i in range(MIRRORS)]
+    stages: list[tuple[str, Gap]] = [("as delivered", gap(delivered, records, smooth(delivered, records)))]
+    stages.append(("re-fitted", gap(first.candidate, records, first.paths)))
+    for before, after in pairwise(steps):
+        was, now = (_names_in(step) for step in (before, after))
+        for name in was:
+            now.remove(name)
+        stages.append((now[0], gap(after.fitted.candidate, records, after.fitted.paths)))
+    floor = gap(final.candidate, made[0], smooth(final.candidate, made[0]))
+    own = freed(final, segment)
+    weight = weights(records)
+    left = (held_out(final, own) * _deviations(final) * noise(final.candidate.machine)) ** 2 * weight
+    before_all = squares(first.seen, first.candidate.machine) * weight
+    least = np.mean([energy(final.candidate, one, final.walk) for one in made], axis=0)
+    closed, interval = closure(before_all, left, least, segment)
+    fitted = squares(final.seen, final.candidate.machine) * weight
+    return HowFar(tuple(stages), floor, closed, interval), float(fitted.sum() / least.sum() - 1)
+
+
+def _names_in(step: Step) -> list[str]:
+    candidate = step.fitted.candidate
+    return [*(effect.name for effect in candidate.effects), *("floor_vibration" for _ in candidate.shaken)]
+
+
+def _deviations(fitted: Fit) -> Array:
+    return np.concatenate([np.full(one.innovations.size, one.deviation) for one in fitted.seen])
+
+
+def _as_delivered(nominal: Fit) -> Any:
+    """The machine file as it is; only the starts of the records, which no file can know, are the fit's."""
+    layout = nominal.candidate.layout
+    start = np.array(layout.names) == "initial_friction_state"
+    theta = np.where(start, nominal.candidate.theta, 0.0)
+    return replace(nominal.candidate, theta=theta)
+
+
+def _which(
+    steps: Sequence[Step], thresholds: Null, names: Sequence[str], rivals: Sequence[Sequence[str]], far: HowFar
+) -> tuple[Named, ...]:
+    """Every effect: those of the answer with their fitted parameters, the others at their best point of the grid."""
+    final = steps[-1].fitted
+    limits = thresholds.thresholds
+    rows: list[Named] = []
+    stds = deviations_of(final)
+    first = {finding.effect.name: finding for finding in steps[0].findings}
+    best: dict[str, Finding] = {}
+    for step in steps:
+        for finding in step.findings:
+            known = best.get(finding.effect.name)
+            best[finding.effect.name] = finding if known is None or finding.held_out > known.held_out else known
+    inside = {effect.name: (effect, std) for effect, std in zip(final.candidate.effects, stds, strict=True)}
+    for name, finding in best.items():
+        effect, std = inside.get(name, (finding.effect, {}))
+        gain = max(first[name].held_out if name in first else 0.0, finding.held_out)
+        limit = limits.get(name, 12.0)
+        named = name in names
+        odds = probability(name, gain / limit, names, rivals)
+        rows.append(Named(effect, name, std, gain, limit, odds, named and far.closure > HALF))
+    for name in names:
+        if name not in best and name in {"timing_jitter", "controller_mismatch"}:
+            late = steps[-1].lateness
+            gain = late.gain if name == "timing_jitter" else float("inf")
+            odds = probability(name, gain / LATE, names, rivals)
+            rows.append(Named(None, name, {"lateness": late.size}, gain, LATE, odds, True))
+    return tuple(sorted(rows, key=lambda row: (row.name not in names, -row.gain)))
+
+
+def probability(name: str, gain: float, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
+    """How likely it is that this effect is in the machine [1]; gain: of chi-square over its threshold [1].
+
+    SURE and DOUBT were read off development cases (another seed than any trial's): how often a name was right, of those
+    far above their threshold and of those just above it. Effects that explain alike share the probability.
+    """
+    among = next((group for group in rivals if name in group), None)
+    if name not in names and among is None:
+        return (1 - SURE) / 20
+    clear = SURE - DOUBT * float(np.exp(-gain / 3))
+    return clear / (len(among) if among else 1)
+
+
+def deviations_of(fitted: Fit) -> list[dict[str, float]]:
+    """Standard deviation of every parameter of each effect in the model [SI], by the linearised fit."""
+    candidate = fitted.candidate
+    if not candidate.effects:
+        return []
+    wide = np.concatenate([candidate.layout.deviation, own_spread(candidate.effects)])
+    whole = np.hstack([fitted.slopes, fitted.own]) * wide
+    covariance = np.linalg.inv(whole.T @ whole + np.eye(wide.size)) * np.outer(wide, wide)
+    found, begin = [], candidate.layout.count
+    for effect in candidate.effects:
+        here = coordinates(effect)
+        own = covariance[begin : begin + here.size, begin : begin + here.size]
+        found.append(_spread_of(effect, here, own))
+        begin += here.size
+    return found
+
+
+def _spread_of(effect: Effect, here: Array, covariance: Array) -> dict[str, float]:
+    """By differences of the parameters along each coordinate."""
+    steps = 0.3 * np.sqrt(np.diag(covariance))
+    base = effect.values()
+    slopes = np.stack(
+        [
+            (at(effect, here + step * (np.arange(here.size) == i)).values() - base) / step
+            for i, step in enumerate(steps)
+        ],
+        axis=1,
+    )
+    std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
+    return {item.name: float(s) for item, s in zip(parameters_of(type(effect)), std, strict=True)}
+
+
+def to_json(found: Diagnosis) -> dict[str, Any]:
+    """verdict, which and how_far as interfaces fix them; `where` comes from where.py."""
+    return {
+        "verdict": {
+            "outcome": found.outcome,
+            "effects": list(found.effects),
+            "equivalent": [list(group) for group in found.equivalent],
+            "unexplained_fraction": found.unexplained,
+        },
+        "which": [_row(named) for named in found.which],
+        "how_far": found.how_far.to_json(),
+    }
+
+
+def _row(named: Named) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    if named.effect is not None:
+        for item in parameters_of(type(named.effect)):
+            number = float(getattr(named.effect, item.name))
+            values[item.name] = {"value": number, "unit": item.unit, "std": named.deviation.get(item.name)}
+    return {
+        "effect": named.name,
+        "parameters": values,
+        "held_out_gain": named.gain if np.isfinite(named.gain) else None,
+        "threshold": named.threshold,
+        "probability": named.probability,
+        "adequate": named.adequate,
+    }
+
+
+__all__ = ["MOST", "Diagnosis", "diagnose", "to_json"]

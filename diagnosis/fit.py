@@ -1,0 +1,271 @@
+"""Fits a candidate to records: theta and the parameters of its effects jointly, by damped Gauss and Newton's steps.
+
+The cost is that of the posterior: squared whitened innovations and squared deviations from the priors. An effect's
+coordinates: an amplitude and a phase as its cosine and sine part, a shape or a width as its logarithm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.nominal import bounded
+from diagnosis.residual import STARTING, WALK, Candidate, Seen, Smoothed, columns, look, nominal_slopes, smooth
+from models.effects.base import Effect, parameters
+from models.record import Record
+
+Array = NDArray[np.float64]
+
+ROOM: Final = 1.5  # by which a shape or a width may leave its prior range
+STRIDE: Final = 0.7  # the most that a step moves the logarithm of a shape or a width
+START_STRIDE: Final = 1.0  # the most that a step moves an element's start, in prior deviations
+DAMPED: Final = 1e5  # damping beyond which no step is tried
+FINE: Final = {"scale_periodic_error": 1e-5, "dac_quantisation": 1e-5}  # many periods fit into what is moved through
+ENOUGH: Final = 2.0  # a step that gains less chi-square ends the fit
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted candidate, its paths, what it leaves, and of the last linearisation: the innovations e (n,) of all
+    records, which of them count, slopes by theta (n, P), slopes by the effects' coordinates (n, Q), cost."""
+
+    candidate: Candidate
+    paths: tuple[Smoothed, ...]
+    seen: tuple[Seen, ...]
+    innovations: Array
+    slopes: Array
+    own: Array
+    cost: float
+    walk: float
+
+
+def weights(records: Sequence[Record]) -> Array:
+    """1 for every sample of all records (n,) that counts, 0 for those in which the state settles; [1]."""
+    parts = [np.ones(record.position.size) for record in records]
+    for part in parts:
+        part[:STARTING] = 0.0
+    return np.concatenate(parts)
+
+
+def coordinates(effect: Effect) -> Array:
+    """The effect's coordinates (Q,): see the module's head; [SI and logarithms of SI]."""
+    rows, size, phase = [], 0.0, None
+    for item in parameters(type(effect)):
+        number = getattr(effect, item.name)
+        if item.role == "amplitude":
+            size = number
+        elif item.role == "phase":
+            phase = number
+        else:
+            rows.append(np.log(number))
+    linear = _amplitudes(effect)
+    if phase is None:
+        return np.array([*linear, *rows])
+    return np.array([size * np.cos(phase), size * np.sin(phase), *rows])
+
+
+def _amplitudes(effect: Effect) -> list[float]:
+    return [getattr(effect, item.name) for item in parameters(type(effect)) if item.role == "amplitude"]
+
+
+def at(effect: Effect, where: Array) -> Effect:
+    """The effect at other coordinates (Q,) [SI and logarithms of SI], its shapes kept near their prior range."""
+    items = parameters(type(effect))
+    amplitudes = [item.name for item in items if item.role == "amplitude"]
+    phases = [item.name for item in items if item.role == "phase"]
+    changed: dict[str, float] = {}
+    if phases:
+        c, s = where[0], where[1]
+        changed |= {amplitudes[0]: float(np.hypot(c, s)), phases[0]: float(np.arctan2(s, c) % (2 * np.pi))}
+        rest = where[2:]
+    else:
+        changed |= {name: float(number) for name, number in zip(amplitudes, where, strict=False)}
+        rest = where[len(amplitudes) :]
+    shapes = [item for item in items if item.role in {"shape", "width"}]
+    for item, number in zip(shapes, rest, strict=True):
+        changed[item.name] = float(np.clip(np.exp(number), item.low / ROOM, item.high * ROOM))
+    return replace(effect, **changed)
+
+
+def spread(effect: Effect) -> Array:
+    """Prior deviations (Q,) of the coordinates: the largest typical amplitude, and a wide one for a logarithm; [SI]."""
+    items = parameters(type(effect))
+    size = [max(abs(item.low), abs(item.high)) for item in items if item.role == "amplitude"]
+    if any(item.role == "phase" for item in items):
+        size = size * 2
+    return np.array([*size, *(np.log(item.high / item.low) for item in items if item.role in {"shape", "width"})])
+
+
+def own_spread(effects: Sequence[Effect]) -> Array:
+    """Prior deviations (Q,) of the coordinates of all effects, in their order; [SI and logarithms of SI]."""
+    return np.concatenate([np.zeros(0), *(spread(effect) for effect in effects)])
+
+
+def slopes_of(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], seen: Sequence[Seen], walk: float = WALK
+) -> Array:
+    """How the innovations (n,) change with the coordinates of the effects, in their order: (n, Q)."""
+    trials, steps = [], []
+    for i, effect in enumerate(candidate.effects):
+        here, small = coordinates(effect), difference_steps(effect)
+        for j in range(here.size):
+            where = here + small * (np.arange(here.size) == j)
+            trials.append((*candidate.effects[:i], at(effect, where), *candidate.effects[i + 1 :]))
+            steps.append(small[j])
+    if not trials:
+        return np.zeros((sum(record.position.size for record in records), 0))
+    return np.asarray(columns(candidate, trials, records, paths, seen, walk) / np.array(steps))
+
+
+def at_bounds(effect: Effect) -> bool:
+    """Whether a shape or a width stands where the fit may go no further, so that the law is bent to something else."""
+    for item in parameters(type(effect)):
+        number = getattr(effect, item.name)
+        room = item.low / ROOM * 1.02, item.high * ROOM / 1.02
+        if item.role in {"shape", "width"} and not room[0] < number < room[1]:
+            return True
+    return False
+
+
+def difference_steps(effect: Effect) -> Array:
+    """Steps (Q,) of numerical derivatives by the coordinates: a hundredth of the typical amplitude; [SI]."""
+    items = parameters(type(effect))
+    size = [0.01 * item.typical for item in items if item.role == "amplitude"]
+    if any(item.role == "phase" for item in items):
+        size = size * 2
+    small = {"shape": 0.02, "width": 0.05}
+    shapes = [small[item.role] for item in items if item.role in small]
+    return np.array([*size, *(FINE.get(effect.name, shape) for shape in shapes)])
+
+
+def fit(
+    candidate: Candidate,
+    records: Sequence[Record],
+    *,
+    paths: Sequence[Smoothed] | None = None,
+    iterations: int = 8,
+    walk: float = WALK,
+) -> Fit:
+    """The candidate fitted, from where it stands."""
+    weight = weights(records)
+    known = tuple(paths) if paths else smooth(candidate, records)
+    seen = look(candidate, records, known, walk)
+    cost, damping = _cost(candidate, seen, weight), 1.0
+    for _ in range(iterations):
+        here = _linearised(candidate, records, known, seen, weight, walk)
+        moved, after, now, damping = _search(here, records, weight, damping)
+        if after >= cost:
+            break
+        candidate, seen, gained, cost = moved, now, cost - after, after
+        known = smooth(candidate, records, known)
+        seen = look(candidate, records, known, walk)
+        cost = _cost(candidate, seen, weight)
+        if gained < ENOUGH:
+            break
+    return _linearised(candidate, records, known, seen, weight, walk)
+
+
+def _linearised(
+    candidate: Candidate,
+    records: Sequence[Record],
+    paths: Sequence[Smoothed],
+    seen: Sequence[Seen],
+    weight: Array,
+    walk: float,
+) -> Fit:
+    e = np.concatenate([one.innovations for one in seen]) * weight
+    slopes = nominal_slopes(candidate, records, paths, seen, walk) * weight[:, None]
+    own = slopes_of(candidate, records, paths, seen, walk) * weight[:, None]
+    return Fit(candidate, tuple(paths), tuple(seen), e, slopes, own, _cost(candidate, seen, weight), walk)
+
+
+def _search(
+    here: Fit, records: Sequence[Record], weight: Array, damping: float
+) -> tuple[Candidate, float, tuple[Seen, ...], float]:
+    """Levenberg and Marquardt's step: the first damping, from the last one on, with which less is left; its candidate,
+    cost, what it leaves and the damping for the next step. If none does, the last tried and its larger cost."""
+    candidate, layout = here.candidate, here.candidate.layout
+    wide = np.concatenate([layout.deviation, own_spread(candidate.effects)])
+    whole = np.hstack([here.slopes, here.own]) * wide
+    stands = np.concatenate([candidate.theta / layout.deviation, *(_stand(effect) for effect in candidate.effects)])
+    normal = whole.T @ whole + np.eye(wide.size)
+    onto = -(whole.T @ here.innovations) - stands
+    low, high = _room(candidate, wide)
+    while True:
+        step = within(normal + damping * np.eye(wide.size), onto, low, high) * wide
+        moved = _moved(candidate, step)
+        seen = look(moved, records, here.paths, here.walk)
+        cost = _cost(moved, seen, weight)
+        if cost < here.cost:
+            return moved, cost, seen, damping / 10
+        if damping > DAMPED:
+            return moved, cost, seen, damping
+        damping *= 30
+
+
+def _room(candidate: Candidate, wide: Array) -> tuple[Array, Array]:
+    """How far a step may go down and up (P + Q,) [of the prior deviations]: to the bounds, and a part of an element's
+    limit for its start, because an element that slips elsewhere has another slope."""
+    layout, stride = candidate.layout, np.full(wide.size, np.inf)
+    stride[layout.of("initial_friction_state")] = START_STRIDE
+    low, high = -stride, stride.copy()
+    count = layout.count
+    low[:count] = np.maximum(low[:count], -(layout.bound + candidate.theta) / wide[:count])
+    high[:count] = np.minimum(high[:count], (layout.bound - candidate.theta) / wide[:count])
+    begin = count
+    for effect in candidate.effects:
+        size = coordinates(effect).size
+        shapes = slice(begin + size - _shapes(effect), begin + size)
+        longest = 10 * FINE[effect.name] if effect.name in FINE else STRIDE
+        low[shapes], high[shapes] = -longest / wide[shapes], longest / wide[shapes]
+        begin += size
+    return low, high
+
+
+def _shapes(effect: Effect) -> int:
+    return sum(item.role in {"shape", "width"} for item in parameters(type(effect)))
+
+
+def within(normal: Array, onto: Array, low: Array, high: Array) -> Array:
+    """The step (P,) that solves normal @ step = onto (P,) [1] where low <= step <= high; the rest is at a bound."""
+    step, free = np.zeros(onto.size), np.ones(onto.size, bool)
+    for _ in range(onto.size):
+        fixed = ~free
+        step[free] = np.linalg.solve(normal[np.ix_(free, free)], onto[free] - normal[np.ix_(free, fixed)] @ step[fixed])
+        beyond = free & ((step < low) | (step > high))
+        if not beyond.any():
+            break
+        step[beyond] = np.clip(step, low, high)[beyond]
+        free &= ~beyond
+    return np.asarray(np.clip(step, low, high))
+
+
+def _stand(effect: Effect) -> Array:
+    """Coordinates in prior deviations (Q,): amplitudes about 0; shapes have no preferred value."""
+    here, wide = coordinates(effect), spread(effect)
+    relative = here / wide
+    relative[here.size - _shapes(effect) :] = 0.0
+    return relative
+
+
+def _moved(candidate: Candidate, step: Array) -> Candidate:
+    count = candidate.layout.count
+    theta = bounded(candidate.layout, candidate.theta + step[:count])
+    effects, at_ = [], count
+    for effect in candidate.effects:
+        here = coordinates(effect)
+        effects.append(at(effect, here + step[at_ : at_ + here.size]))
+        at_ += here.size
+    return replace(candidate, theta=theta, effects=tuple(effects))
+
+
+def _cost(candidate: Candidate, seen: Sequence[Seen], weight: Array) -> float:
+    """-2 log of the posterior, but for a constant."""
+    e = np.concatenate([one.innovations for one in seen]) * weight
+    scale = sum(2 * (one.innovations.size - STARTING) * float(np.log(one.deviation)) for one in seen)
+    stands = [candidate.theta / candidate.layout.deviation, *(_stand(effect) for effect in candidate.effects)]
+    return float(e @ e) + scale + sum(float(stand @ stand) for stand in stands)

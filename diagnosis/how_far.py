@@ -1,0 +1,182 @@
+"""How far the gap shrinks: what each stage of the search leaves, in newtons, micrometres and milliseconds, and closure.
+
+The closure C = (G_refit^2 - G_effect^2) / (G_refit^2 - G_floor^2) compares the innovations of the re-fitted nominal
+machine with those of the model with the effects, on motions on which the effects' parameters were not fitted. The floor
+is what the same method leaves of a record that this very model made, simulated: quantisation, noise and what the method
+itself neglects are in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from diagnosis.fit import Fit, own_spread, weights
+from diagnosis.kalman import predictor, smoothed
+from diagnosis.null import simulated
+from diagnosis.residual import Candidate, Smoothed, look, noise, smooth
+from diagnosis.scan import FOLDS, Freed
+from models.effects.base import Effect
+from models.effects.catalogue import in_order
+from models.effects.structure import FloorVibration
+from models.machine import Machine
+from models.record import Record, motions
+from models.settling import settling_time
+
+Array = NDArray[np.float64]
+
+SEEN_BY: Final = 0.05  # [N a sample] of the walk with which the unknown force is told in newtons
+BOOTSTRAP: Final = 1000
+
+
+@dataclass(frozen=True)
+class Gap:
+    """What a model leaves: unknown force (its deviation) [N], position in the closed loop [m], settling [s]."""
+
+    force: float
+    position: float
+    settling: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """As results.json has it."""
+        return {"force_N": self.force, "position_m": self.position, "settling_s": self.settling}
+
+
+@dataclass(frozen=True)
+class HowFar:
+    """The gaps by stage, in order, each with what was added; the floor; the closure and its 95 % interval [1]."""
+
+    stages: tuple[tuple[str, Gap], ...]
+    floor: Gap
+    closure: float
+    interval: tuple[float, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """As interfaces fix it, and the stages between."""
+        named = dict(self.stages)
+        last = self.stages[-1][1]
+        return {
+            "gap_as_delivered": named["as delivered"].to_json(),
+            "gap_refitted": named["re-fitted"].to_json(),
+            "gap_after": last.to_json(),
+            "floor": self.floor.to_json(),
+            "closure": self.closure,
+            "closure_interval": list(self.interval),
+            "held_out": True,
+            "stages": [{"added": name, **gap.to_json()} for name, gap in self.stages],
+        }
+
+
+def with_sines(candidate: Candidate) -> Candidate:
+    """The candidate with a sine of equal power in the place of each random force, as a simulation can have it."""
+    sines = [FloorVibration(2**0.5 * one.level, one.frequency, 0.0) for one in candidate.shaken]
+    return replace(candidate, effects=in_order((*candidate.effects, *sines)), shaken=())
+
+
+def mirrored(
+    candidate: Candidate, records: Sequence[Record], seed: int, extra: Sequence[Effect] = ()
+) -> tuple[Record, ...]:
+    """Records that the candidate makes of the same references, with noise; `extra` effects besides."""
+    whole = with_sines(candidate)
+    whole = replace(whole, effects=in_order((*whole.effects, *extra)))
+    return tuple(simulated(whole, record, i, seed + i) for i, record in enumerate(records))
+
+
+def energy(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
+    """Squared innovations (n,) [m^2] of all records, one after another, seen through the candidate itself."""
+    paths: tuple[Smoothed, ...] | None = None
+    for _ in range(passes):
+        paths = smooth(candidate, records, paths)
+    assert paths is not None
+    return squares(look(candidate, records, paths, walk), candidate.machine) * weights(records)
+
+
+def squares(seen: Sequence[Any], machine: Machine) -> Array:
+    """Squared innovations (n,) [m^2] of all records."""
+    return np.concatenate([(one.innovations * one.deviation * noise(machine)) ** 2 for one in seen])
+
+
+def held_out(fitted: Fit, own: Freed) -> Array:
+    """Innovations (n,), whitened, each with the effects' coordinates fitted without the motions of its own fold."""
+    if fitted.own.shape[1] == 0:
+        return fitted.innovations
+    layout = fitted.candidate.layout
+    basis = fitted.slopes * layout.deviation
+    factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
+    given = fitted.own * own_spread(fitted.candidate.effects)
+    given = given - basis @ cho_solve(factor, basis.T @ given)
+    e = fitted.innovations.copy()
+    fold = own.fold[own.segment]
+    for number in range(FOLDS):
+        train = fold != number
+        gram = given[train].T @ given[train] + np.eye(given.shape[1])
+        step = -np.linalg.solve(gram, given[train].T @ fitted.innovations[train])
+        e[~train] += given[~train] @ step
+    return e
+
+
+def closure(before: Array, after: Array, floor: Array, segment: NDArray[np.int64]) -> tuple[float, tuple[float, float]]:
+    """The closure and its 95 % interval by a bootstrap over motions; energies (n,) [m^2], the motion of each sample."""
+    count = int(segment.max()) + 1
+    sums = np.stack([np.bincount(segment, signal, count) for signal in (before, after, floor)])
+    draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAP, count))
+    drawn = sums[:, draws].sum(axis=2)
+    low, high = np.quantile(_closed(drawn), [0.025, 0.975])
+    return float(_closed(sums.sum(axis=1))), (float(low), float(high))
+
+
+def _closed(sums: Array) -> Array:
+    gap = np.maximum(sums[0] - sums[2], 1e-30)
+    return np.asarray(np.clip((sums[0] - sums[1]) / gap, -1.0, 1.0))
+
+
+def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed]) -> Gap:
+    """What a candidate leaves of the records."""
+    machine = candidate.machine
+    model = predictor(
+        machine.plant, records[0].sample_time, walk=SEEN_BY, noise=noise(machine), shaken=candidate.shaken
+    )
+    d, apart, late = [], [], []
+    for i, (record, seen) in enumerate(zip(records, look(candidate, records, paths), strict=True)):
+        start = np.zeros(model.C.size)
+        start[0] = record.position[0]
+        states = smoothed(model, seen.force, record.position - seen.acts.reading, start)
+        unknown = states[:, 2 * len(machine.plant.modes)]
+        d.append(unknown - unknown.mean())  # a constant is an offset of the amplifier, and costs nothing
+        made = simulated(quiet(candidate), record, i, 0)
+        apart.append(made.position - record.position)
+        late += _late(record, made, machine)
+    return Gap(_size(d), _size(apart), float(np.mean(late)) if late else None)
+
+
+def quiet(candidate: Candidate) -> Candidate:
+    """The candidate with a scale that reads exactly."""
+    machine = candidate.layout.machine
+    still = replace(machine, scale=replace(machine.scale, noise=1e-15, resolution=0.0))
+    return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still)))
+
+
+def _size(parts: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def _late(record: Record, made: Record, machine: Machine) -> list[float]:
+    """How much the settling of each motion differs between record and simulation [s]."""
+    wanted, found = machine.specification, []
+    steps = np.count_nonzero(np.diff(record.target))
+    if not 0 < steps < record.target.size / 20:
+        return []
+    for motion in motions(record.target, float(record.reference[0])):
+        part = slice(motion.start, motion.stop)
+        times = [
+            settling_time(one.position[part] - motion.target, wanted.tolerance, record.sample_time)
+            for one in (record, made)
+        ]
+        longest = (motion.stop - motion.start) * record.sample_time
+        found.append(abs(min(times[0], longest) - min(times[1], longest)))
+    return found

@@ -1,0 +1,230 @@
+"""The linear part of a machine as a predictor and a smoother driven by a known force: what is left is what is unknown.
+
+    xi[k+1] = A xi[k] + sum_s B_s f_s[k] + w[k],    y[k] = C xi[k] + v[k],    xi = (q_1, q_1', ..., q_m, q_m', d)
+
+f_s [N] is the net force in substep s of the sample interval behind k: thrust less friction. d [N] is an unknown force
+that walks randomly by `walk` [N] a sample; v is the scale's noise and rounding. The gains are those of the steady
+state, so that the innovations e = y - C xi^- are one linear, time-invariant filter of (f, y), and so is the smoothed
+state. n samples, M substeps, 2m + 1 = S states. See T. Kailath, A. Sayed, B. Hassibi, Linear Estimation (2000),
+chapters 9 and 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from models.compiled import compiled
+from models.plant import Plant, state_space, transition
+
+Array = NDArray[np.float64]
+
+SUBSTEPS: Final = 2  # of a sample interval; the force within one counts as constant
+JITTER: Final = 0.08  # [N] a sample: white, for what friction on a smoothed position leaves; clean tables like it best
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A random force about a frequency [Hz], within a bandwidth [Hz], and of a deviation `level` [N]: the floor."""
+
+    frequency: float
+    bandwidth: float
+    level: float
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """A (S, S), B (S, M), C (S,), the filter's gain (S,), the smoother's (S, S), the innovations' deviation [m].
+
+    `step`: F = A (I - K C) (S, S) and A K (S,), the predictor's own transition and input.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    gain: Array
+    back: Array
+    deviation: float
+
+    @property
+    def closed(self) -> Array:
+        """F = A (I - K C), (S, S)."""
+        return self.A - np.outer(self.A @ self.gain, self.C)
+
+
+def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
+    """(A (S, S), B (S, M), C (S,)) of the module's head; the plant's dead time is left to the force."""
+    system = state_space(plant)
+    n = system.nstates
+    phi, gamma = transition(system, sample_time / SUBSTEPS)
+    inputs = np.empty((n, SUBSTEPS))
+    held = gamma[:, 0]
+    for s in reversed(range(SUBSTEPS)):
+        inputs[:, s] = held
+        held = phi @ held
+    a = np.eye(n + 1)
+    a[:n, :n] = np.linalg.matrix_power(phi, SUBSTEPS)
+    a[:n, n] = inputs.sum(axis=1)
+    b = np.vstack([inputs, np.zeros((1, SUBSTEPS))])
+    return a, b, np.append(np.asarray(system.C)[0], 0.0)
+
+
+def predictor(
+    plant: Plant, sample_time: float, *, walk: float, noise: float, shaken: Sequence[Resonance] = ()
+) -> Predictor:
+    """The steady filter for an unknown force that walks by `walk` [N] a sample under a reading's `noise` [m].
+
+    shaken: random forces besides; each adds two states behind d, of which the first is the force.
+    """
+    a, b, c = discretised(plant, sample_time)
+    walking = len(a) - 1
+    held = a[:, walking].copy()
+    held[walking] = 0.0
+    q = JITTER**2 * np.outer(held, held)
+    q[walking, walking] += walk**2
+    for one in shaken:
+        a, b, c, q = _shaken(one, sample_time, held, (a, b, c, q))
+        held = np.append(held, [0.0, 0.0])
+    unit = noise  # covariances in units of the noise: the equation is better conditioned
+    before = solve_discrete_are(a.T, c[:, None], q / unit**2, np.eye(1)) * unit**2
+    variance = float(c @ before @ c) + noise**2
+    gain = before @ c / variance
+    after = before - np.outer(gain, c @ before)
+    back = np.linalg.lstsq(before.T, (after @ a.T).T, rcond=1e-14)[0].T
+    return Predictor(a, b, c, gain, back, float(np.sqrt(variance)))
+
+
+def _shaken(one: Resonance, sample_time: float, held: Array, system: tuple[Array, ...]) -> tuple[Array, ...]:
+    """(A, B, C, Q) with the two states of a random force behind the others; `held`: what a force held adds (S,)."""
+    a, b, c, q = system
+    n = len(a)
+    angle, keep = 2 * np.pi * one.frequency * sample_time, np.exp(-2 * np.pi * one.bandwidth * sample_time)
+    more, noise = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n + 2))
+    more[:n, :n], noise[:n, :n] = a, q
+    more[:n, n] = held
+    more[n:, n:] = keep * np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    noise[n:, n:] = (1 - keep**2) * one.level**2 * np.eye(2)
+    return more, np.vstack([b, np.zeros((2, b.shape[1]))]), np.append(c, [0.0, 0.0]), noise
+
+
+def innovations(model: Predictor, force: Array, reading: Array, start: Array) -> Array:
+    """e (n,) [m] of a net force (n, M) [N] and a reading (n,) [m], from the state `start` (S,)."""
+    e = np.empty(reading.size)
+    _predict(model.closed, model.A @ model.gain, model.C, force @ model.B.T, reading, start, e)
+    return e
+
+
+def responses(model: Predictor, force: Array, reading: Array | None = None) -> Array:
+    """What forces (n, M, k) [N], added to the net force, and additions (n, k) [m] to the reading change of the
+    innovations: (n, k) [m]; all of them side by side."""
+    n, _, count = force.shape
+    given = np.zeros((1, count)) if reading is None else np.ascontiguousarray(reading)
+    e = np.empty((n, count))
+    _respond(model.closed, model.A @ model.gain, model.B, model.C, np.ascontiguousarray(force), given, e)
+    return e
+
+
+def adjoint(model: Predictor, e: Array) -> tuple[Array, Array]:
+    """(g (n, M), g_y (n,)): the inner product of e (n,) with the response to any force f is sum g f, to any reading
+    r it is sum g_y r. So a thousand candidates are compared with e without filtering any of them."""
+    mu = np.empty((e.size, model.C.size))
+    _adjoint(np.ascontiguousarray(model.closed.T), model.C, e, mu)
+    return mu @ model.B, e + mu @ (model.A @ model.gain)
+
+
+def smoothed(model: Predictor, force: Array, reading: Array, start: Array) -> Array:
+    """States (n, S) from all of the record: past and future (Rauch, Tung and Striebel 1965)."""
+    states = np.empty((reading.size, model.C.size))
+    _smooth(model.A, model.gain, model.C, model.back, force @ model.B.T, reading, start, states)
+    return states
+
+
+@compiled
+def _predict(closed: Array, enter: Array, C: Array, given: Array, reading: Array, start: Array, e: Array) -> None:
+    size = start.size
+    now, ahead = start.copy(), np.empty(size)
+    for k in range(reading.size):
+        y = 0.0
+        for i in range(size):
+            y += C[i] * now[i]
+        e[k] = reading[k] - y
+        for i in range(size):
+            total = given[k, i] + enter[i] * reading[k]
+            for j in range(size):
+                total += closed[i, j] * now[j]
+            ahead[i] = total
+        for i in range(size):
+            now[i] = ahead[i]
+
+
+@compiled
+def _respond(closed: Array, enter: Array, B: Array, C: Array, force: Array, reading: Array, e: Array) -> None:
+    """As `_predict` from rest for every column; the columns lie next to each other, so they share vector registers."""
+    size, parts, count = C.size, force.shape[1], force.shape[2]
+    now, ahead, read = np.zeros((size, count)), np.empty((size, count)), reading.shape[0] > 1
+    for k in range(force.shape[0]):
+        for c in range(count):
+            e[k, c] = reading[k, c] if read else 0.0
+        for i in range(size):
+            row, into = now[i], ahead[i]
+            for c in range(count):
+                e[k, c] -= C[i] * row[c]
+                into[c] = enter[i] * reading[k, c] if read else 0.0
+            for s in range(parts):
+                push, gain = force[k, s], B[i, s]
+                for c in range(count):
+                    into[c] += gain * push[c]
+            for j in range(size):
+                other, gain = now[j], closed[i, j]
+                for c in range(count):
+                    into[c] += gain * other[c]
+        now, ahead = ahead, now
+
+
+@compiled
+def _adjoint(closed_t: Array, C: Array, e: Array, mu: Array) -> None:
+    """mu[k] = sensitivity to what is added to the state at k + 1."""
+    size = C.size
+    now, before = np.zeros(size), np.empty(size)
+    for k in range(e.size - 1, -1, -1):
+        for i in range(size):
+            mu[k, i] = now[i]
+            total = -C[i] * e[k]
+            for j in range(size):
+                total += closed_t[i, j] * now[j]
+            before[i] = total
+        for i in range(size):
+            now[i] = before[i]
+
+
+@compiled
+def _smooth(
+    A: Array, gain: Array, C: Array, back: Array, given: Array, reading: Array, start: Array, states: Array
+) -> None:
+    """Forwards the filtered states, then backwards the smoothed ones in their place."""
+    n, size = states.shape
+    predicted = np.empty((n, size))
+    now = start.copy()
+    for k in range(n):
+        y = 0.0
+        for i in range(size):
+            predicted[k, i] = now[i]
+            y += C[i] * now[i]
+        for i in range(size):
+            states[k, i] = now[i] + gain[i] * (reading[k] - y)
+        for i in range(size):
+            total = given[k, i]
+            for j in range(size):
+                total += A[i, j] * states[k, j]
+            now[i] = total
+    for k in range(n - 2, -1, -1):
+        for i in range(size):
+            total = states[k, i]
+            for j in range(size):
+                total += back[i, j] * (states[k + 1, j] - predicted[k + 1, j])
+            states[k, i] = total

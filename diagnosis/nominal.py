@@ -1,0 +1,140 @@
+"""What is nominally known of a machine and may be a little wrong: parameters with priors, re-fitted every time.
+
+The vector theta (P,) holds deviations: relative ones as logarithms, the dead time [s], the offset [N], the friction's
+displacement [m] at the start of each record. An effect counts only for what it explains beyond these, because a gap
+that a re-fit closes needs no new physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.friction import elements
+from models.machine import Machine
+from models.plant import Mode
+from models.quantity import value
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Standard deviations of what a machine file states; assumed where nothing better is known."""
+
+    mass: float = value("1", "mass over thrust constant, of its value", above=0)
+    mode_gain: float = value("1", "gain of a vibration mode, of its value", above=0)
+    frequency: float = value("1", "natural frequency, of its value", above=0)
+    damping: float = value("1", "damping ratio, of its value", above=0)
+    dead_time: float = value("s", "dead time", above=0)
+    offset: float = value("N", "constant force", above=0)
+    friction_level: float = value("1", "all contact stiffnesses together, of their value", above=0)
+    stiffness: float = value("1", "each contact stiffness, of its value", above=0)
+    limit: float = value("1", "each contact's limit, of its value", above=0)
+
+
+USUAL = Tolerance(0.015, 0.055, 0.005, 0.12, 2e-5, 0.2, 0.03, 0.03, 0.03)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The layout of theta for one machine and `records` records: names, prior deviations (P,), bounds (P,)."""
+
+    machine: Machine
+    records: int
+    names: tuple[str, ...]
+    deviation: Array
+    bound: Array
+
+    @property
+    def count(self) -> int:
+        """P."""
+        return self.deviation.size
+
+    def of(self, name: str) -> NDArray[np.int64]:
+        """Where in theta the parameters of this name stand."""
+        return np.flatnonzero(np.array(self.names) == name)
+
+
+def parameters(machine: Machine, records: int, tolerance: Tolerance = USUAL) -> Parameters:
+    """What may be wrong of this machine in so many records."""
+    rows = list(_rows(machine, records, tolerance))
+    names, deviation = zip(*rows, strict=True)
+    wide = np.array(deviation)
+    bound = 3 * wide
+    start = np.array(names) == "initial_friction_state"
+    bound[start] = np.tile(machine.friction.limit, records)
+    return Parameters(machine, records, names, wide, bound)
+
+
+def _rows(machine: Machine, records: int, tolerance: Tolerance) -> Iterator[tuple[str, float]]:
+    modes, friction = machine.plant.modes, machine.friction
+    flexible = [mode for mode in modes if mode.frequency > 0]
+    for mode in modes:
+        yield ("mode_gain", tolerance.mode_gain) if mode.frequency > 0 else ("payload_mass", tolerance.mass)
+    yield from (("mode_frequency", tolerance.frequency) for _ in flexible)
+    yield from (("mode_damping", tolerance.damping) for _ in flexible)
+    yield "dead_time", tolerance.dead_time
+    yield "amplifier_offset", tolerance.offset
+    yield "friction_level", tolerance.friction_level
+    yield from (("presliding_stiffness", tolerance.stiffness) for _ in friction.stiffness)
+    yield from (("presliding_limit", tolerance.limit) for _ in friction.limit)
+    for _ in range(records):
+        yield from (("initial_friction_state", 0.6 * limit) for limit in friction.limit)
+
+
+def applied(layout: Parameters, theta: Array) -> Machine:
+    """The machine with theta (P,) put in; the offset and the initial state are no part of it."""
+    machine = layout.machine
+    gain = np.concatenate([theta[layout.of("payload_mass")], theta[layout.of("mode_gain")]])
+    order = [i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0]
+    order += [i for i, mode in enumerate(machine.plant.modes) if mode.frequency > 0]
+    gains = dict(zip(order, gain, strict=True))
+    shift = iter(zip(theta[layout.of("mode_frequency")], theta[layout.of("mode_damping")], strict=True))
+    modes = tuple(_moved(mode, gains[i], shift) for i, mode in enumerate(machine.plant.modes))
+    dead_time = max(machine.plant.dead_time + float(theta[layout.of("dead_time")][0]), 0.0)
+    level = float(theta[layout.of("friction_level")][0])
+    stiffness = np.array(machine.friction.stiffness) * np.exp(theta[layout.of("presliding_stiffness")] + level)
+    limit = np.array(machine.friction.limit) * np.exp(theta[layout.of("presliding_limit")])
+    friction = elements(stiffness, limit, machine.friction.damping)
+    return replace(machine, plant=replace(machine.plant, modes=modes, dead_time=dead_time), friction=friction)
+
+
+def _moved(mode: Mode, gain: float, shift: Iterator[tuple[float, float]]) -> Mode:
+    frequency, damping = next(shift) if mode.frequency > 0 else (0.0, 0.0)
+    return Mode(
+        mode.gain * float(np.exp(gain)),
+        mode.frequency * float(np.exp(frequency)),
+        min(mode.damping * float(np.exp(damping)), 0.99),
+    )
+
+
+def offset(layout: Parameters, theta: Array) -> float:
+    """The constant force [N] that acts against the thrust."""
+    return float(theta[layout.of("amplifier_offset")][0])
+
+
+def initial_state(layout: Parameters, theta: Array, record: int) -> Array:
+    """Displacements (N,) [m] of the friction's elements at the start of a record."""
+    start = theta[layout.of("initial_friction_state")].reshape(layout.records, -1)
+    return np.asarray(start[record], float)
+
+
+def bounded(layout: Parameters, theta: Array) -> Array:
+    """theta (P,) within three deviations of the priors, and the elements' displacements within their limits."""
+    return np.clip(theta, -layout.bound, layout.bound)
+
+
+def shifts(layout: Parameters, theta: Array, covariance: Array) -> Sequence[tuple[str, float, float]]:
+    """(name, size, deviation) of every group of parameters, in prior deviations, the most moved first."""
+    found = []
+    for name in dict.fromkeys(layout.names):
+        where = layout.of(name)
+        moved = theta[where] / layout.deviation[where]
+        most = int(np.argmax(np.abs(moved)))
+        at = where[most]
+        found.append((name, float(moved[most]), float(np.sqrt(covariance[at, at]) / layout.deviation[at])))
+    return sorted(found, key=lambda row: -abs(row[1]))

@@ -1,0 +1,142 @@
+"""What the search finds where nothing is missing: the thresholds, by simulating the null on these very schedules.
+
+Tables whose nominal parameters are off by their priors run the records' references in the closed loop, are re-fitted
+and scanned like a record. What an effect gains there on held-out motions, it gains by chance, by quantisation or by
+what the method neglects. The answer depends on machine and schedule only, so it is kept under their hash.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.fit import fit
+from diagnosis.motions import numbered, pieces
+from diagnosis.nominal import Parameters, bounded, initial_state, offset
+from diagnosis.residual import STARTING, Candidate
+from diagnosis.scan import freed, scan
+from models.controller import Controller, References
+from models.machine import Machine, to_json
+from models.record import Record
+from models.simulator import simulate
+
+Array = NDArray[np.float64]
+
+DRAWS: Final = 8
+SETTLING: Final = 0.5  # s at rest before the record
+LEAST: Final = 20.0  # chi-square that any effect has to gain
+SAFETY: Final = 1.5  # of the largest gain among the draws
+
+
+@dataclass(frozen=True)
+class Null:
+    """Gains by effect where nothing is missing, one a draw, and the innovations' variance by draw and record [1]."""
+
+    gains: Mapping[str, tuple[float, ...]]
+    variance: tuple[tuple[float, ...], ...]
+
+    @property
+    def thresholds(self) -> dict[str, float]:
+        """What each effect has to gain of chi-square on held-out motions to be taken seriously."""
+        return {name: max(LEAST, SAFETY * max(gains)) for name, gains in self.gains.items()}
+
+    def floor(self, records: Sequence[Record]) -> float:
+        """Chi-square that a complete model leaves of these records, by the mean of the draws."""
+        mean = np.mean(self.variance, axis=0)
+        return float(sum(v * (record.position.size - STARTING) for v, record in zip(mean, records, strict=True)))
+
+
+def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Record:
+    """The record that a candidate would have made of the same references, from the same start, with other noise."""
+    machine, layout = candidate.machine, candidate.layout
+    scale = machine.scale
+    noisy = replace(scale, noise=scale.noise or 0.3 * scale.resolution)
+    control, origin = machine.control, float(record.reference[0])
+    lead = round(SETTLING / record.sample_time)
+    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
+    ahead = np.zeros(lead)
+    given = References(
+        np.concatenate([ahead, record.reference - origin]),
+        np.concatenate([ahead, record.feedforward]) - offset(layout, candidate.theta),
+        np.zeros(lead + record.reference.size),
+    )
+    run = simulate(
+        replace(machine, scale=noisy, effects=candidate.effects),
+        controller,
+        np.concatenate([ahead, record.target - origin]),
+        given=given,
+        seed=seed,
+        initial_friction=initial_state(layout, candidate.theta, index),
+    )
+    made = run.record.last(record.position.size)
+    return Record(
+        record.sample_time, record.target, record.reference, record.feedforward,
+        made.command + offset(layout, candidate.theta), made.position + origin,
+    )  # fmt: skip
+
+
+def null(
+    layout: Parameters,
+    records: Sequence[Record],
+    *,
+    cache: Path | None = None,
+    draws: int = DRAWS,
+    say: Callable[[str], None] = lambda _: None,
+) -> Null:
+    """The gains of every effect on `draws` simulated tables without any; read from `cache` where they were kept."""
+    place = cache / f"{_key(layout.machine, records, draws)}.json" if cache else None
+    if place and place.exists():
+        content = json.loads(place.read_text(encoding="utf-8"))
+        return Null(
+            {name: tuple(row) for name, row in content["gains"].items()}, tuple(map(tuple, content["variance"]))
+        )
+    gains: dict[str, list[float]] = {}
+    variance = []
+    for seed in range(draws):
+        say(f"simulating the null, {seed + 1} of {draws}")
+        found, spread = _draw(layout, records, seed)
+        variance.append(spread)
+        for name, gain in found.items():
+            gains.setdefault(name, []).append(gain)
+    made = Null({name: tuple(row) for name, row in sorted(gains.items())}, tuple(variance))
+    if place:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        part = place.with_suffix(f".{np.random.default_rng().integers(1 << 40)}.part")
+        part.write_text(json.dumps({"gains": made.gains, "variance": made.variance}), encoding="utf-8")
+        part.replace(place)
+    return made
+
+
+def _draw(layout: Parameters, records: Sequence[Record], seed: int) -> tuple[dict[str, float], tuple[float, ...]]:
+    rng = np.random.default_rng([seed, 1])
+    theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
+    truth = Candidate(layout, theta)
+    made = [simulated(truth, record, i, 1000 * seed + i) for i, record in enumerate(records)]
+    fitted = fit(truth, made, iterations=3, walk=WALK_OF_SCAN)
+    own = freed(fitted, numbered(pieces(made), made))
+    findings = scan(fitted, made, own)
+    spread = tuple(float(np.mean(seen.innovations[60:] ** 2)) for seen in fitted.seen)
+    return {finding.effect.name: finding.held_out for finding in findings}, spread
+
+
+WALK_OF_SCAN: Final = 4e-3  # [N a sample], as in the last step of the re-fit
+
+
+def _key(machine: Machine, records: Sequence[Record], draws: int) -> str:
+    """A hash of all that the null depends on: machine, references, this program."""
+    digest = hashlib.sha256(json.dumps(to_json(machine), sort_keys=True).encode())
+    for record in records:
+        for signal in (record.target, record.reference, record.feedforward):
+            digest.update(np.ascontiguousarray(signal).tobytes())
+    for folder in ("diagnosis", "models"):
+        for path in sorted((Path(__file__).parents[1] / folder).rglob("*.py")):
+            digest.update(path.read_bytes())
+    digest.update(str(draws).encode())
+    return digest.hexdigest()[:32]

@@ -1,0 +1,330 @@
+"""What a candidate model leaves of the records: whitened innovations, and how they depend on every parameter.
+
+A candidate is the nominal machine, theta (nominal.py) and effects. Its friction is evaluated on the position that a
+smoother makes of the recorded command and reading, so that what is left is linear in the unknown force; two closed
+loops are never compared, because the feedback hides the gap and hysteresis makes them part. n samples, M substeps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innovations, predictor, responses, smoothed
+from diagnosis.nominal import Parameters, applied, initial_state, offset
+from models.effects.base import Effect
+from models.effects.kernel import Path, Replayed, replay
+from models.friction import deflections
+from models.machine import Machine
+from models.plant import Mode
+from models.record import Record
+
+Array = NDArray[np.float64]
+
+WALK: Final = 2e-3  # [N a sample] of the unknown force in the predictor: a fast one swallows slow effects
+FIRST: Final = (3.0, 1.0, 0.3, 0.1, 0.05)  # [N a sample] of the smoother, pass by pass, from no knowledge of friction
+AGAIN: Final = (0.05,)  # [N a sample] of the smoother once friction is known
+STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model of the machine: theta (P,) of the nominal parameters, effects in the catalogue's order, random forces."""
+
+    layout: Parameters
+    theta: Array
+    effects: tuple[Effect, ...] = ()
+    shaken: tuple[Resonance, ...] = ()
+
+    @property
+    def machine(self) -> Machine:
+        """The nominal machine with theta put in."""
+        return applied(self.layout, self.theta)
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A record seen through a candidate: the path, and what the reading's effects added to it (n,) [m]."""
+
+    path: Path
+    added: Array
+    model: Predictor  # the smoother's
+    count: int  # states of the plant's modes
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A record as a candidate explains it: whitened innovations (n,), net force (n, M) [N], what acts along the path,
+    and the innovations' deviation over that of the reading's noise [1], by which they were divided."""
+
+    innovations: Array
+    force: Array
+    acts: Replayed
+    deviation: float
+
+
+def noise(machine: Machine) -> float:
+    """Deviation [m] of the reading: the scale's noise, a third of a step where none is stated, and its rounding."""
+    scale = machine.scale
+    stated = scale.noise or 0.3 * scale.resolution
+    return max(float(np.hypot(stated, scale.resolution / np.sqrt(12))), 1e-10)
+
+
+def held(record: Record) -> float:
+    """The command [N] before the first sample: what the feedback held, without a feedforward that sets in there."""
+    return float(record.command[0] - record.feedforward[0])
+
+
+def smooth(
+    candidate: Candidate, records: Sequence[Record], before: Sequence[Smoothed] | None = None
+) -> tuple[Smoothed, ...]:
+    """Every record's path as the candidate's smoother sees it; `before`: what an earlier candidate saw."""
+    machine = candidate.machine
+    found = []
+    for i, record in enumerate(records):
+        seen = before[i] if before else None
+        for walk in AGAIN if before else FIRST:
+            model = predictor(
+                machine.plant, record.sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken
+            )
+            seen = _pass(candidate, machine, model, record, i, seen)
+        assert seen is not None
+        found.append(seen)
+    return tuple(found)
+
+
+def _pass(
+    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, before: Smoothed | None
+) -> Smoothed:
+    """One run of the smoother with the friction of the path that the one before found, or none."""
+    reading = record.position
+    if before is None:
+        still = Path(
+            record.sample_time, np.repeat(reading[:, None], SUBSTEPS, 1), np.zeros((reading.size, SUBSTEPS)),
+            reading, record.command,
+        )  # fmt: skip
+        acts = replay(
+            machine.friction,
+            (),
+            still,
+            machine.plant.dead_time,
+            thrust_limit=machine.drive.rated_thrust,
+            start=held(record),
+        )
+        force, added = acts.thrust, np.zeros(reading.size)
+    else:
+        acts = _acts(candidate, machine, record, index, before.path)
+        force, added = _net(candidate, acts), acts.reading
+        reading = reading - added - _vibration(candidate, force, record.sample_time)
+    start = np.zeros(model.C.size)
+    start[0], start[2 * len(machine.plant.modes)] = reading[0], -force[0, 0]
+    states = smoothed(model, force, reading, start)
+    return Smoothed(
+        _path(states, 2 * len(machine.plant.modes), record, record.position - added - reading),
+        added,
+        model,
+        2 * len(machine.plant.modes),
+    )
+
+
+def _path(states: Array, count: int, record: Record, vibration: Array) -> Path:
+    """The path through the smoothed states, of which `count` are the plant's: cubic Hermite between the samples."""
+    ts = record.sample_time
+    x, v = states[:, 0:count:2].sum(axis=1) + vibration, states[:, 1:count:2].sum(axis=1)
+    ahead, faster = np.append(x[1:], x[-1]), np.append(v[1:], v[-1])
+    t = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
+    x, v, ahead, faster = x[:, None], v[:, None], ahead[:, None], faster[:, None]
+    position = (2 * t**3 - 3 * t**2 + 1) * x + (t**3 - 2 * t**2 + t) * ts * v
+    position += (3 * t**2 - 2 * t**3) * ahead + (t**3 - t**2) * ts * faster
+    speed = 6 * (t**2 - t) / ts * (x - ahead) + (3 * t**2 - 4 * t + 1) * v + (3 * t**2 - 2 * t) * faster
+    return Path(ts, position, speed, x[:, 0], record.command)
+
+
+def look(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], walk: float = WALK
+) -> tuple[Seen, ...]:
+    """What the candidate leaves of every record, its friction and effects evaluated along `paths`."""
+    machine = candidate.machine
+    model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
+    return tuple(
+        look_at(candidate, machine, model, record, i, path)
+        for i, (record, path) in enumerate(zip(records, paths, strict=True))
+    )
+
+
+def look_at(
+    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, smooth_path: Smoothed
+) -> Seen:
+    """`look` at the record of this index, by a predictor of the machine with theta put in."""
+    acts = _acts(candidate, machine, record, index, smooth_path.path)
+    differs = acts.reading - smooth_path.added
+    if np.any(differs != 0):  # the path was smoothed from a reading that had other errors
+        acts = _acts(candidate, machine, record, index, shifted(smooth_path, differs))
+    force = _net(candidate, acts)
+    reading = record.position - acts.reading - _vibration(candidate, force, record.sample_time)
+    start = np.zeros(model.C.size)
+    start[0] = reading[0]
+    e = innovations(model, force, reading, start) / model.deviation
+    return Seen(e, force, acts, model.deviation / noise(machine))
+
+
+def shifted(seen: Smoothed, differs: Array) -> Path:
+    """The path, had the reading's error been larger by `differs` (n,) [m]: the smoother is linear."""
+    model, path = seen.model, seen.path
+    states = smoothed(model, np.zeros_like(path.position), -differs, np.zeros(model.C.size))
+    still = Record(path.sample_time, *(np.zeros(differs.size) for _ in range(5)))
+    moved = _path(states, seen.count, still, np.zeros(differs.size))
+    return replace(
+        path, position=path.position + moved.position, speed=path.speed + moved.speed,
+        at_samples=path.at_samples + moved.at_samples,
+    )  # fmt: skip
+
+
+def _acts(candidate: Candidate, machine: Machine, record: Record, index: int, path: Path) -> Replayed:
+    return replay(
+        machine.friction,
+        candidate.effects,
+        path,
+        machine.plant.dead_time,
+        state=initial_state(candidate.layout, candidate.theta, index),
+        thrust_limit=machine.drive.rated_thrust,
+        start=held(record),
+    )
+
+
+def _net(candidate: Candidate, acts: Replayed) -> Array:
+    return acts.thrust - acts.friction + acts.force - offset(candidate.layout, candidate.theta)
+
+
+def _vibration(candidate: Candidate, force: Array, sample_time: float) -> Array:
+    """Motion (n,) [m] of the vibration modes that effects add, under the net force."""
+    total = np.zeros(len(force))
+    for effect in candidate.effects:
+        for mode in effect.modes():
+            total += modal(mode, force, sample_time)
+    return total
+
+
+def modal(mode: Mode, force: Array, sample_time: float) -> Array:
+    """Motion (n,) [m] of one vibration mode at the samples under a force (n, M) [N], from rest."""
+    from models.plant import Plant  # noqa: PLC0415
+
+    a, b, _ = discretised(Plant(0.0, 1.0, (mode,)), sample_time)
+    a, given = a[:2, :2], force @ b[:2].T
+    trace, determinant = a[0, 0] + a[1, 1], np.linalg.det(a)
+    entering = np.concatenate([[0.0], given[:-1, 0]])
+    entering[2:] += a[0, 1] * given[:-2, 1] - a[1, 1] * given[:-2, 0]
+    return np.asarray(lfilter([1.0], [1.0, -trace, determinant], entering))
+
+
+def nominal_slopes(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], seen: Sequence[Seen], walk: float = WALK
+) -> Array:
+    """How the whitened innovations of all records, one after another (n,), change with theta: (n, P)."""
+    machine, layout = candidate.machine, candidate.layout
+    model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
+    parts = []
+    for i, (record, path) in enumerate(zip(records, paths, strict=True)):
+        slopes = np.zeros((record.position.size, layout.count))
+        _plant_slopes(candidate, record, seen[i], model, slopes)
+        _force_slopes(candidate, machine, record, i, path, seen[i], model, slopes)
+        parts.append(slopes)
+    return np.concatenate(parts)
+
+
+def _plant_slopes(candidate: Candidate, record: Record, seen: Seen, model: Predictor, slopes: Array) -> None:
+    """By differences of the predictor; its gain stays, as any gain is a fair filter."""
+    layout, step = candidate.layout, 1e-4
+    reading = record.position - seen.acts.reading - _vibration(candidate, seen.force, record.sample_time)
+    start = np.zeros(model.C.size)
+    start[0] = reading[0]
+    names = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping")
+    for j in np.concatenate([layout.of(name) for name in names]):
+        theta = candidate.theta.copy()
+        theta[j] += step
+        a, b = model.A.copy(), model.B.copy()
+        size = 2 * len(layout.machine.plant.modes) + 1
+        a[:size, :size], b[:size], _ = discretised(applied(layout, theta).plant, record.sample_time)
+        moved = innovations(replace(model, A=a, B=b), seen.force, reading, start) / model.deviation
+        slopes[:, j] = (moved - seen.innovations) / step
+
+
+def _force_slopes(
+    candidate: Candidate,
+    machine: Machine,
+    record: Record,
+    index: int,
+    path: Smoothed,
+    seen: Seen,
+    model: Predictor,
+    slopes: Array,
+) -> None:
+    """Of what acts as a force; that of the friction is the elements' own, without effects on it: a fair slope."""
+    layout, shape = candidate.layout, seen.force.shape
+    k, limit = np.array(machine.friction.stiffness), np.array(machine.friction.limit)
+    points, z0 = path.path.position.ravel(), initial_state(layout, candidate.theta, index)
+    z = deflections(limit, points, z0)
+    inward = np.where(z0 > 0, -1e-3, 1e-3) * limit
+    by_start = (deflections(limit, points, z0 + inward) - z) / inward
+    by_limit = (deflections(limit * 1.001, points, z0) - z) / 1e-3
+    late = replay(
+        machine.friction, candidate.effects, path.path, machine.plant.dead_time + 1e-6,
+        state=z0, thrust_limit=machine.drive.rated_thrust, start=held(record),
+    )  # fmt: skip
+    own = layout.of("initial_friction_state").reshape(layout.records, -1)[index]
+    columns = {
+        int(layout.of("dead_time")[0]): (late.thrust - seen.acts.thrust) / 1e-6,
+        int(layout.of("amplifier_offset")[0]): -np.ones(shape),
+        int(layout.of("friction_level")[0]): -seen.acts.friction,
+    }
+    for i, (stiffness, limits, start) in enumerate(
+        zip(layout.of("presliding_stiffness"), layout.of("presliding_limit"), own, strict=True)
+    ):
+        columns[int(stiffness)] = -(k[i] * z[:, i]).reshape(shape)
+        columns[int(limits)] = -(k[i] * by_limit[:, i]).reshape(shape)
+        columns[int(start)] = -(k[i] * by_start[:, i]).reshape(shape)
+    slopes[:, list(columns)] = responses(model, np.stack(list(columns.values()), axis=2)) / model.deviation
+
+
+def columns(
+    candidate: Candidate,
+    trials: Sequence[Sequence[Effect]],
+    records: Sequence[Record],
+    paths: Sequence[Smoothed],
+    seen: Sequence[Seen],
+    walk: float = WALK,
+) -> Array:
+    """By how much the whitened innovations of all records, one after another, differ with each of the `trials` in place
+    of the candidate's effects, to first order: (n, trials)."""
+    machine = candidate.machine
+    model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
+    parts = []
+    for i, (record, path) in enumerate(zip(records, paths, strict=True)):
+        found = [
+            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, path, seen[i])
+            for trial in trials
+        ]
+        force, reading = (np.stack(signal, axis=-1) for signal in zip(*found, strict=True))
+        parts.append(responses(model, force, -reading if np.any(reading) else None) / model.deviation)
+    return np.concatenate(parts)
+
+
+def _differences(
+    other: Candidate, candidate: Candidate, machine: Machine, record: Record, index: int, path: Smoothed, seen: Seen
+) -> tuple[Array, Array]:
+    """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
+    acts = _acts(other, machine, record, index, path.path)
+    differs = acts.reading - seen.acts.reading
+    if np.any(differs != 0):
+        acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))
+        differs = acts.reading - seen.acts.reading
+    force = _net(other, acts)
+    if any(effect.modes() for effect in (*other.effects, *candidate.effects)):
+        differs = differs + _vibration(other, force, record.sample_time)
+        differs = differs - _vibration(candidate, seen.force, record.sample_time)
+    return force - seen.force, differs

@@ -1,0 +1,258 @@
+"""Every effect of the catalogue against what a fit leaves: one pass over grids of their shapes, by linear algebra.
+
+An effect's columns are what it would change of the innovations at a point of its grid. Columns and innovations are
+freed of all that the nominal parameters and the effects already in the model explain (with their priors); the rest is
+compared motion by motion, so that every fold of a cross-validation is small algebra on sums.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from diagnosis.fit import Fit, own_spread, weights
+from diagnosis.kalman import adjoint, predictor
+from diagnosis.residual import columns, noise
+from models.effects.base import Effect, parameters
+from models.effects.catalogue import every, in_order
+from models.record import Record
+
+Array = NDArray[np.float64]
+
+FOLDS: Final = 6
+POINTS: Final = 6  # of a grid over a shape of a decade or two
+BATCH: Final = 24  # columns that are filtered side by side
+PEAKS: Final = 4  # of a spectrum that are looked at
+UNSEEN: Final = ("scale_gain_error", "controller_mismatch", "timing_jitter")  # no column of force or reading shows them
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An effect at its best point of the grid; what it gains of chi-square on all motions, and on motions held out."""
+
+    effect: Effect
+    gain: float
+    held_out: float
+
+
+@dataclass(frozen=True)
+class Freed:
+    """What the model's own parameters do not explain: e (n,), the segment of every sample (n,), their folds, the basis
+    (n, B) of the own parameters and the Cholesky factor of its normal equations."""
+
+    e: Array
+    segment: NDArray[np.int64]
+    fold: NDArray[np.int64]
+    basis: Array
+    factor: tuple[Array, bool]
+
+    def __call__(self, given: Array) -> Array:
+        """Columns (n, k) freed likewise."""
+        return np.asarray(given - self.basis @ cho_solve(self.factor, self.basis.T @ given), float)
+
+
+def freed(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> Freed:
+    """The innovations of a fit, freed; segment (n,): the number of the motion that each sample belongs to."""
+    candidate = fitted.candidate
+    layout, theta = candidate.layout, candidate.theta
+    free = np.where(np.abs(theta) < 0.98 * layout.bound, layout.deviation, 0.0)  # what stands at its bound stays there
+    basis = np.hstack([fitted.slopes * free, fitted.own * own_spread(candidate.effects)])
+    factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
+    count = int(segment.max()) + 1
+    fold = np.random.default_rng(seed).permutation(count) % FOLDS
+    pull = np.concatenate([theta / layout.deviation, np.zeros(fitted.own.shape[1])]) * (np.any(basis != 0, axis=0))
+    e = fitted.innovations - basis @ cho_solve(factor, basis.T @ fitted.innovations + pull)
+    return Freed(e, segment, fold, basis, factor)
+
+
+def scan(
+    fitted: Fit,
+    records: Sequence[Record],
+    own: Freed,
+    left_out: Collection[str] = (),
+) -> list[Finding]:
+    """The catalogue's effects, each at the point of its grid that gains the most on held-out motions, best first."""
+    trials: list[Effect] = []
+    for name, kind in every().items():
+        if name not in left_out and name not in UNSEEN:
+            trials += grid(kind, fitted, records, own)
+    found: dict[str, Finding] = {}
+    for batch in _batched(trials):
+        for finding in _findings(batch, fitted, records, own):
+            name = finding.effect.name
+            if name not in found or finding.held_out > found[name].held_out:
+                found[name] = finding
+    return sorted(found.values(), key=lambda finding: -finding.held_out)
+
+
+def _batched(trials: Sequence[Effect]) -> Iterator[tuple[Effect, ...]]:
+    for i in range(0, len(trials), BATCH):
+        yield tuple(trials[i : i + BATCH])
+
+
+def _findings(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[Finding]:
+    variants = [variant for effect in batch for variant in quadratures(effect)]
+    added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
+    weight = weights(records)[:, None]
+    whole = own(columns(fitted.candidate, added, records, fitted.paths, fitted.seen, fitted.walk) * weight)
+    begin = 0
+    for effect in batch:
+        count = len(quadratures(effect))
+        yield judged(effect, whole[:, begin : begin + count], own)
+        begin += count
+
+
+def judged(effect: Effect, given: Array, own: Freed) -> Finding:
+    """The effect's amplitude by least squares, and its gains; given (n, k): its freed columns."""
+    grams, slopes = by_segment(given, own)
+    ridge = 1e-9 * np.trace(grams.sum(axis=0)) * np.eye(given.shape[1]) + np.eye(given.shape[1]) * 1e-12
+    total, slope = grams.sum(axis=0) + ridge, slopes.sum(axis=0)
+    best = -np.linalg.solve(total, slope)
+    if not _possible(effect, best):
+        return Finding(effect, 0.0, 0.0)
+    gain = float(-(2 * slope @ best + best @ total @ best))
+    held_out = 0.0
+    for fold in range(FOLDS):
+        inside = own.fold == fold
+        gram, by = grams[inside].sum(axis=0), slopes[inside].sum(axis=0)
+        trained = -np.linalg.solve(total - gram, slope - by)
+        held_out -= float(2 * by @ trained + trained @ gram @ trained)
+    return Finding(sized(effect, best), gain, held_out)
+
+
+def _possible(effect: Effect, factor: Array) -> bool:
+    """Whether the amplitude or width times this factor has a sign that the effect can have."""
+    if factor.size > 1:
+        return True
+    item = next(item for item in parameters(type(effect)) if item.role in {"amplitude", "width"})
+    return bool(factor[0] > 0 or item.low < 0)
+
+
+def by_segment(given: Array, own: Freed) -> tuple[Array, Array]:
+    """Gram matrices (segments, k, k) of columns (n, k) and their products (segments, k) with the innovations."""
+    count, k = own.fold.size, given.shape[1]
+    ends = np.concatenate([[0], np.flatnonzero(np.diff(own.segment)) + 1])
+    products = (given[:, :, None] * given[:, None, :]).reshape(-1, k * k)
+    grams, slopes = np.zeros((count, k, k)), np.zeros((count, k))
+    number = own.segment[ends]
+    np.add.at(grams, number, np.add.reduceat(products, ends).reshape(-1, k, k))
+    np.add.at(slopes, number, np.add.reduceat(given * own.e[:, None], ends))
+    return grams, slopes
+
+
+def quadratures(effect: Effect) -> tuple[Effect, ...]:
+    """The effect as it is, or with a phase the same at 0 and at a quarter turn; SI."""
+    phases = [item.name for item in parameters(type(effect)) if item.role == "phase"]
+    if not phases:
+        return (effect,)
+    return tuple(replace(effect, **{phases[0]: angle}) for angle in (0.0, np.pi / 2))
+
+
+def sized(effect: Effect, factor: Array) -> Effect:
+    """The effect with its amplitude or width times a factor (1,), or with a cosine and a sine part (2,); [1]."""
+    items = parameters(type(effect))
+    if factor.size == 2:
+        size = next(item.name for item in items if item.role == "amplitude")
+        angle = next(item.name for item in items if item.role == "phase")
+        c, s = factor
+        return replace(
+            effect,
+            **{size: getattr(effect, size) * float(np.hypot(c, s)), angle: float(np.arctan2(s, c) % (2 * np.pi))},
+        )
+    changed = {}
+    for item in items:
+        if item.role == "amplitude":
+            changed[item.name] = getattr(effect, item.name) * float(factor[0])
+        elif item.role == "width":
+            changed[item.name] = getattr(effect, item.name) * float(np.clip(factor[0], 0.3, 3.0))
+    return replace(effect, **changed)
+
+
+def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> list[Effect]:
+    """The effect at the points of its grid: shapes and widths spaced by logarithm, periods from spectra."""
+    typical = kind.typical()
+    spectra = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
+    if kind.name in spectra:
+        item = next(item for item in parameters(kind) if item.role in {"shape", "width"})
+        return [
+            replace(typical, **{item.name: period})
+            for period in spectra[kind.name](item.low, item.high, fitted, records, own)
+        ]
+    axes = []
+    for item in parameters(kind):
+        if item.role in {"shape", "width"}:
+            points = _points(item.name, item.low, item.high)
+            axes.append([(item.name, point) for point in points])
+    return [replace(typical, **dict(point)) for point in itertools.product(*axes)]
+
+
+def _points(name: str, low: float, high: float) -> Array:
+    many = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2, "reload": 2}.get(name, POINTS)
+    if name in {"length", "pitch"}:
+        return np.asarray(1 / np.linspace(1 / high, 1 / low, many))
+    return np.geomspace(low, high, many)
+
+
+def adjoints(fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[tuple[Record, Array, Array]]:
+    """For each record what any force (n,) and any reading (n,) would have in common with the innovations."""
+    machine = fitted.candidate.machine
+    model = predictor(
+        machine.plant, records[0].sample_time, walk=fitted.walk, noise=noise(machine), shaken=fitted.candidate.shaken
+    )
+    begin = 0
+    for record in records:
+        force, reading = adjoint(model, own.e[begin : begin + record.position.size])
+        begin += record.position.size
+        yield record, force.sum(axis=1), reading
+
+
+def _by_place(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
+    """Periods [m] at the peaks of the spectrum over position of the reading's error."""
+    spans = [(record.position, reading) for record, _, reading in adjoints(fitted, records, own)]
+    return peaks(spans, low, high)
+
+
+def _by_command(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
+    """Steps [N] at the peaks of the spectrum over command of the force's error."""
+    delay = round(fitted.candidate.machine.plant.dead_time / records[0].sample_time)
+    spans = []
+    for record, force, _ in adjoints(fitted, records, own):
+        late = np.concatenate([np.full(delay, record.command[0]), record.command])[: record.command.size]
+        spans.append((late, force))
+    return peaks(spans, low, high)
+
+
+def _by_time(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
+    """Frequencies [Hz] at the peaks of the spectrum over time of the force's error."""
+    spans = [
+        (np.arange(force.size, dtype=float) * record.sample_time, force)
+        for record, force, _ in adjoints(fitted, records, own)
+    ]
+    return [1 / period for period in peaks(spans, 1 / high, 1 / low)]
+
+
+def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float) -> list[float]:
+    """The periods between low and high at which sines of a coordinate agree the most with weights (n,), over all spans
+    [unit of the coordinate]."""
+    width = low / 8
+    extent = max(float(np.ptp(coordinate)) for coordinate, _ in spans)
+    count = int(2 ** np.ceil(np.log2(2 * max(extent, 2 * high) / width)))
+    power = np.zeros(count // 2 + 1)
+    for coordinate, weight in spans:
+        bins = np.floor((coordinate - coordinate.min()) / width).astype(int)
+        power += np.abs(np.fft.rfft(np.bincount(bins, weight, count))) ** 2
+    frequency = np.fft.rfftfreq(count, width)
+    inside = np.flatnonzero((frequency >= 1 / high) & (frequency <= 1 / low))
+    found: list[float] = []
+    for i in inside[np.argsort(-power[inside])]:
+        if all(abs(1 / frequency[i] - period) > 2e-3 * period for period in found):
+            found.append(float(1 / frequency[i]))
+        if len(found) == PEAKS:
+            break
+    return found

@@ -1,0 +1,162 @@
+"""Which effect: the catalogue's effects one after another into the model, each with all that is nominal re-fitted.
+
+Forwards: of the effects that gain more on held-out motions than any did where nothing was wrong, the most promising are
+fitted with everything else and the best is kept; then all are looked at again, because one effect can hide another.
+Backwards: an effect that the others make useless is taken out. A class of effects may have two members (two time
+constants) before a second class is looked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.fit import Fit, fit
+from diagnosis.initial import balanced, search
+from diagnosis.lateness import Lateness, lateness
+from diagnosis.nominal import Parameters
+from diagnosis.null import LEAST
+from diagnosis.residual import Candidate
+from diagnosis.scan import Finding, freed, scan
+from diagnosis.shaking import Shaking, shaking
+from models.effects.base import Effect
+from models.effects.catalogue import in_order
+from models.record import Record
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+LINE: Final = 40.0  # -2 log likelihood that a random force has to gain
+SHARE: Final = 0.04  # of what is above the floor that an effect has to gain
+MOST: Final = 3  # classes of effects in one answer
+TRIED: Final = 3  # findings that are fitted with everything else before one is chosen
+WORTH: Final = 0.25  # of the best finding's gain that another needs in order to be tried
+FORM: Final = 0.03  # of the first effect's gain that a further one needs: the first may have another form than its law
+STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
+
+
+AGAIN: Final = 3  # times that the starts are searched once more
+ENOUGH: Final = 20.0  # chi-square
+
+
+@dataclass(frozen=True)
+class Step:
+    """One stage of the search: the model as it was fitted, and what every effect would gain beside it."""
+
+    fitted: Fit
+    findings: tuple[Finding, ...]
+    shaking: Shaking
+    lateness: Lateness
+    rivals: tuple[tuple[str, float], ...] = ()  # effects that were tried for this stage, and the cost with each
+
+
+def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, ...] = ()) -> Fit:
+    """The nominal parameters fitted, from a disturbance that forgives much to one that forgives little."""
+    candidate = Candidate(layout, balanced(layout, records), effects)
+    fitted: Fit | None = None
+    for walk, iterations in STEPS:
+        paths = fitted.paths if fitted else None
+        fitted = fit(candidate, records, paths=paths, iterations=iterations, walk=walk)
+        if walk != STEPS[-1][0]:
+            candidate = search(fitted, records)
+    assert fitted is not None
+    for _ in range(AGAIN):
+        better = fit(search(fitted, records), records, paths=fitted.paths, iterations=4, walk=fitted.walk)
+        if fitted.cost - better.cost < ENOUGH:
+            break
+        fitted = better
+    return fitted
+
+
+def search_effects(
+    nominal: Fit,
+    records: Sequence[Record],
+    segment: NDArray[np.int64],
+    thresholds: Mapping[str, float],
+    floor: float,
+    left_out: Collection[str] = (),
+    say: Callable[[str], None] = lambda _: None,
+) -> tuple[Step, ...]:
+    """The stages of the search: the nominal re-fit first, then with one effect more each time.
+
+    floor: chi-square that a complete model leaves. An effect that takes off a few per cent of what is above it names
+    nothing.
+    """
+    steps = [_step(nominal, records, segment, left_out)]
+    while True:
+        here = steps[-1]
+        strong = _strong(steps, thresholds, floor)
+        shaken = here.shaking
+        if _shakes(here, strong, thresholds, left_out):
+            say(f"fitting a random force about {shaken.resonance.frequency:.3g} Hz")
+            candidate = replace(here.fitted.candidate, shaken=(*here.fitted.candidate.shaken, shaken.resonance))
+            fitted = fit(candidate, records, paths=here.fitted.paths, iterations=4, walk=here.fitted.walk)
+            steps.append(_step(fitted, records, segment, left_out))
+            continue
+        if not strong:
+            return tuple(steps)
+        say(f"fitting {', '.join(finding.effect.name for finding in strong)} with all that is nominal")
+        fits = [_with(here.fitted, finding.effect, records) for finding in strong]
+        best = min(fits, key=lambda fitted: fitted.cost)
+        gained = here.fitted.cost - best.cost
+        names = {effect.name for effect in best.candidate.effects}
+        if gained < LEAST or len(names) > MOST or len(best.candidate.effects) > MOST + 2:
+            return tuple(steps)
+        rivals = [(finding.effect.name, fitted.cost) for finding, fitted in zip(strong, fits, strict=True)]
+        step = _step(best, records, segment, left_out)
+        steps.append(replace(step, rivals=tuple(sorted(rivals, key=lambda rival: rival[1]))))
+
+
+def _step(fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64], left_out: Collection[str]) -> Step:
+    own = freed(fitted, segment)
+    return Step(
+        fitted,
+        tuple(scan(fitted, records, own, left_out)),
+        shaking(fitted, records, own),
+        lateness(fitted, records),
+    )
+
+
+def _shakes(here: Step, strong: Sequence[Finding], thresholds: Mapping[str, float], left_out: Collection[str]) -> bool:
+    """Whether a random force is the next to go into the model."""
+    if "floor_vibration" in left_out or len(here.fitted.candidate.shaken) >= MOST:
+        return False
+    best = strong[0].held_out if strong else 0.0
+    return here.shaking.gain > max(thresholds.get("floor_vibration", LINE), LINE, WORTH * best)
+
+
+def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floor: float) -> list[Finding]:
+    """The findings to be tried next: above their thresholds, above the form error of what is in the model already."""
+    here = steps[-1]
+    names = {effect.name for effect in here.fitted.candidate.effects}
+    gained = steps[0].fitted.cost - here.fitted.cost
+    members = {name: sum(e.name == name for e in here.fitted.candidate.effects) for name in names}
+    above = float(here.fitted.innovations @ here.fitted.innovations) - floor
+    allowed = []
+    for finding in here.findings:
+        name = finding.effect.name
+        needed = max(thresholds.get(name, LEAST), FORM * gained if name not in names else LEAST, SHARE * above)
+        if finding.held_out > needed and members.get(name, 0) < 2:
+            allowed.append(finding)
+    if not allowed:
+        return []
+    own = [finding for finding in allowed if finding.effect.name in names]
+    if own and own[0].held_out > 0.5 * allowed[0].held_out:
+        return own[:1]
+    return [finding for finding in allowed[:TRIED] if finding.held_out > WORTH * allowed[0].held_out]
+
+
+def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
+    candidate = replace(fitted.candidate, effects=in_order((*fitted.candidate.effects, effect)))
+    return fit(candidate, records, paths=fitted.paths, iterations=8, walk=fitted.walk)
+
+
+def without(fitted: Fit, index: int, records: Sequence[Record]) -> Fit:
+    """The fit with the effect of this index taken out, everything else fitted again."""
+    effects = fitted.candidate.effects
+    candidate = replace(fitted.candidate, effects=(*effects[:index], *effects[index + 1 :]))
+    return fit(candidate, records, paths=fitted.paths, iterations=4, walk=fitted.walk)

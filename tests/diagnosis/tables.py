@@ -1,0 +1,79 @@
+"""Simulated tables for the tests of the diagnosis: short schedules, nominal values off by their tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.experiments import (
+    Schedule,
+    amplitude_ladder,
+    dwell_sweep,
+    multisine,
+    sequence,
+    strokes,
+    together,
+)
+from diagnosis.nominal import applied, bounded, parameters
+from models.controller import Controller, References
+from models.effects.base import Effect
+from models.machine import Machine, load
+from models.record import Record
+from models.simulator import simulate
+
+LEAD = 0.5  # s of rest before a record
+
+
+def table() -> Machine:
+    """The paper's table with a scale that is as noisy as a good one."""
+    machine = load()
+    return replace(machine, scale=replace(machine.scale, resolution=1e-7, noise=3e-8))
+
+
+def short(machine: Machine) -> Schedule:
+    """Some of everything in twelve seconds."""
+    return together(
+        "short",
+        [
+            amplitude_ladder(machine, (5e-6, 20e-6, 100e-6)),
+            dwell_sweep(machine, (0.06, 0.3, 0.9)),
+            multisine(machine, duration=1.5),
+            strokes(machine, 2e-3, (0.01,)),
+            strokes(machine, 45e-3, (0.2,), passes=2),
+        ],
+    )
+
+
+def schedules(machine: Machine) -> tuple[Schedule, ...]:
+    """One pass of the sequence, and some of everything."""
+    return sequence(machine, repeats=1), short(machine)
+
+
+def recorded(
+    machine: Machine, plan: Sequence[Schedule], effects: Sequence[Effect] = (), *, seed: int, wrong: float = 1.0
+) -> tuple[Record, ...]:
+    """Records of a table whose nominal values are off by `wrong` times their tolerances [1], with effects."""
+    layout = parameters(machine, 1)
+    rng = np.random.default_rng(seed)
+    theta = bounded(layout, wrong * layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
+    truth = replace(applied(layout, theta), effects=tuple(effects))
+    limit = np.array(truth.friction.limit)
+    control = machine.control
+    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
+    lead = np.zeros(round(LEAD / machine.sample_time))
+    made = []
+    for i, schedule in enumerate(plan):
+        signals = (schedule.given.position, schedule.given.feedforward, schedule.given.compensation)
+        given = References(*(np.concatenate([lead, signal]) for signal in signals))
+        run = simulate(
+            truth,
+            controller,
+            np.concatenate([lead, schedule.target]),
+            given=given,
+            seed=100 * seed + i,
+            initial_friction=rng.uniform(-0.6, 0.6, limit.size) * limit,
+        )
+        made.append(run.record.last(schedule.target.size))
+    return tuple(made)

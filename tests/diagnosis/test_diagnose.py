@@ -1,0 +1,80 @@
+"""The whole diagnosis on simulated tables: an effect, two, wrong nominal values, nothing wrong, one without a name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, diagnose, to_json
+from models.effects.base import Effect
+from models.effects.friction import FrictionRelaxation, ViscousFriction
+from models.effects.motor import Cogging
+from models.record import Record
+from tests.diagnosis.tables import recorded, schedules, table
+
+MACHINE = table()
+PLAN = schedules(MACHINE)
+RELAXATION = FrictionRelaxation(0.15, 0.2, 0.25)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("null")
+
+
+def _found(cache: Path, effects: Sequence[Effect], seed: int, wrong: float = 1.0, **options: object) -> Diagnosis:
+    records = recorded(MACHINE, PLAN, effects, seed=seed, wrong=wrong)
+    return diagnose(MACHINE, records, cache=cache, **options)  # type: ignore[arg-type]
+
+
+def test_one_effect_is_named_with_its_size_and_closes_the_gap(cache: Path) -> None:
+    found = _found(cache, [ViscousFriction(40.0)], 1)
+    assert (found.outcome, found.effects) == (ATTRIBUTED, ("viscous_friction",))
+    row = to_json(found)["which"][0]
+    drag = row["parameters"]["coefficient"]
+    assert abs(drag["value"] - 40.0) < 4 * drag["std"] + 0.02 * 40.0
+    assert found.how_far.closure > 0.9
+    assert found.how_far.interval[0] <= found.how_far.closure <= found.how_far.interval[1]
+
+
+def test_two_effects_are_both_named(cache: Path) -> None:
+    found = _found(cache, [RELAXATION, Cogging(1.5, 0.035, 1.0)], 2)
+    assert found.outcome == ATTRIBUTED
+    assert set(found.effects) == {"friction_relaxation", "cogging"}
+
+
+def test_wrong_nominal_values_are_called_so(cache: Path) -> None:
+    found = _found(cache, [], 3)
+    assert found.outcome == PARAMETERS
+    assert found.how_far.to_json()["gap_refitted"]["force_N"] < found.how_far.to_json()["gap_as_delivered"]["force_N"]
+
+
+def test_nothing_is_found_where_nothing_is_wrong(cache: Path) -> None:
+    found = _found(cache, [], 4, wrong=0.0)
+    assert found.outcome == NOTHING
+    assert found.effects == ()
+
+
+def test_an_effect_that_may_not_be_used_leaves_a_gap_without_a_name(cache: Path) -> None:
+    found = _found(cache, [RELAXATION], 5, disabled=("friction_relaxation",))
+    assert found.outcome == NONE
+    assert found.effects == ()
+
+
+def test_a_controller_that_does_not_replay_is_named(cache: Path) -> None:
+    records = recorded(MACHINE, PLAN, seed=6)
+    pid = MACHINE.control.pid
+    other = replace(MACHINE, control=replace(MACHINE.control, pid=replace(pid, kp=1.05 * pid.kp)))
+    found = diagnose(other, records, cache=cache)
+    assert "controller_mismatch" in found.effects
+
+
+def test_the_answer_is_the_same_each_time(cache: Path) -> None:
+    records: tuple[Record, ...] = recorded(MACHINE, PLAN, [ViscousFriction(40.0)], seed=1)
+    first, again = (to_json(diagnose(MACHINE, records, cache=cache)) for _ in range(2))
+    assert np.array_equal(first["how_far"]["closure_interval"], again["how_far"]["closure_interval"])
+    assert first == again

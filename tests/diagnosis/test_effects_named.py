@@ -1,0 +1,53 @@
+"""Every effect of the catalogue, put into a simulated table whose nominal values are off: does the scan name it?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from diagnosis.fit import fit
+from diagnosis.initial import balanced, search
+from diagnosis.motions import numbered, pieces
+from diagnosis.nominal import parameters
+from diagnosis.residual import Candidate
+from diagnosis.scan import UNSEEN, freed, scan
+from models.effects.base import Effect
+from models.effects.base import parameters as parameters_of
+from models.effects.catalogue import every
+from tests.diagnosis.tables import recorded, short, table
+
+SEVERITIES = (0.5, 1.0, 2.0)  # of the typical amplitude or width
+ALIKE = {  # what a record as short as this can't tell apart, with why
+    "cogging": {"thrust_ripple", "cable_spring"},  # hardly a period, and thrust in proportion to place
+    "thrust_ripple": {"cogging"},
+    "dwell_breakaway": {"friction_relaxation"},  # three dwells
+}
+MACHINE = table()
+PLAN = (short(MACHINE),)
+
+
+def _sized(name: str, factor: float) -> Effect:
+    effect = every()[name].typical()
+    sizes = {
+        item.name: factor * getattr(effect, item.name)
+        for item in parameters_of(type(effect))
+        if item.role in {"amplitude", "width"}
+    }
+    return replace(effect, **sizes)
+
+
+@pytest.mark.parametrize("name", [name for name in every() if name not in UNSEEN])
+def test_the_effect_that_is_in_the_table_is_the_strongest_finding(name: str) -> None:
+    first = []
+    for seed, severity in enumerate(SEVERITIES):
+        records = recorded(MACHINE, PLAN, [_sized(name, severity)], seed=10 + seed)
+        layout = parameters(MACHINE, 1)
+        start = fit(Candidate(layout, balanced(layout, records)), records, iterations=3, walk=1e-2)
+        fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=4e-3)
+        findings = scan(fitted, records, freed(fitted, numbered(pieces(records), records)))
+        if findings[0].held_out > 20:
+            first.append(findings[0].effect.name)
+    assert first, "no severity is seen at all"
+    assert set(first) <= {name, *ALIKE.get(name, ())}
+    assert name in first
