@@ -1,0 +1,127 @@
+"""The answer in three sentences: where, which, how far; made of results.json's numbers alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from models.quantity import show
+
+Results = Mapping[str, Any]
+
+
+def sentences(results: Results) -> dict[str, str]:
+    """Where, which and how far, each in one sentence, and the outcome in a few words."""
+    return {
+        "outcome": _outcome(results["verdict"]),
+        "where": _where(results["where"]),
+        "which": _which(results),
+        "how_far": _how_far(results["verdict"], results["how_far"]),
+    }
+
+
+def words(name: str) -> str:
+    """The name of an effect or a parameter in words."""
+    return name.replace("_", " ")
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """Names in words, the last two joined by `last`."""
+    shown = [words(name) for name in names]
+    return f" {last} ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+
+
+def _outcome(verdict: Results) -> str:
+    return {
+        "attributed": f"Attributed to {listed(verdict['effects'])}",
+        "ambiguous": f"Either {listed(_rivals(verdict), 'or')}",
+        "none_of_these": "No effect of the catalogue explains it",
+        "nothing_to_explain": "Nothing to explain",
+        "parameters": f"Nominal values are off: {listed(verdict['effects'])}",
+    }[verdict["outcome"]]
+
+
+def _rivals(verdict: Results) -> Sequence[str]:
+    """The names of which an ambiguous verdict can't tell one from another."""
+    return list(verdict["equivalent"][0]) if verdict["equivalent"] else list(verdict["effects"])
+
+
+def _where(where: Results) -> str:
+    """What does not replay, the size of the force, and on what it depends or else where it lies."""
+    told = [text for text in where["statements"] if "did not make" in text]
+    size, *rest = [text for text in where["statements"] if text not in told]
+    depends = [text for text in rest if " explains " in text and not text.startswith("No ")]
+    return " ".join([*told[:1], size, *(depends or rest)[:1]])
+
+
+def _which(results: Results) -> str:
+    verdict = results["verdict"]
+    outcome, names = verdict["outcome"], verdict["effects"]
+    if outcome == "nothing_to_explain":
+        return "The machine file explains the records as it is: no effect is missing, as far as they can show."
+    if outcome == "parameters":
+        return f"Nominal values are off, {listed(names)}; re-fitted within their tolerances, no effect is missing."
+    if outcome == "none_of_these":
+        return (
+            "No effect of the catalogue, alone or with others, explains it within its prior range: something else is "
+            "at work."
+        )
+    rows = {row["effect"]: row for row in results["which"]}
+    shown = [f"{words(name)}{_parameters(rows.get(name))}" for name in names]
+    if outcome == "ambiguous":
+        return f"It is {' and '.join(shown)}, or else what these records cannot tell from it: {_others(verdict)}."
+    return f"It is {' and '.join(shown)}."
+
+
+def _others(verdict: Results) -> str:
+    """The rivals of those that are in the model."""
+    return listed([name for name in _rivals(verdict) if name not in verdict["effects"]] or _rivals(verdict), "or")
+
+
+def _parameters(row: Results | None) -> str:
+    """The fitted values in brackets; phases are left to the table."""
+    if row is None or not row["parameters"]:
+        return ""
+    shown = [f"{words(name)} {_value(item)}" for name, item in sorted(row["parameters"].items()) if name != "phase"]
+    return f" ({', '.join(shown)})"
+
+
+def _value(item: Results) -> str:
+    spread = f" ± {show(item['std'], item['unit'], 2)}" if item["std"] is not None else ""
+    return f"{show(item['value'], item['unit'], 3)}{spread}"
+
+
+def _how_far(verdict: Results, far: Results) -> str:
+    floor = far["floor"]
+    if verdict["outcome"] == "nothing_to_explain":
+        return (
+            f"As delivered the model leaves {_gap(far['gap_as_delivered'])} of position; a table that is exactly the "
+            f"model would leave {_gap(floor)}."
+        )
+    if verdict["outcome"] == "parameters":
+        moved = _from_to(far["gap_as_delivered"], far["gap_refitted"])
+        return f"The re-fit takes it {moved}; the floor is {_gap(floor)}."
+    low, high = far["closure_interval"]
+    if verdict["outcome"] == "none_of_these":
+        return (
+            f"The best that the catalogue can do closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "
+            f"{100 * high:.0f} %) of what separates the re-fitted model from its floor on motions left out, too little "
+            f"for a name; the re-fitted model leaves {_gap(far['gap_refitted'])} of position, its floor is "
+            f"{_gap(floor)}."
+        )
+    moved = _from_to(far["gap_refitted"], far["gap_after"])
+    return (
+        f"On motions left out this closes {100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of what "
+        f"separates the re-fitted model from its floor: {moved}; the floor is {_gap(floor)}."
+    )
+
+
+def _from_to(before: Results, after: Results) -> str:
+    return (
+        f"from {show(before['force_N'], 'N', 3)} to {show(after['force_N'], 'N', 2)} of unknown force, from "
+        f"{show(before['position_m'], 'm', 3)} to {show(after['position_m'], 'm', 2)} of position"
+    )
+
+
+def _gap(gap: Results) -> str:
+    return f"{show(gap['force_N'], 'N', 2)} and {show(gap['position_m'], 'm', 2)}"

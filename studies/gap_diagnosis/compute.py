@@ -1,0 +1,179 @@
+"""Records diagnosed: verdict, where, which, how far; what they cannot tell; the improved machine; what to run next."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnose import diagnose as diagnosis_of
+from diagnosis.diagnose import to_json as verdict_of
+from diagnosis.evidence import Evidence, evidence
+from diagnosis.experiments import to_csv
+from diagnosis.motions import Piece
+from diagnosis.where_json import pictures
+from models.effects.base import parameters
+from models.effects.catalogue import every
+from models.machine import Machine
+from models.machine_file import to_toml
+from models.record import Record
+from studies.command import Answer, Check, Progress
+from studies.gap_diagnosis import own_records
+from studies.gap_diagnosis.answer import sentences
+from studies.gap_diagnosis.improved import improved
+from studies.gap_diagnosis.records import disabled, loaded
+
+CACHE: Final = Path("reports/out/.null")  # thresholds of a machine and a schedule, kept from run to run
+CLOSED: Final = 0.9  # of the gap that the effect put into own records has to close
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is diagnosed: the machine, the records with their names and what is to be said of each, and, of own ones,
+    the effect that is in them."""
+
+    machine: Machine
+    records: tuple[Record, ...]
+    shown: tuple[Mapping[str, Any], ...]
+    truth: Mapping[str, Any] | None
+
+
+def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+    """Answers the study's question. Raises BadInputError for records or options that can't be used."""
+    unused = disabled(options.disable)
+    given = _given(machine, options, progress)
+    found = diagnosis_of(
+        given.machine,
+        given.records,
+        seed=options.seed,
+        disabled=unused,
+        progress=lambda share, text: progress(0.05 + 0.6 * share, text),
+        cache=CACHE,
+    )
+    progress(0.7, "where the gap lies, and what these records cannot tell")
+    beside = evidence(
+        found.nominal,
+        found.records,
+        found.pieces,
+        found.outcome,
+        found.effects,
+        found.equivalent,
+        disabled=unused,
+        seed=options.seed,
+    )
+    better = improved(found, [str(one["name"]) for one in given.shown])
+    adopted = [effect.name for effect in better.effects]
+    results = {**_results(found, beside, given, quick=options.quick), "adopted": adopted}
+    files = {"improved.toml": to_toml(better)}
+    if beside.proposal is not None:
+        files["next_experiment.csv"] = to_csv(beside.proposal.schedule, given.machine.sample_time)
+    summary = [
+        (part.replace("_", " "), text)
+        for part, text in results["answer"].items()
+        if part in {"where", "which", "how_far"}
+    ]
+    return Answer(results, tuple(_checks(found, given)), files, summary)
+
+
+def _given(machine: Machine, options: argparse.Namespace, progress: Progress) -> Given:
+    if options.record:
+        progress(0.01, "reading " + ", ".join(path.name for path in options.record))
+        found = loaded(machine, options)
+        records = tuple(one.content for one in found if isinstance(one.content, Record))
+        return Given(
+            machine, records, tuple(_shown(one.name, one.sha256, one.content, one.findings) for one in found), None
+        )
+    progress(0.01, "simulating a table that has an effect which its model lacks")
+    made = own_records.made(machine, options.seed, quick=options.quick)
+    names = ("simulated suite",) if len(made.records) == 1 else ("simulated sequence", "simulated suite")
+    shown = tuple(
+        _shown(name, f"none, seed {options.seed}", record, ()) for name, record in zip(names, made.records, strict=True)
+    )
+    size = {
+        item.name: {"value": getattr(made.effect, item.name), "unit": item.unit}
+        for item in parameters(type(made.effect))
+    }
+    return Given(made.machine, made.records, shown, {"effect": made.effect.name, "parameters": size})
+
+
+def _shown(name: str, sha256: str, record: Any, findings: Sequence[str]) -> dict[str, Any]:
+    return {
+        "name": Path(name).name,
+        "sha256": sha256,
+        "samples": record.position.size,
+        "sample_time_s": record.sample_time,
+        "findings": list(findings),
+    }
+
+
+def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -> dict[str, Any]:
+    """The keys that others rely on, and what the report is made from."""
+    more, plain = beside.to_json(), verdict_of(found)
+    verdict = {**plain["verdict"], **more["verdict"]}
+    results = {
+        **plain,
+        "verdict": verdict,
+        "where": more["where"],
+        "confusability": more["confusability"],
+        "quick": quick,
+        "truth": given.truth,
+        "records": _with_motions(given.shown, found.pieces),
+        "shifts": _shifts(found),
+        "catalogue": {name: _entry(name) for name in every()},
+        "pictures": pictures(beside.where, found.nominal.candidate.machine, found.records, found.pieces),
+        "next": _next(beside, given.machine),
+    }
+    return {**results, "answer": sentences(results)}
+
+
+def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -> list[dict[str, Any]]:
+    counts = [sum(piece.record == i and piece.kind != "rest" for piece in pieces) for i in range(len(shown))]
+    return [{**one, "motions": count} for one, count in zip(shown, counts, strict=True)]
+
+
+def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
+    """By how many deviations of its tolerance the re-fit moved each kind of nominal value at most; starts left out."""
+    layout, theta = found.nominal.candidate.layout, found.nominal.candidate.theta
+    rows = []
+    for name in dict.fromkeys(layout.names):
+        if name != "initial_friction_state":
+            moved = theta[layout.of(name)] / layout.deviation[layout.of(name)]
+            rows.append({"name": name, "moved": float(moved[abs(moved).argmax()]), "values": int(moved.size)})
+    return rows
+
+
+def _entry(name: str) -> dict[str, Any]:
+    kind = every()[name]
+    doc = (kind.__doc__ or "").strip().splitlines()[0]
+    return {"family": kind.family, "equation": kind.equation, "meaning": doc}
+
+
+def _next(beside: Evidence, machine: Machine) -> dict[str, Any] | None:
+    """The proposed references, thinned for a figure."""
+    if beside.proposal is None:
+        return None
+    given = beside.proposal.schedule.given
+    step = max(given.position.size // 2000, 1)
+    return {
+        "name": beside.proposal.schedule.name,
+        "duration_s": given.position.size * machine.sample_time,
+        "time_s": [machine.sample_time * i for i in range(0, given.position.size, step)],
+        "reference_m": given.position[::step].tolist(),
+        "feedforward_N": (given.feedforward + given.compensation)[::step].tolist(),
+    }
+
+
+def _checks(found: Diagnosis, given: Given) -> list[Check]:
+    """Of own records: that the effect in them is named, and closes the gap. Of others the truth is not known."""
+    if given.truth is None:
+        return []
+    name = given.truth["effect"]
+    place = found.effects.index(name) + 1 if name in found.effects else len(every())
+    title = name.replace("_", " ")
+    return [
+        Check(f"place of {title} among the effects named", float(place), "1", 1.0, "the simulated table has it"),
+        Check(f"share of the gap that {title} closes", found.how_far.closure, "1", CLOSED, "on motions left out", ">="),
+    ]

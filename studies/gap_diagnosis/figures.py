@@ -1,0 +1,267 @@
+"""The figures of a diagnosis, each from what results.json holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+from numpy.typing import NDArray
+
+from reports import style
+from studies.gap_diagnosis.answer import words
+
+Results = Mapping[str, Any]
+Array = NDArray[np.float64]
+
+MOST = 12  # bars of a figure that names effects
+LIGHT = "#c9dbe8"  # a band or an area that stays light in print
+
+
+def waterfall(whole: Results) -> Drawing:
+    """Force, position and settling stage by stage, with floor and ceiling."""
+    far, where = whole["results"]["how_far"], whole["results"]["where"]["details"]
+    stages = far["stages"]
+    names = [words(stage["added"]) if i < 2 else f"with {words(stage['added'])}" for i, stage in enumerate(stages)]
+    figure, axes = style.subplots(1, 3, 62, sharey=True)
+    parts = (
+        ("force_N", 1.0, "unknown force [N]"),
+        ("position_m", 1e6, "position [µm]"),
+        ("settling_s", 1e3, "settling [ms]"),
+    )
+    rows = np.arange(len(stages))[::-1]
+    for ax, (key, factor, label) in zip(axes[0], parts, strict=True):
+        values = [np.nan if stage[key] is None else factor * stage[key] for stage in stages]
+        ax.barh(rows, np.nan_to_num(values), height=0.6, facecolor=LIGHT, edgecolor=style.BLUE)
+        for row, value in zip(rows, values, strict=True):
+            text = "–" if np.isnan(value) else f"{float(f'{value:.2g}'):g}"
+            ax.annotate(
+                text, (np.nan_to_num(value), row), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7
+            )
+        if far["floor"][key] is not None:
+            ax.axvline(
+                factor * far["floor"][key], color=style.LIMIT, linestyle=(0, (4, 2)), linewidth=1.0, label="floor"
+            )
+        largest = float(np.nanmax([*values, 0.0]))
+        ax.set_xlim(0, 1.25 * largest if largest > 0 else 1.0)
+        ax.set_xlabel(label)
+        ax.grid(axis="y", visible=False)
+    ceiling = where["ceiling"]["force_N"]
+    axes[0, 0].axvline(ceiling, color=style.VERMILION, linestyle=(0, (1, 1.2)), linewidth=1.2, label="flexible curves")
+    axes[0, 0].set_yticks(rows, names)
+    axes[0, 0].legend(loc="lower right", fontsize=6.5)
+    return figure
+
+
+def force(whole: Results) -> Drawing:
+    """The unknown force over each record: slow with its band, fast as its extremes, and the reference."""
+    records = whole["results"]["pictures"]["force"]
+    names = [record["name"] for record in whole["results"]["records"]]
+    figure, axes = style.subplots(2 * len(records), 1, 60 * len(records) + 10, height_ratios=[3, 1.2] * len(records))
+    for i, (one, name) in enumerate(zip(records, names, strict=True)):
+        ax, below = axes[2 * i, 0], axes[2 * i + 1, 0]
+        time, slow, band = np.array(one["time_s"]), np.array(one["slow_N"]), 1.96 * one["slow_deviation_N"]
+        ax.fill_between(
+            time, one["fast_low_N"], one["fast_high_N"], facecolor="#dddddd", edgecolor="none",
+            label=f"fast, its extremes (band ± {1.96 * one['fast_deviation_N']:.2g} N)",
+        )  # fmt: skip
+        ax.fill_between(time, slow - band, slow + band, facecolor="#7fb2d6", edgecolor="none", label="slow, 95 % band")
+        ax.plot(time, slow, color=style.BLUE, linewidth=0.8, linestyle="-", label="slow")
+        ax.set_title(name)
+        ax.set_ylabel("$d$ [N]")
+        ax.tick_params(labelbottom=False)
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=6.5)
+        below.plot(time, 1e3 * np.array(one["reference_m"]), color=style.BLACK, linewidth=0.8, linestyle="-")
+        below.set_ylabel("$x_T^*$ [mm]")
+        for part in (ax, below):
+            part.set_xlim(0, time[-1])
+        below.set_xlabel("time [s]")
+    return figure
+
+
+def courses(whole: Results) -> Drawing:
+    """The force over the motions that hold most of it."""
+    rows = whole["results"]["pictures"]["courses"]
+    figure, axes = style.subplots(2, len(rows), 80, height_ratios=[3, 1.2], sharex="col")
+    for i, row in enumerate(rows):
+        ax, below = axes[0, i], axes[1, i]
+        time, mean = 1e3 * np.array(row["time_s"]), np.array(row["force_N"])
+        spread = np.array(row["scatter_N"]) if row["motions"] > 1 else np.full(mean.size, 1.96 * row["deviation_N"])
+        label = f"scatter of {row['motions']}" if row["motions"] > 1 else "95 % band"
+        ax.fill_between(time, mean - spread, mean + spread, facecolor=LIGHT, edgecolor="none", label=label)
+        ax.plot(time, mean, color=style.BLUE, linestyle="-", label="mean" if row["motions"] > 1 else "$d$")
+        ax.set_title(row["name"].replace(" at about", "\nat about"))
+        ax.legend(loc="best")
+        size = float(np.ptp(row["reference_m"]))
+        factor, unit = (1e3, "mm") if size > 1e-3 else (1e6, "µm")
+        below.plot(time, factor * np.array(row["reference_m"]), color=style.BLACK, linestyle="-")
+        below.set_ylabel(f"[{unit}]")
+        below.set_xlabel("time [ms]")
+    axes[0, 0].set_ylabel("$d$ [N]")
+    return figure
+
+
+def maps(whole: Results) -> Drawing:
+    """Kinds of motion against phases: the force's size, and its share of the energy as a number."""
+    table = whole["results"]["where"]["details"]["motion_by_phase"]
+    time, size, share = (np.array(table[key]) for key in ("time", "rms_N", "share"))
+    used, seen = np.flatnonzero(time.sum(axis=1) > 0), np.flatnonzero(time.sum(axis=0) > 0)
+    pick = np.ix_(used, seen)
+    shown = np.where(time[pick] > 0, size[pick], np.nan)
+    figure, axes = style.subplots(1, 1, 18 + 8 * len(used))
+    ax = axes[0, 0]
+    image = ax.imshow(shown, aspect="auto", cmap="Blues", vmin=0)
+    for row, column in np.ndindex(shown.shape):
+        if np.isfinite(shown[row, column]):
+            dark = shown[row, column] > 0.6 * np.nanmax(shown)
+            ax.text(column, row, _percent(float(share[pick][row, column])), ha="center", va="center", fontsize=7,
+                    color="white" if dark else "black")  # fmt: skip
+    ax.set_yticks(range(len(used)), [table["motions"][i] for i in used])
+    ax.set_xticks(range(len(seen)), [table["phases"][i] for i in seen], rotation=30)
+    ax.grid(visible=False)
+    figure.colorbar(image, ax=ax, label="force, rms [N]")
+    return figure
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.01 else f"{100 * share:.1f} %"
+
+
+def coordinates(whole: Results) -> Drawing:
+    """What each coordinate explains on motions left out, and the curve of the best that has one."""
+    rows = whole["results"]["where"]["details"]["coordinates"]
+    figure, axes = style.subplots(1, 2, 70, width_ratios=[1.3, 1])
+    ax, curve = axes[0]
+    place = np.arange(len(rows))[::-1]
+    share, low, high = (np.array([row[key] for row in rows]) for key in ("share", "low", "high"))
+    ax.barh(place, share, height=0.6, facecolor=LIGHT, edgecolor=style.BLUE)
+    ax.errorbar(share, place, xerr=[np.maximum(share - low, 0), np.maximum(high - share, 0)], fmt="none",
+                ecolor=style.BLACK, elinewidth=0.8, capsize=2)  # fmt: skip
+    turning = np.array([row["turning"] for row in rows])
+    ax.plot(turning, place, linestyle="none", marker="D", markersize=3.5, color=style.VERMILION, label="turning alone")
+    names = [words(row["name"]) + (f" {1e3 * row['pitch_m']:.3g} mm" if row["pitch_m"] else "") for row in rows]
+    ax.set_yticks(place, [f"{name}, p = {row['p']:.2g}" for name, row in zip(names, rows, strict=True)])
+    ax.set_xlim(0, 1)
+    ax.set_xlabel("share of variance, motions left out")
+    ax.grid(axis="y", visible=False)
+    ax.legend(loc="lower right")
+    best = next((row for row in rows if len(row["knots"]) > 2), rows[0])
+    _curve(curve, best)
+    return figure
+
+
+def _curve(ax: Any, row: Results) -> None:
+    """The curve over a coordinate at its knots, evenly spaced where they span decades."""
+    knots = np.array(row["knots"])
+    positive = knots[knots > 0]
+    even = positive.size > 3 and knots.max() / positive.min() > 100
+    at = np.arange(knots.size) if even else knots
+    ax.plot(at, row["curve"], marker="o", label="either direction")
+    if row["turned"]:
+        ax.plot(at, row["turned"], marker="s", label="turning")
+        ax.legend()
+    if even:
+        ax.set_xticks(at, [f"{knot:.2g}" for knot in knots], rotation=90)
+    ax.set_xlabel(f"{words(row['name'])} [{row['unit']}]")
+    ax.set_ylabel("$d$ [N]")
+
+
+def spectra(whole: Results) -> Drawing:
+    """Power density of the fast force over frequency, and what sines of the place take, over their period."""
+    pictures = whole["results"]["pictures"]
+    figure, axes = style.subplots(1, 2, 60)
+    ax, place = axes[0]
+    line = pictures["spectrum"]
+    ax.loglog(line["frequency_Hz"], line["force_N2_per_Hz"], label="unknown force, fast")
+    ax.loglog(
+        line["frequency_Hz"], line["noise_N2_per_Hz"], color=style.LIMIT, linestyle=(0, (4, 2)), label="of noise alone"
+    )
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_ylabel("power density [N$^2$/Hz]")
+    ax.legend()
+    periods = pictures["periods"]
+    if periods is None:
+        place.text(0.5, 0.5, "the table moved too little\nfor a period over position", ha="center", va="center",
+                   transform=place.transAxes)  # fmt: skip
+        place.set_axis_off()
+    else:
+        place.semilogx(1e3 * np.array(periods["period_m"]), periods["share"])
+        longest = 1e3 * max(periods["period_m"])
+        ticks = [tick for tick in (3, 5, 10, 20, 30, 50, 70) if tick <= 1.01 * longest]
+        place.set_xticks(ticks, [str(tick) for tick in ticks])
+        place.minorticks_off()
+        place.set_xlabel("period over position [mm]")
+        place.set_ylabel("share of variance taken")
+        place.set_ylim(0)
+    return figure
+
+
+def gains(whole: Results) -> Drawing:
+    """What effects gain of chi-square on motions left out, beside their thresholds; those named are marked."""
+    results = whole["results"]
+    named = set(results["verdict"]["effects"])
+    rows = [row for row in results["which"] if row["held_out_gain"] is not None][:MOST]
+    figure, axes = style.subplots(1, 1, 12 + 5.5 * max(len(rows), 4))
+    ax = axes[0, 0]
+    place = np.arange(len(rows))[::-1]
+    least = 1.0
+    for row, at in zip(rows, place, strict=True):
+        inside = row["effect"] in named
+        ax.barh(at, max(row["held_out_gain"], least), height=0.6, facecolor=LIGHT if not inside else style.SKY,
+                edgecolor=style.BLUE, hatch="////" if inside else "")  # fmt: skip
+        ax.plot([row["threshold"]] * 2, [at - 0.38, at + 0.38], color=style.VERMILION, linestyle="-", linewidth=1.6)
+    ax.plot([], [], color=style.VERMILION, linestyle="-", linewidth=1.6, label="threshold")
+    ax.bar(0, 0, facecolor=style.SKY, edgecolor=style.BLUE, hatch="////", label="in the answer")
+    ax.set_xscale("log")
+    ax.set_xlim(least)
+    ax.set_yticks(place, [words(row["effect"]) for row in rows])
+    ax.set_xlabel("gain of chi-square on motions left out")
+    ax.grid(axis="y", visible=False)
+    ax.legend(loc="lower right")
+    return figure
+
+
+def confusable(whole: Results) -> Drawing:
+    """How much of each effect's mark the others can't make, along these records; what can't be told apart is marked."""
+    found = whole["results"]["confusability"]
+    names = [words(name) for name in found["names"]]
+    distance = np.array([[np.inf if item is None else item for item in row] for row in found["distance"]], float)
+    near = float(np.sqrt(found["threshold"]))
+    figure, axes = style.subplots(1, 1, 135)
+    ax = axes[0, 0]
+    alone = np.diag(distance)
+    known = np.isfinite(distance) & (alone[:, None] > 0)
+    left = np.divide(distance, alone[:, None], out=np.ones_like(distance), where=known)
+    image = ax.imshow(np.clip(left, 0, 1), cmap="Greys_r", vmin=0, vmax=1, aspect="auto")
+    look: dict[str, Any] = {"markersize": 4, "color": style.VERMILION, "linestyle": "none"}
+    for row, column in np.argwhere(distance < near):
+        if row == column:
+            ax.plot(column, row, marker="o", **look)
+        elif distance[row, row] >= near:
+            ax.plot(column, row, marker="x", **look)
+    ax.set_yticks(range(len(names)), names, fontsize=6.5)
+    ax.set_xticks(range(len(names)), names, rotation=90, fontsize=6.5)
+    ax.set_ylabel("is there, at its typical size")
+    ax.set_xlabel("is fitted instead, with all that is nominal")
+    ax.grid(visible=False)
+    figure.colorbar(image, ax=ax, label="part of the row's mark that the column's can't make [1]")
+    return figure
+
+
+def next_run(whole: Results) -> Drawing:
+    """The references of the proposed experiment."""
+    run = whole["results"]["next"]
+    figure, axes = style.subplots(2, 1, 62, sharex=True)
+    size = float(np.ptp(run["reference_m"]))
+    factor, unit = (1e3, "mm") if size > 1e-3 else (1e6, "µm")
+    _line(axes[0, 0], run["time_s"], factor * np.array(run["reference_m"]), f"$x_T^*$ [{unit}]")
+    _line(axes[1, 0], run["time_s"], run["feedforward_N"], "feedforward [N]")
+    axes[1, 0].set_xlabel("time [s]")
+    return figure
+
+
+def _line(ax: Any, time: Sequence[float], values: Any, label: str) -> None:
+    ax.plot(time, values, linewidth=0.8, linestyle="-")
+    ax.set_ylabel(label)
+    ax.set_xlim(0, time[-1])

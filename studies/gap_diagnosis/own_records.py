@@ -1,0 +1,67 @@
+"""Records of a simulated table with an effect that its model lacks: what a user would measure, with the answer known.
+
+The table's nominal values are off by their tolerances, its friction begins anywhere, its scale is noisy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis import experiments
+from diagnosis.experiments import Schedule
+from diagnosis.nominal import bounded, parameters
+from diagnosis.null import simulated
+from diagnosis.residual import Candidate
+from models.effects.base import Effect
+from models.effects.friction import FrictionRelaxation
+from models.machine import Machine
+from models.record import Record
+
+
+@dataclass(frozen=True)
+class Made:
+    """The machine that is diagnosed, the records, and the effect that is in them at its typical size."""
+
+    machine: Machine
+    records: tuple[Record, ...]
+    effect: Effect
+
+
+def made(machine: Machine, seed: int, *, quick: bool) -> Made:
+    """Records of a table like the machine; quick: short ones."""
+    scale = machine.scale
+    known = replace(machine, effects=(), scale=replace(scale, noise=scale.noise or 0.3 * scale.resolution))
+    effect = FrictionRelaxation.typical()
+    schedules = _schedules(known, quick=quick)
+    layout = parameters(known, len(schedules))
+    draw = np.random.default_rng([seed, 7])
+    theta = bounded(layout, layout.deviation * np.clip(draw.standard_normal(layout.count), -2, 2))
+    truth = Candidate(layout, theta, (effect,))
+    records = tuple(simulated(truth, _template(known, one), i, 100 * seed + i) for i, one in enumerate(schedules))
+    return Made(known, records, effect)
+
+
+def _schedules(machine: Machine, *, quick: bool) -> tuple[Schedule, ...]:
+    if not quick:
+        return experiments.sequence(machine), experiments.suite(machine)
+    short = [
+        experiments.amplitude_ladder(machine, (5e-6, 20e-6, 100e-6)),
+        experiments.dwell_sweep(machine, (0.1, 0.5)),
+        experiments.strokes(machine, 20e-3, (0.12,)),
+    ]
+    return (experiments.together("short suite", short),)
+
+
+def _template(machine: Machine, planned: Schedule) -> Record:
+    """The references of a schedule as a record whose measured signals are still empty."""
+    nothing, given = np.zeros(planned.target.size), planned.given
+    return Record(
+        machine.sample_time,
+        planned.target,
+        given.position,
+        given.feedforward + given.compensation,
+        nothing,
+        nothing,
+    )

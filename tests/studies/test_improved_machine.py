@@ -1,0 +1,53 @@
+"""A machine file with named effects in it, as gap_diagnosis writes one, is a machine to every study that designs."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from models.machine import DEFAULT
+from studies.command import CHECK_MISSED, DONE, main
+
+EFFECTS = """
+[effects.viscous_friction]
+coefficient = { value = "40 N s/m", source = "identified: gap_diagnosis" }
+
+[[effects.gain_asymmetry]]
+asymmetry = "0.01"
+"""
+
+
+@pytest.fixture(scope="module")
+def improved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The default table with effects; fewer and shorter motions, so that the studies are quick."""
+    text = DEFAULT.read_text(encoding="utf-8")
+    text = re.sub(r"(motions = \{ value = )\d+", r"\g<1>2", text)
+    text = re.sub(r'(interval = \{ value = )"[^"]*"', r'\1"0.1 s"', text)
+    file = tmp_path_factory.mktemp("improved") / "machine.toml"
+    file.write_text(text + EFFECTS, encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("pid_tradeoff", []),
+        ("response_variation", []),
+        ("trajectory_optimisation", ["--objective", "peak_thrust", "--tables", "1"]),
+    ],
+)
+def test_a_study_takes_it(name: str, options: list[str], improved: Path, tmp_path: Path) -> None:
+    """Aims may be missed: they are not those of this table."""
+    study = import_module(f"studies.{name}.__main__").STUDY
+    common = ["--quick", "--no-report", "--machine", str(improved), "--output", str(tmp_path)]
+    assert main(study, [*common, *options]) in {DONE, CHECK_MISSED}
+    machine = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["machine"]
+    assert machine["effects"] == {
+        "viscous_friction": {"coefficient_Ns_per_m": 40.0},
+        "gain_asymmetry": {"asymmetry": 0.01},
+    }
+    assert "[effects.viscous_friction]" in (tmp_path / "machine.toml").read_text(encoding="utf-8")
