@@ -1,0 +1,1 @@
+"""How often is the diagnosis right when the effect is withheld?"""

@@ -1,0 +1,101 @@
+"""The answerer's process: a case a line in, an answer a line out; it can't open the key nor the sealer's code.
+
+Reads lines of JSON on stdin: first {"forbidden"}, then for each case {"records", "nominal", "disabled", "seed",
+"diagnosis", "baselines", "cache"}; writes one line of JSON a case on stdout.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import traceback
+from importlib import import_module
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from studies.blind_trial.guard import forbid
+
+
+def answer(task: dict[str, Any]) -> dict[str, Any]:
+    """The diagnosis of a case, in the names of results.json, with the seconds that it took."""
+    from models import nominal, record_file
+
+    diagnosis = import_module(task["diagnosis"])
+    machine = nominal.load(Path(task["nominal"]))
+    records = [record_file.load(Path(file)).content for file in task["records"]]
+    given: dict[str, Any] = {"seed": task["seed"], "disabled": tuple(task["disabled"]), "progress": None}
+    if task.get("cache") and "cache" in signature(diagnosis.diagnose).parameters:
+        given["cache"] = Path(task["cache"])  # thresholds that follow from the machine and the schedule alone
+    begin = time.perf_counter()
+    found = diagnosis.diagnose(machine, records, **given)
+    whole = diagnosis.to_json(found)
+    if task["diagnosis"] == "diagnosis.diagnose":
+        whole = _with_evidence(found, whole, task["disabled"])
+    seconds = time.perf_counter() - begin
+    answered = {part: whole.get(part) for part in ("verdict", "where", "which", "how_far")} | {"seconds": seconds}
+    if task.get("baselines"):
+        answered["baselines"] = _beside(found, task["disabled"])
+    return answered
+
+
+def _with_evidence(found: Any, whole: dict[str, Any], disabled: list[str]) -> dict[str, Any]:
+    """The answer with where the gap lies, what the records cannot tell, and what to run next."""
+    evidence = import_module("diagnosis.evidence").evidence(
+        found.nominal,
+        found.records,
+        found.pieces,
+        found.outcome,
+        found.effects,
+        found.equivalent,
+        disabled=disabled,
+    )
+    beside = evidence.to_json()
+    return {**whole, "where": beside["where"], "verdict": {**whole["verdict"], **beside["verdict"]}}
+
+
+def _beside(found: Any, disabled: list[str]) -> dict[str, Any] | None:
+    """What simpler methods answer; None, with the reason on stderr, where they can't: the answer stands without."""
+    try:
+        answers: dict[str, Any] = import_module("studies.blind_trial.baselines").answers(found, disabled)
+    except Exception:
+        traceback.print_exc()
+        return None
+    return answers
+
+
+def guarded(task: dict[str, Any], refused: list[str]) -> dict[str, Any]:
+    """The answer, or what went wrong instead; an attempt to look at what is sealed spoils the answer."""
+    try:
+        found = answer(task)
+    except Exception as error:
+        traceback.print_exc()
+        found = failed(f"{type(error).__name__}: {' '.join(str(error).split())[:300]}")
+    return failed(f"refused: {refused[0]}") | {"refused": refused} if refused else found
+
+
+def failed(why: str) -> dict[str, Any]:
+    """What stands for an answer where there is none."""
+    return {
+        "verdict": {"outcome": "failed", "effects": [], "equivalent": []},
+        "where": None,
+        "which": [],
+        "how_far": None,
+        "seconds": None,
+        "error": why,
+    }
+
+
+def main() -> None:
+    """Locks the door, then answers until its input ends."""
+    refused = forbid(json.loads(sys.stdin.readline())["forbidden"])
+    out, sys.stdout = sys.stdout, sys.stderr  # whatever the diagnosis prints is no answer
+    from studies.command import plain
+
+    for line in sys.stdin:
+        print(json.dumps(plain(guarded(json.loads(line), refused))), file=out, flush=True)
+
+
+if __name__ == "__main__":
+    main()

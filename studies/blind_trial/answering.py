@@ -1,0 +1,154 @@
+"""Every case of a pack answered, over the cores or a cluster; what is answered is kept at once and not done again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from studies.blind_trial.asking import ask, end_with
+from studies.blind_trial.guard import SEALER_FOLDER
+from studies.blind_trial.packs import Case, Pack
+from studies.command import BadInputError, plain
+
+ROOT: Final = Path(__file__).parents[2]
+DIAGNOSIS: Final = "diagnosis.diagnose"
+SOURCES: Final = ("models", "diagnosis")
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How cases are answered.
+
+    forbidden: files that no answerer may open; diagnosis: the module that diagnoses; baselines: whether they answer
+    too; cache: a folder for what cases of one schedule share; program: what tells this program from another (empty:
+    the sources of models and diagnosis).
+    """
+
+    seed: int = 0
+    forbidden: tuple[Path, ...] = ()
+    diagnosis: str = DIAGNOSIS
+    baselines: bool = False
+    cache: Path | None = None
+    program: str = ""
+
+
+Task = tuple[Case, Conditions]
+
+
+def answer_case(case: Case, conditions: Conditions) -> dict[str, Any]:
+    """One answer, from a process that can open neither the key nor the sealer's code."""
+    task = {
+        "records": [str(file.resolve()) for file in case.records],
+        "nominal": str(case.nominal.resolve()),
+        "disabled": list(case.disabled),
+        "seed": conditions.seed,
+        "diagnosis": conditions.diagnosis,
+        "baselines": conditions.baselines,
+        "cache": None if conditions.cache is None else str(conditions.cache.resolve()),
+    }
+    return ask(task, tuple(str(file.resolve()) for file in (*conditions.forbidden, SEALER_FOLDER)))
+
+
+def fingerprint(case: Case, conditions: Conditions) -> str:
+    """SHA-256 over what an answer follows from: the case, the seed, and the program that diagnoses."""
+    made = [case.fingerprint(), str(conditions.seed), conditions.diagnosis, str(conditions.baselines)]
+    made.append(conditions.program or program())
+    return hashlib.sha256(" ".join(made).encode()).hexdigest()
+
+
+def program() -> str:
+    """SHA-256 over the sources of models and diagnosis."""
+    digest = hashlib.sha256()
+    for file in sorted(
+        one for folder in SOURCES for one in (ROOT / folder).rglob("*") if one.suffix in (".py", ".toml")
+    ):
+        digest.update(file.relative_to(ROOT).as_posix().encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def answer_all(
+    pack: Pack,
+    file: Path,
+    conditions: Conditions,
+    progress: Callable[[float, str], None],
+    scheduler: str | None = None,
+    jobs: int = -1,
+) -> dict[str, Any]:
+    """The answers to all cases, also in `file` after each; those that it holds already, to the same records by the
+    same program, are taken from it. scheduler: address of a Dask cluster that sees the same folders. jobs: processes.
+    """
+    from joblib import Parallel, delayed
+
+    marks = {case.name: fingerprint(case, conditions) for case in pack.cases}
+    answers = {name: one for name, one in read_answers(file).items() if name in marks and one.get("of") == marks[name]}
+    left = [case for case in pack.cases if case.name not in answers]
+    if len(left) < len(pack.cases):
+        progress(len(answers) / len(pack.cases), f"{len(answers)} cases answered before are kept")
+    with _workers(scheduler):
+        stream = Parallel(n_jobs=jobs, return_as="generator_unordered")(
+            delayed(_named_answer)(case, conditions) for case in left
+        )
+        for name, found in stream:
+            answers[name] = {**found, "of": marks[name]}
+            write_answers(file, answers)
+            progress(len(answers) / len(pack.cases), f"{name}: {(found.get('verdict') or {}).get('outcome')}")
+    return {name: answers[name] for name in sorted(answers)}
+
+
+def _named_answer(case: Case, conditions: Conditions) -> tuple[str, dict[str, Any]]:
+    return case.name, answer_case(case, conditions)
+
+
+@contextmanager
+def _workers(scheduler: str | None) -> Iterator[None]:
+    """Processes of this machine, or the workers of a Dask cluster. Raises BadInputError where there is none."""
+    from joblib import parallel_config
+
+    if scheduler is None:
+        with parallel_config(backend="loky", initializer=end_with, initargs=(os.getpid(),), idle_worker_timeout=20):
+            yield
+        return
+    try:
+        client = import_module("distributed").Client(scheduler, timeout=5)
+    except (OSError, ValueError) as error:
+        raise BadInputError(
+            f"--scheduler {scheduler}: no Dask scheduler answers there; start one, or leave it out"
+        ) from error
+    try:
+        with parallel_config(backend="dask"):
+            yield
+    finally:
+        client.close()
+
+
+def read_answers(file: Path) -> dict[str, Any]:
+    """What is answered already; nothing for a file that is not there or is none."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return {name: one for name, one in content.items() if isinstance(one, dict)} if isinstance(content, dict) else {}
+
+
+def write_answers(file: Path, answers: Mapping[str, Any]) -> None:
+    """Puts the answers in place in one step: whenever this is killed, the file holds the old ones or the new."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=".answers-", dir=file.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            json.dump(plain({key: answers[key] for key in sorted(answers)}), stream, indent=1, sort_keys=True)
+            stream.write("\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+        Path(name).replace(file)
+    finally:
+        Path(name).unlink(missing_ok=True)

@@ -1,0 +1,152 @@
+"""What simpler methods answer to the same records, from the same nominal re-fit: the diagnosis has to beat them.
+
+refit_only         the nominal parameters re-fitted, nobody named
+aic_forward        effects of the catalogue added one by one while Akaike's criterion falls: no thresholds from a
+                   simulated null, nothing held out, no test whether the answer is adequate
+sparse_regression  the unknown force on a library of functions of time, position, speed and command by sequentially
+                   thresholded least squares (SINDy: Brunton, Proctor and Kutz 2016, PNAS 113), as pysindy does it
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.diagnose import Diagnosis
+from diagnosis.fit import weights
+from diagnosis.motions import numbered
+from diagnosis.residual import columns
+from diagnosis.scan import Freed, freed, quadratures
+from diagnosis.where_force import SLOW, unknown
+from models.effects.base import parameters
+from models.effects.catalogue import every, in_order
+from models.record import Record
+
+Array = NDArray[np.float64]
+
+MOST: Final = 3  # effects in an answer
+LEFT: Final = 1.0  # of the innovations' variance over the noise's from which on something is missing
+PITCHES: Final = (8e-3, 15e-3, 30e-3, 60e-3)  # [m]
+STRIBECK: Final = 2e-3  # [m/s]
+THRESHOLDS: Final = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)  # of the unknown force's deviation
+RIDGE: Final = 0.03  # of the samples' number; functions of place are nearly alike
+EXPLAINED: Final = 0.1  # of the unknown force's variance, held out, from which on names are given
+
+
+def catalogue() -> tuple[str, ...]:
+    """The names of the catalogue."""
+    return tuple(every())
+
+
+def answers(found: Diagnosis, disabled: Collection[str]) -> dict[str, Any]:
+    """What each baseline answers to a case that was diagnosed, as {"verdict"}; its seed and records are the same."""
+    missing = float(np.mean(np.square(found.nominal.innovations))) > LEFT
+    return {
+        "refit_only": _verdict((), missing),
+        "aic_forward": _verdict(_aic(found, disabled), missing),
+        "sparse_regression": _verdict(_sparse(found, disabled), missing),
+    }
+
+
+def _verdict(names: Sequence[str], missing: bool) -> dict[str, Any]:
+    outcome = "attributed" if names else "none_of_these" if missing else "parameters"
+    return {"verdict": {"outcome": outcome, "effects": list(names), "equivalent": []}}
+
+
+def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
+    """Names in the order in which Akaike's criterion takes them; every effect at the shape that fits alone best."""
+    own = freed(found.nominal, _segments(found))
+    findings = [one for one in found.steps[0].findings if one.effect.name not in disabled and one.gain > 0]
+    blocks = [_columns(found, own, one.effect) for one in findings]
+    if not blocks:
+        return ()
+    whole, owner = np.hstack(blocks), np.repeat(np.arange(len(blocks)), [block.shape[1] for block in blocks])
+    gram, slope = whole.T @ whole, whole.T @ own.e
+    prices = [2.0 * len(parameters(type(one.effect))) for one in findings]
+    chosen: list[int] = []
+    for _ in range(MOST):
+        falls = {
+            k: _gain(gram, slope, np.isin(owner, [*chosen, k])) - sum(prices[i] for i in (*chosen, k))
+            for k in range(len(blocks))
+            if k not in chosen
+        }
+        here = _gain(gram, slope, np.isin(owner, chosen)) - sum(prices[i] for i in chosen)
+        best = max(falls, key=lambda k: falls[k], default=None)
+        if best is None or falls[best] <= here:
+            break
+        chosen.append(best)
+    return tuple(findings[k].effect.name for k in chosen)
+
+
+def _gain(gram: Array, slope: Array, inside: NDArray[np.bool_]) -> float:
+    """By how much chi-square falls with these columns."""
+    part = gram[np.ix_(inside, inside)]
+    return float(slope[inside] @ np.linalg.lstsq(part, slope[inside], rcond=None)[0]) if inside.any() else 0.0
+
+
+def _segments(found: Diagnosis) -> NDArray[np.int64]:
+    return numbered(found.pieces, found.records)
+
+
+def _columns(found: Diagnosis, own: Freed, effect: Any) -> Array:
+    """What the effect changes of the innovations, freed of the nominal parameters (n, k)."""
+    fitted = found.nominal
+    variants = [in_order((*fitted.candidate.effects, variant)) for variant in quadratures(effect)]
+    given = columns(fitted.candidate, variants, found.records, fitted.paths, fitted.seen, fitted.walk)
+    return own(given * weights(found.records)[:, None])
+
+
+def _sparse(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
+    """The classes of the functions that thresholded least squares keeps, by what they explain."""
+    from pysindy import STLSQ
+
+    force = np.concatenate(unknown(found.nominal, found.records, SLOW).values)
+    library = [_library(one, seen) for one, seen in zip(found.records, found.nominal.paths, strict=True)]
+    names = [name for name in library[0] if name not in disabled]
+    whole = np.hstack([np.concatenate([one[name] for one in library]) for name in names])
+    owner = np.repeat(names, [library[0][name].shape[1] for name in names])
+    size = whole.std(axis=0)
+    keep = size > 0
+    whole, owner, scale = whole[:, keep] / size[keep], owner[keep], float(force.std()) or 1.0
+    whole, force = whole - whole.mean(axis=0), (force - force.mean()) / scale
+    train = _segments(found) % 2 == 0
+    best, least = np.zeros(owner.size), float(np.mean(force[~train] ** 2))
+    for threshold in THRESHOLDS:
+        fitted = STLSQ(threshold=threshold, alpha=RIDGE * np.count_nonzero(train)).fit(whole[train], force[train, None])
+        weight = np.asarray(fitted.coef_).ravel()
+        rest = float(np.mean((force[~train] - whole[~train] @ weight) ** 2))
+        if rest < least:
+            best, least = weight, rest
+    if least > (1 - EXPLAINED) * float(np.mean(force[~train] ** 2)):
+        return ()
+    shares = {name: float(np.mean((whole[:, owner == name] @ best[owner == name]) ** 2)) for name in names}
+    strong = sorted((name for name in names if shares[name] > 0), key=lambda name: -shares[name])
+    return tuple(strong[:MOST])
+
+
+def _library(record: Record, seen: Any) -> Mapping[str, Array]:
+    """Functions (n, k) that an effect of each name would show as: of time, position, speed and command."""
+    x, v, u = seen.path.at_samples, seen.path.speed.mean(axis=1), record.command
+    t = np.arange(x.size) * record.sample_time
+    turn = np.tanh(v / 1e-4)
+    waves = np.stack([wave(2 * np.pi * x / pitch) for pitch in PITCHES for wave in (np.sin, np.cos)], axis=1)
+    jerk = np.gradient(u, record.sample_time)
+    functions = {
+        "viscous_friction": v,
+        "stribeck": turn * np.exp(-np.abs(v) / STRIBECK),
+        "directional_friction": np.abs(turn),
+        "position_dependent_friction": turn[:, None] * waves,
+        "friction_drift": turn * t,
+        "cogging": waves,
+        "thrust_ripple": u[:, None] * waves,
+        "gain_asymmetry": np.abs(u),
+        "thrust_saturation": u**3,
+        "current_loop_lag": jerk,
+        "amplifier_deadband": np.tanh(u),
+        "cable_spring": x,
+        "scale_drift": t,
+    }
+    return {name: np.reshape(one, (x.size, -1)) for name, one in functions.items()}

@@ -1,0 +1,278 @@
+"""The trial: a pack sealed or given, every case answered behind a closed door, the key opened, the answers scored."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from models.machine import Machine
+from studies.blind_trial import answering
+from studies.blind_trial import figures_of_merit as merit
+from studies.blind_trial.answering import Conditions, answer_all
+from studies.blind_trial.guard import SEALER_FOLDER, leaks, shared_code
+from studies.blind_trial.packs import Pack, open_key, read_pack
+from studies.blind_trial.scoring import OUTCOMES, KeyFileError, Label, Score, groups_of, label_of, score
+from studies.blind_trial.sealing import SEALING, Sealed, places, seal
+from studies.command import Answer, BadInputError, Check, Progress
+
+ROOT: Final = Path(__file__).parents[2]
+DIAGNOSIS: Final = answering.DIAGNOSIS
+CACHE: Final = Path("reports/out/.null")  # thresholds of a machine and a schedule, which the diagnosis keeps
+DEFAULT: Final = 60
+QUICK: Final = 4
+SOURCE: Final = "what the trial is to reach"
+NOT_SHARED: Final = ("models", "design", "diagnosis")
+BASELINES: Final = ("refit_only", "aic_forward", "sparse_regression")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What there is to answer: the pack, the key if there is one, second measurements, and what no one may open."""
+
+    pack: Pack
+    key: Path | None
+    again: Pack | None
+    forbidden: tuple[Path, ...]
+
+
+def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+    """Answers a pack and, with its key, scores the answers. Raises BadInputError.
+
+    The machine is the pack's nominal one, which the answerers read for themselves.
+    """
+    del machine
+    for name in ("machine", "controller"):
+        if getattr(options, name) is not None:
+            raise BadInputError(f"--{name}: a trial runs on the nominal.json of its pack; leave it out")
+    output = options.output or Path("reports/out/blind_trial")
+    trial = _trial(options, output, progress)
+    scored = trial.key is not None
+    conditions = Conditions(
+        options.seed if options.pack is None else 0,
+        trial.forbidden,
+        DIAGNOSIS,
+        baselines=scored and DIAGNOSIS == answering.DIAGNOSIS,  # they begin with what the project's own diagnosis finds
+        cache=CACHE,
+    )
+    begin = SEALING if options.pack is None else 0.0
+
+    def tell(share: float, text: str) -> None:
+        progress(begin + (0.95 - begin) * share, text)
+
+    answers = answer_all(trial.pack, output / "answers.json", conditions, tell, options.scheduler)
+    results: dict[str, Any] = {
+        "quick": options.quick,
+        "scored": scored,
+        "own": options.pack is None,
+        "seed": options.seed,
+        "cases": len(answers),
+        "outcomes": {name: sum(_outcome(one) == name for one in answers.values()) for name in OUTCOMES},
+        "seconds": _seconds(answers),
+    }
+    bodies = open_key(trial.key, trial.pack) if trial.key is not None else {}
+    labels = _labels(bodies)
+    again = _again(trial, labels, answers, output, conditions, options.scheduler) if scored else {}
+    results |= _scored(labels, answers, again)
+    results["forms"] = _forms(bodies)
+    results["guards"] = _guards(trial, labels, answers)
+    if not scored:
+        results["table"] = [_row(name, one) for name, one in answers.items()]
+    checks = _checks(results, quick=options.quick)
+    return Answer(results, tuple(checks), {"answers.json": answers}, tuple(_summary(results)))
+
+
+def _trial(options: argparse.Namespace, output: Path, progress: Progress) -> Trial:
+    """The pack to answer, sealed for the purpose unless one is given."""
+    if options.pack is not None:
+        if options.cases is not None:
+            raise BadInputError("--cases: a given --pack has its own; leave one of them out")
+        if options.key is not None and not options.key.is_file():
+            raise BadInputError(f"--key {options.key}: is no file; give the key of this pack, or leave it out")
+        forbidden = () if options.key is None else (options.key, *places(output).forbidden)
+        return Trial(read_pack(options.pack), options.key, None, forbidden)
+    if options.key is not None:
+        raise BadInputError("--key: opens a given pack; give --pack too, or leave it out")
+    cases = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
+    if cases < 1:
+        raise BadInputError(f"--cases {cases}: is less than 1; give a number of cases")
+    sealed: Sealed = seal(cases, options.seed, output, progress)
+    again = read_pack(sealed.again) if any(sealed.again.glob("case-*")) else None
+    return Trial(read_pack(sealed.pack), sealed.key, again, (*sealed.forbidden, sealed.again))
+
+
+def _labels(bodies: Mapping[str, str]) -> dict[str, Label]:
+    """What proven bodies say. Raises BadInputError."""
+    from studies.blind_trial.baselines import catalogue
+
+    try:
+        return {case: label_of(case, body, catalogue()) for case, body in bodies.items()}
+    except KeyFileError as error:
+        raise BadInputError(f"--key: {error}") from error
+
+
+def _forms(bodies: Mapping[str, str]) -> list[dict[str, Any]]:
+    """How the sealer formed each effect, where the bodies tell."""
+    found: dict[str, dict[str, Any]] = {}
+    for body in bodies.values():
+        for one in json.loads(body).get("effects", ()):
+            if isinstance(one, dict) and {"name", "form", "size", "unit"} <= set(one):
+                found.setdefault(one["name"], {name: one[name] for name in ("name", "form", "size", "unit")})
+    return [found[name] for name in sorted(found)]
+
+
+def _again(
+    trial: Trial,
+    labels: Mapping[str, Label],
+    answers: Mapping[str, Any],
+    output: Path,
+    conditions: Conditions,
+    scheduler: str | None,
+) -> dict[str, Any]:
+    """Closure found on a second measurement, with the interval stated from the first, where both name the effect."""
+    if trial.again is None:
+        return {"count": 0, "inside": merit.Rate(0, 0).plain(), "pairs": []}
+    once = replace(conditions, forbidden=trial.forbidden[:-1], baselines=False)
+    second = answer_all(trial.again, output / "sealed" / "answers_again.json", once, lambda *_: None, scheduler)
+    pairs: list[dict[str, Any]] = []
+    for case, one in second.items():
+        first, then = score(labels[case], answers[case]), score(labels[case], one)
+        if first.right and then.right and first.interval is not None and then.closure is not None:
+            low, high = first.interval
+            pairs.append({"case": case, "low": low, "high": high, "then": then.closure})
+    inside = merit.rate_of([pair["low"] <= pair["then"] <= pair["high"] for pair in pairs])
+    return {"count": len(pairs), "inside": inside.plain(), "pairs": pairs}
+
+
+def _outcome(answer: Mapping[str, Any]) -> str:
+    outcome = (answer.get("verdict") or {}).get("outcome")
+    return str(outcome) if outcome in OUTCOMES else "failed"
+
+
+def _seconds(answers: Mapping[str, Any]) -> dict[str, float | None]:
+    """Wall-clock time of a diagnosis [s], two or more of them side by side."""
+    taken = [float(one["seconds"]) for one in answers.values() if one.get("seconds") is not None]
+    if not taken:
+        return {"median": None, "slowest": None, "total": None}
+    return {"median": float(np.median(taken)), "slowest": max(taken), "total": sum(taken)}
+
+
+def _scored(labels: Mapping[str, Label], answers: Mapping[str, Any], again: Mapping[str, Any]) -> dict[str, Any]:
+    """All that the key shows; empty, with the same keys, where there is none."""
+    scores = [score(label, answers[case]) for case, label in labels.items()]
+    return {
+        "rates": {name: rate.plain() for name, rate in merit.rates(scores).items()},
+        "severity": merit.by_severity(scores),
+        "closure": merit.closures(scores),
+        "again": again,
+        "calibration": {
+            "first": merit.calibration(merit.statements(answers, scores, first=True)),
+            "all": merit.calibration(merit.statements(answers, scores, first=False)),
+        },
+        "confusion": merit.confusion(scores),
+        "baselines": _baselines(labels, answers),
+        "table": [_row(one.label.case, answers[one.label.case], one) for one in scores],
+    }
+
+
+def _baselines(labels: Mapping[str, Label], answers: Mapping[str, Any]) -> dict[str, Any]:
+    """The same rates for what other methods answer; none where they did not answer."""
+    found: dict[str, Any] = {}
+    for name in BASELINES:
+        beside = {case: (answers[case].get("baselines") or {}).get(name) for case in labels}
+        scores = [score(label, one) for case, label in labels.items() if (one := beside[case])]
+        if scores:
+            found[name] = {kind: rate.plain() for kind, rate in merit.rates(scores).items()}
+    return found
+
+
+def _row(case: str, answer: Mapping[str, Any], one: Score | None = None) -> dict[str, Any]:
+    """One case in the table of all cases."""
+    far = answer.get("how_far") or {}
+    verdict = answer.get("verdict") or {}
+    row = {
+        "case": case,
+        "outcome": _outcome(answer),
+        "named": [list(group) for group in groups_of(verdict)],
+        "closure": far.get("closure"),
+        "interval": far.get("closure_interval"),
+        "seconds": answer.get("seconds"),
+        "error": answer.get("error"),
+    }
+    if one is None:
+        return row
+    sealed = one.label
+    return row | {
+        "kind": sealed.kind,
+        "names": list(sealed.names),
+        "severity": sealed.severity,
+        "distance": sealed.distance,
+        "counts": one.counts,
+        "right": one.right,
+        "accused": one.accused,
+        "probability": one.probability,
+    }
+
+
+def _guards(trial: Trial, labels: Mapping[str, Label], answers: Mapping[str, Any]) -> dict[str, Any]:
+    """Whether somebody could have cheated: labels in the pack, code in both programs, a look at what is sealed."""
+    hidden = {name for label in labels.values() for name in label.names}
+    return {
+        "commitments": len(labels),
+        "leaks": leaks(trial.pack.folder, sorted(hidden)),
+        "shared_code": shared_code(SEALER_FOLDER, [ROOT / package for package in NOT_SHARED], NOT_SHARED),
+        "refused": sorted(case for case, one in answers.items() if one.get("refused")),
+    }
+
+
+TARGETS: Final[tuple[tuple[str, str, str, float], ...]] = (
+    ("right_name", "right name, identifiable single effects", ">=", 0.95),
+    ("both_named", "both of two effects named", ">=", 0.80),
+    ("false_accusation", "false accusation, nothing wrong or parameters only", "<=", 0.02),
+    ("abstention", "abstention on effects outside the catalogue", ">=", 0.90),
+    ("abstention_disabled", "abstention on effects whose entry is disabled", ">=", 0.90),
+)
+
+
+def _checks(results: Mapping[str, Any], quick: bool) -> list[Check]:
+    """Every figure that the trial is to reach; one that was not tried is not stated."""
+    guards, seconds = results["guards"], results["seconds"]["median"]
+    found = [
+        Check("cases without an answer", float(results["outcomes"]["failed"]), "1", 0.0, SOURCE),
+        Check("looks at what is sealed", float(len(guards["refused"])), "1", 0.0, SOURCE),
+        Check("labels in the pack", float(len(guards["leaks"])), "1", 0.0, SOURCE),
+        Check("code in both sealer and diagnosis", float(len(guards["shared_code"])), "1", 0.0, SOURCE),
+    ]
+    for key, name, sense, limit in TARGETS:
+        rate = results["rates"][key]
+        if rate["tries"]:
+            found.append(Check(name, rate["share"], "1", limit, SOURCE, sense))
+    if results["closure"]["count"]:
+        found.append(Check("median closure of right answers", results["closure"]["median"], "1", 0.9, SOURCE, ">="))
+    first = results["calibration"]["first"]
+    if first["count"] and not quick:
+        found.append(Check("calibration error of the probabilities", first["error"], "1", 0.05, SOURCE))
+    if seconds is not None and not quick:  # a quick run is compared with a kept one, and time is no result
+        found.append(Check("median time of one diagnosis", seconds, "s", 30.0, SOURCE))
+    return found
+
+
+def _summary(results: Mapping[str, Any]) -> Sequence[tuple[str, str]]:
+    rows = [("cases answered", f"{results['cases'] - results['outcomes']['failed']} of {results['cases']}")]
+    if not results["scored"]:
+        rows += [(name, str(count)) for name, count in results["outcomes"].items() if count]
+        return rows
+    say: Callable[[Mapping[str, Any]], str] = _said
+    rows += [(f"of {rate['tries']}: {name.replace('_', ' ')}", say(rate)) for name, rate in results["rates"].items()]
+    return rows
+
+
+def _said(rate: Mapping[str, Any]) -> str:
+    if not rate["tries"]:
+        return "–"
+    return f"{rate['hits']}, {100 * rate['share']:.0f} % ({100 * rate['low']:.0f} to {100 * rate['high']:.0f} %)"

@@ -1,0 +1,164 @@
+"""From scored cases to the figures of the trial: every rate with its binomial interval, calibration, confusion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import beta
+
+from studies.blind_trial.scoring import INNOCENT, KINDS, NAMING, STRANGE, Score
+
+BINS: Final = 10
+CONFIDENCE: Final = 0.95
+
+
+@dataclass(frozen=True)
+class Rate:
+    """`hits` of `tries`, and the interval (Clopper and Pearson 1934) that holds the true share in 95 % of trials."""
+
+    hits: int
+    tries: int
+
+    @property
+    def share(self) -> float:
+        """NaN where nothing was tried."""
+        return self.hits / self.tries if self.tries else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """0 .. 1 where nothing was tried."""
+        if self.tries == 0:
+            return 0.0, 1.0
+        tail = (1 - CONFIDENCE) / 2
+        low = beta.ppf(tail, self.hits, self.tries - self.hits + 1) if self.hits else 0.0
+        high = beta.ppf(1 - tail, self.hits + 1, self.tries - self.hits) if self.hits < self.tries else 1.0
+        return float(low), float(high)
+
+    def plain(self) -> dict[str, Any]:
+        """For results.json."""
+        low, high = self.interval
+        return {"hits": self.hits, "tries": self.tries, "share": self.share, "low": low, "high": high}
+
+
+def rate(scores: Iterable[Score], hit: Callable[[Score], bool]) -> Rate:
+    """How many of these scores are hits."""
+    flags = [hit(one) for one in scores]
+    return Rate(sum(flags), len(flags))
+
+
+def of_kind(scores: Iterable[Score], *kinds: str, counting: bool = True) -> list[Score]:
+    """The scores of cases of these kinds; those that need not be seen are left out where `counting`."""
+    return [one for one in scores if one.label.kind in kinds and (one.counts or not counting)]
+
+
+def rates(scores: Sequence[Score]) -> dict[str, Rate]:
+    """The rates of the trial's table."""
+    return {
+        "right_name": rate(of_kind(scores, "single"), lambda one: one.right),
+        "both_named": rate(of_kind(scores, "pair"), lambda one: one.right),
+        "false_accusation": rate(of_kind(scores, *INNOCENT), lambda one: one.accused),
+        "abstention": rate(of_kind(scores, "outsider"), lambda one: one.right),
+        "abstention_disabled": rate(of_kind(scores, "disabled"), lambda one: one.right),
+        "innocent_named": rate(scores, lambda one: one.accused),
+        "wrong_name": rate(of_kind(scores, "single", "pair"), lambda one: one.accused),
+        "failed": rate(scores, lambda one: one.outcome == "failed"),
+    }
+
+
+def by_severity(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
+    """Single effects of each severity, those that need not be seen too: right, silent, wrong."""
+    found: dict[str, dict[str, Any]] = {}
+    for severity in ("low", "middle", "high"):
+        those = [one for one in of_kind(scores, "single", counting=False) if one.label.severity == severity]
+        distances = [one.label.distance for one in those if one.label.distance is not None]
+        found[severity] = {
+            "right": rate(those, lambda one: one.right).plain(),
+            "silent": rate(those, lambda one: one.outcome not in NAMING).plain(),
+            "accused": rate(those, lambda one: one.accused).plain(),
+            "median_distance": float(np.median(distances)) if distances else None,
+        }
+    return found
+
+
+def closures(scores: Sequence[Score]) -> dict[str, Any]:
+    """Closure of the gap where the answer is right: its median and quartiles."""
+    right = [one for one in of_kind(scores, "single", "pair") if one.right and one.closure is not None]
+    numbers = [one.closure for one in right if one.closure is not None]
+    if not numbers:
+        return {"count": 0, "median": None, "quartiles": None}
+    return {
+        "count": len(numbers),
+        "median": float(np.median(numbers)),
+        "quartiles": np.quantile(numbers, [0.25, 0.75]).tolist(),
+    }
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One probability that an answer states of one effect, and whether the effect is in the case."""
+
+    probability: float
+    true: bool
+
+
+def statements(answers: Mapping[str, Any], scores: Sequence[Score], first: bool) -> list[Statement]:
+    """What the answers state of effects: of each case's first candidate alone, or of all."""
+    found = []
+    for one in scores:
+        which = answers[one.label.case].get("which") or ()
+        stated = [entry for entry in which if entry.get("probability") is not None]
+        for entry in stated[: 1 if first else None]:
+            inside = entry["effect"] in one.label.names and one.label.kind not in STRANGE
+            found.append(Statement(float(entry["probability"]), inside))
+    return found
+
+
+def calibration(found: Sequence[Statement]) -> dict[str, Any]:
+    """Expected calibration error over ten bins of equal width (Naeini, Cooper, Hauskrecht 2015), and the bins."""
+    bins, error = [], 0.0
+    for k in range(BINS):
+        low, high = k / BINS, (k + 1) / BINS
+        those = [one for one in found if low <= one.probability < high or (k == BINS - 1 and one.probability == 1.0)]
+        if not those:
+            continue
+        stated = float(np.mean([one.probability for one in those]))
+        true = rate_of([one.true for one in those])
+        bins.append({"low": low, "high": high, "stated": stated, "true": true.plain()})
+        error += len(those) / len(found) * abs(stated - true.share)
+    return {"count": len(found), "error": error if found else None, "bins": bins}
+
+
+def rate_of(flags: Sequence[bool]) -> Rate:
+    """How many are true."""
+    return Rate(sum(flags), len(flags))
+
+
+def confusion(scores: Sequence[Score]) -> dict[str, Any]:
+    """Cases by what was in them (rows) and what was answered (columns): counts."""
+    rows: dict[str, dict[str, int]] = {}
+    for one in sorted(scores, key=lambda one: (KINDS.index(one.label.kind), one.label.names)):
+        row = one.label.names[0] if one.label.kind == "single" else one.label.kind
+        said = _said(one)
+        rows.setdefault(row, {})
+        rows[row][said] = rows[row].get(said, 0) + 1
+    columns = sorted({said for row in rows.values() for said in row}, key=lambda said: (said in LAST, said))
+    return {
+        "rows": list(rows),
+        "columns": columns,
+        "counts": [[row.get(said, 0) for said in columns] for row in rows.values()],
+    }
+
+
+LAST: Final = ("several", "none_of_these", "parameters", "nothing_to_explain", "failed")
+
+
+def _said(one: Score) -> str:
+    """An answer in a word: the name in the case if it is in the first group, else the group's first."""
+    if one.outcome not in NAMING or not one.groups:
+        return one.outcome
+    if one.label.kind in ("single", "pair") and one.right:
+        return one.label.names[0] if one.label.kind == "single" else "both"
+    return one.groups[0][0] if len(one.groups) == 1 else "several"

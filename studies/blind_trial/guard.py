@@ -1,0 +1,151 @@
+"""Keeps the answerer from what it must not know, and finds where a trial could have been cheated.
+
+Imports nothing but the standard library: an answerer's process calls `forbid` before it imports anything else.
+"""
+
+from __future__ import annotations
+
+import ast
+import gzip
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+SEALER: Final = "studies.blind_trial.sealer"
+SEALER_FOLDER: Final = Path(__file__).with_name("sealer")
+# What takes a path first, or first and second.
+PATHS: Final = {
+    "open",
+    "os.listdir",
+    "os.scandir",
+    "os.link",
+    "os.symlink",
+    "os.rename",
+    "os.truncate",
+    "shutil.copyfile",
+}
+# What would run where this hook does not.
+SPAWNS: Final = (
+    "subprocess.Popen",
+    "os.system",
+    "os.exec",
+    "os.posix_spawn",
+    "os.spawn",
+    "os.fork",
+    "os.forkpty",
+    "pty.spawn",
+    "socket.connect",
+)
+WORTH_COMPARING: Final = 60  # nodes of a function's syntax tree; shorter ones are alike by chance
+
+
+class RefusedError(PermissionError):
+    """The answerer asked for what is sealed."""
+
+
+def forbid(files: Iterable[str | os.PathLike[str]], modules: Sequence[str] = (SEALER,)) -> list[str]:
+    """From now on and for good, this process can't open these files and folders, import these modules, or start others.
+
+    The list that is returned grows by one line with every refusal, so that one who catches the error is seen too. This
+    stops what Python opens; it is no wall against machine code made for the purpose.
+    """
+    places = tuple(os.path.realpath(file) for file in files)
+    names = {Path(place).name for place in places if not Path(place).is_dir()}
+    refused: list[str] = []
+
+    def hook(event: str, arguments: tuple[Any, ...]) -> None:
+        if event in PATHS:
+            wanted = [os.fsdecode(one) for one in arguments[:2] if isinstance(one, str | bytes | os.PathLike)]
+            asked = any(_within(one, places, names) for one in wanted)
+        elif event == "import":
+            wanted = [str(arguments[0])]
+            asked = any(wanted[0] == name or wanted[0].startswith(f"{name}.") for name in modules)
+        else:
+            wanted, asked = [str(one)[:80] for one in arguments[:1]], event in SPAWNS
+        if not asked:
+            return
+        refused.append(f"{event} {' '.join(wanted)}")
+        raise RefusedError(f"{event} of {wanted}: an answerer does not look there")
+
+    sys.addaudithook(hook)
+    return refused
+
+
+def _within(path: str, places: Sequence[str], names: Iterable[str]) -> bool:
+    """Whether a path leads to or into one of the places; a relative one may start elsewhere, so its name counts."""
+    whole = os.path.realpath(path)
+    if any(whole == place or whole.startswith(place + os.sep) for place in places):
+        return True
+    return not os.path.isabs(path) and os.path.basename(path) in names  # noqa: PTH117, PTH119
+
+
+def leaks(pack: Path, names: Iterable[str]) -> list[str]:
+    """Where a pack tells a label: names of effects in its files' names or contents, entries to disable left out."""
+    found = []
+    words = [name.encode() for name in names]
+    for file in sorted(one for one in pack.rglob("*") if one.is_file() and one.name != "disabled.json"):
+        raw = file.read_bytes()
+        text = (
+            file.relative_to(pack).as_posix().encode() + b"\n" + (gzip.decompress(raw) if file.suffix == ".gz" else raw)
+        )
+        found += [f"{file.relative_to(pack)} holds {word.decode()!r}" for word in words if word in text]
+    return found
+
+
+def shared_code(one: Path, others: Iterable[Path], packages: Sequence[str]) -> list[str]:
+    """What makes two programs one: an import of `packages` in folder `one`, or a function that a folder of `others` has
+    too, whatever its names.
+    """
+    found = [f"{file.name} imports {name}" for file in _sources(one) for name in imports(file) if _any(name, packages)]
+    own = {shape: f"{file.name}: {name}" for file in _sources(one) for name, shape in _functions(file)}
+    for folder in others:
+        for file in _sources(folder):
+            found += [f"{own[shape]} is {file.name}: {name}" for name, shape in _functions(file) if shape in own]
+    return found
+
+
+def imports(file: Path) -> Iterator[str]:
+    """Every module that a source file imports, by whichever statement."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "." * node.level + (node.module or "")
+
+
+def _any(name: str, packages: Sequence[str]) -> bool:
+    return any(name == package or name.startswith(f"{package}.") for package in packages)
+
+
+def _sources(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.py"))
+
+
+def _functions(file: Path) -> Iterator[tuple[str, str]]:
+    """Name and shape of every function worth comparing: its statements without names, notes and types."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+        size = sum(1 for part in body for _ in ast.walk(part))
+        if size >= WORTH_COMPARING:
+            order: dict[str, int] = {}
+            yield node.name, " ".join(_shape(part, order) for part in body)
+
+
+def _shape(node: ast.AST, order: dict[str, int]) -> str:
+    """A syntax tree as text, its names replaced by the order in which they first stand."""
+    parts = [type(node).__name__]
+    for name, value in ast.iter_fields(node):
+        if name in ("annotation", "returns", "type_comment", "ctx"):
+            continue
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, ast.AST):
+                parts.append(_shape(item, order))
+            elif isinstance(item, str) and name in ("id", "arg", "attr", "name"):
+                parts.append(str(order.setdefault(item, len(order))))
+            elif item is not None:
+                parts.append(repr(item))
+    return f"({' '.join(parts)})"

@@ -1,0 +1,106 @@
+"""A pack as the answerer sees it: records, the nominal machine, what to leave out; its commitments for the scorer."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from studies.blind_trial.scoring import KeyFileError
+from studies.command import BadInputError
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case: its records, the nominal machine's file, and catalogue entries that its answerer has to leave out."""
+
+    name: str
+    records: tuple[Path, ...]
+    nominal: Path
+    disabled: tuple[str, ...]
+
+    def fingerprint(self) -> str:
+        """SHA-256 over all that an answer follows from, names of files included."""
+        digest = hashlib.sha256(" ".join(self.disabled).encode())
+        for file in (self.nominal, *self.records):
+            digest.update(file.name.encode())
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class Pack:
+    """The cases of a folder, sorted by name, and the commitments of their labels."""
+
+    folder: Path
+    cases: tuple[Case, ...]
+    commitments: Mapping[str, str]
+
+
+def read_pack(folder: Path) -> Pack:
+    """The pack in a folder. Raises BadInputError."""
+    nominal = folder / "nominal.json"
+    if not folder.is_dir():
+        raise BadInputError(f"--pack {folder}: is no folder; give one with case-*/, nominal.json, commitments.json")
+    if not nominal.is_file():
+        raise BadInputError(f"--pack {folder}: has no nominal.json; give a folder with case-*/ and nominal.json")
+    cases = []
+    for place in sorted(one for one in folder.glob("case-*") if one.is_dir()):
+        records = tuple(sorted(place.glob("*.csv.gz")))
+        if not records:
+            raise BadInputError(f"--pack {folder}: {place.name} has no records (*.csv.gz); make the pack again")
+        cases.append(Case(place.name, records, nominal, _disabled(place / "disabled.json")))
+    if not cases:
+        raise BadInputError(f"--pack {folder}: has no case-* folder; give a folder with case-*/ and nominal.json")
+    return Pack(folder, tuple(cases), _json(folder / "commitments.json", "--pack") if _has(folder) else {})
+
+
+def _has(folder: Path) -> bool:
+    return (folder / "commitments.json").is_file()
+
+
+def _disabled(file: Path) -> tuple[str, ...]:
+    if not file.is_file():
+        return ()
+    names = json.loads(file.read_text(encoding="utf-8"))
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise BadInputError(f"--pack: {file} is no list of names; make the pack again")
+    return tuple(names)
+
+
+def _json(file: Path, option: str) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise BadInputError(f"{option} {file}: can't be read ({error.strerror}); give an existing file") from error
+    except ValueError as error:
+        raise BadInputError(f"{option} {file}: is no JSON ({error}); give the file that the sealer wrote") from error
+    if not isinstance(content, dict):
+        raise BadInputError(f"{option} {file}: is no JSON object; give the file that the sealer wrote")
+    return content
+
+
+def open_key(file: Path, pack: Pack) -> dict[str, str]:
+    """The bodies of a pack's labels, each proven to be the one that was committed. Raises BadInputError."""
+    key = _json(file, "--key")
+    try:
+        return {case.name: opened(case.name, key, pack.commitments) for case in pack.cases}
+    except KeyFileError as error:
+        raise BadInputError(f"--key {file}: {error}") from error
+
+
+def opened(case: str, key: Mapping[str, Any], commitments: Mapping[str, str]) -> str:
+    """The body of one label. Raises KeyFileError where it is missing or is not what was committed."""
+    if case not in commitments:
+        raise KeyFileError(f"{case}: the pack has no commitment of its label; seal the pack again")
+    try:
+        nonce, body = key[case]["nonce"], key[case]["body"]
+        digest = hashlib.sha256((nonce + body).encode()).hexdigest()
+    except (KeyError, TypeError) as error:
+        raise KeyFileError(f"{case}: the key has no nonce and body for it; give the key of this pack") from error
+    if digest != commitments[case]:
+        raise KeyFileError(f"{case}: its label is not the one that was committed; somebody changed one of them")
+    return str(body)

@@ -1,0 +1,1 @@
+"""The blind trial: its sealer, its guards, its rules."""

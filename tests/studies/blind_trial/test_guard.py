@@ -1,0 +1,93 @@
+"""Planted cheats are caught: a readable key, a leaked label, one code in both."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+
+import pytest
+
+from studies.blind_trial import guard
+from studies.blind_trial.answering import Conditions, answer_case
+from studies.blind_trial.packs import read_pack
+from tests.studies.blind_trial.cheats import KEY, NOTES, WAYS
+from tests.studies.blind_trial.conftest import Packer
+
+ROOT = Path(__file__).parents[3]
+CHEATS = "tests.studies.blind_trial.cheats"
+
+
+def test_every_way_to_the_key_or_the_sealer_is_shut_and_spoils_the_answer(
+    small_pack: Packer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key, notes = tmp_path / "pack-key.json", tmp_path / "notes.json"
+    monkeypatch.setenv(KEY, str(key))
+    monkeypatch.setenv(NOTES, str(notes))
+    (case,) = read_pack(small_pack({"name": ["cogging"]})).cases
+    found = answer_case(case, Conditions(forbidden=(key,), diagnosis=CHEATS))
+    assert json.loads(notes.read_text(encoding="utf-8")) == []
+    assert len(found["refused"]) >= len(WAYS)
+    assert found["verdict"]["outcome"] == "failed"
+    assert found["error"].startswith("refused")
+
+
+def test_the_same_ways_lead_there_where_nothing_is_forbidden(tmp_path: Path) -> None:
+    """Else the test above would hold for cheats that do nothing. (A fork of the tests' own process is not tried.)"""
+    key = tmp_path / "key.json"
+    key.write_text("{}", encoding="utf-8")
+    for name in WAYS.keys() - {"fork"}:
+        (tmp_path / "key.json.other").unlink(missing_ok=True)
+        WAYS[name](str(key))
+
+
+def test_a_leaked_label_is_found_by_name_and_by_content(tmp_path: Path) -> None:
+    names = ["cogging", "stribeck", "play"]
+    (tmp_path / "case-01").mkdir()
+    (tmp_path / "disabled.json").write_text('["play"]', encoding="utf-8")
+    record = tmp_path / "case-01" / "suite.csv.gz"
+    record.write_bytes(gzip.compress(b"time_s\n0\n"))
+    assert guard.leaks(tmp_path, names) == []
+    record.write_bytes(gzip.compress(b"time_s\n0\n# cogging\n"))
+    (tmp_path / "case-01" / "stribeck.txt").touch()
+    assert guard.leaks(tmp_path, names) == [
+        "case-01/stribeck.txt holds 'stribeck'",
+        "case-01/suite.csv.gz holds 'cogging'",
+    ]
+
+
+FUNCTION = '''
+def force(z, step, limit):
+    """Moves and slips."""
+    total = 0.0
+    for i in range(len(z)):
+        z[i] = max(-limit[i], min(z[i] + step, limit[i]))
+        total += 3.0 * z[i] + limit[i] * step / (1.0 + total * total)
+        total -= 0.5 * step
+    return total
+'''
+
+
+def test_one_code_in_both_is_found_even_with_other_names(tmp_path: Path) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.mkdir()
+    other.mkdir()
+    (one / "a.py").write_text(f"import numpy\n{FUNCTION}", encoding="utf-8")
+    copied = FUNCTION.replace("limit", "bound").replace("total", "sum_").replace("Moves and slips.", "Mine.")
+    (other / "b.py").write_text(copied, encoding="utf-8")
+    assert guard.shared_code(one, [other], ["diagnosis"]) == ["a.py: force is b.py: force"]
+    (other / "b.py").write_text(FUNCTION.replace("3.0", "4.0"), encoding="utf-8")
+    assert guard.shared_code(one, [other], ["diagnosis"]) == []
+    (one / "c.py").write_text("from diagnosis.residual import unknown_force\n", encoding="utf-8")
+    assert guard.shared_code(one, [other], ["diagnosis"]) == ["c.py imports diagnosis.residual"]
+
+
+def test_sealer_and_diagnosis_share_no_code() -> None:
+    packages = ["models", "design", "diagnosis"]
+    assert guard.shared_code(guard.SEALER_FOLDER, [ROOT / package for package in packages], packages) == []
+
+
+def test_the_diagnosis_does_not_know_the_sealer() -> None:
+    for package in ("models", "design", "diagnosis"):
+        for file in (ROOT / package).rglob("*.py"):
+            assert not any("blind_trial" in name for name in guard.imports(file))

@@ -1,0 +1,115 @@
+"""The study as a command: packs with and without a key, what it writes, what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from studies.blind_trial import compute
+from studies.blind_trial.__main__ import STUDY
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
+from tests.studies.blind_trial.conftest import Packer
+
+BODIES: tuple[dict[str, object], ...] = (
+    {
+        "name": ["cogging"],
+        "kind": "single",
+        "severity": "high",
+        "identifiable": True,
+        "effects": [{"name": "cogging", "size": 0.5, "unit": "N", "form": "three harmonics", "distance": 120.0}],
+    },
+    {"name": ["play"], "disabled": ["play"], "kind": "disabled", "identifiable": True},
+    {"name": [], "kind": "clean"},
+    {"name": ["stribeck"], "kind": "single", "severity": "low", "identifiable": False},
+)
+
+
+@pytest.fixture(autouse=True)
+def _stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compute, "DIAGNOSIS", "tests.studies.blind_trial.stand_in")
+
+
+def run(*options: Any) -> int:
+    return main(STUDY, [str(option) for option in options])
+
+
+def results(folder: Path) -> Any:
+    return json.loads((folder / "results.json").read_text(encoding="utf-8"))
+
+
+def test_without_a_key_it_answers_and_says_that_nobody_knows(small_pack: Packer, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run("--pack", small_pack(*BODIES), "--output", out) == DONE
+    found = results(out)["results"]
+    assert not found["scored"]
+    assert results(out)["machine"]["plant"]["modes"][0]["gain_per_kg"] == pytest.approx(0.02207505518763797)
+    assert found["outcomes"]["attributed"] == 3
+    assert found["outcomes"]["none_of_these"] == 1
+    answers = json.loads((out / "answers.json").read_text(encoding="utf-8"))
+    assert sorted(answers) == ["case-01", "case-02", "case-03", "case-04"]
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "nobody knows yet" in " ".join(text.split())
+    assert (out / "report.pdf").stat().st_size > 10_000
+
+
+def test_with_its_key_the_answers_given_before_are_scored(small_pack: Packer, tmp_path: Path) -> None:
+    pack, out = small_pack(*BODIES), tmp_path / "out"
+    run("--pack", pack, "--output", out, "--no-report")
+    first = json.loads((out / "answers.json").read_text(encoding="utf-8"))
+    assert run("--pack", pack, "--key", tmp_path / "pack-key.json", "--output", out) == CHECK_MISSED
+    assert json.loads((out / "answers.json").read_text(encoding="utf-8")) == first
+    whole = results(out)
+    rates = {name: (rate["hits"], rate["tries"]) for name, rate in whole["results"]["rates"].items()}
+    assert rates["right_name"] == (1, 1)  # the low one need not be seen
+    assert rates["false_accusation"] == (1, 1)
+    assert rates["abstention_disabled"] == (1, 1)
+    missed = {check["name"] for check in whole["checks"] if not check["holds"]}
+    assert "false accusation, nothing wrong or parameters only" in missed
+    assert "median closure of right answers" in missed
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "MISSED" in text
+    assert "three harmonics" in text
+
+
+def test_a_changed_label_stops_the_scoring(
+    small_pack: Packer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pack, key = small_pack(*BODIES), tmp_path / "pack-key.json"
+    key.write_text(key.read_text(encoding="utf-8").replace("cogging", "stribeck"), encoding="utf-8")
+    out = tmp_path / "out"
+    assert run("--pack", pack, "--key", key, "--output", out) == BAD_INPUT
+    assert "is not the one that was committed" in capsys.readouterr().err
+    assert not (out / "results.json").exists()
+
+
+def test_a_label_leaked_in_the_pack_is_a_missed_check(small_pack: Packer, tmp_path: Path) -> None:
+    pack, out = small_pack(*BODIES), tmp_path / "out"
+    (pack / "case-01" / "notes.txt").write_text("it is cogging", encoding="utf-8")
+    run("--pack", pack, "--key", tmp_path / "pack-key.json", "--output", out, "--no-report")
+    (check,) = [check for check in results(out)["checks"] if check["name"] == "labels in the pack"]
+    assert not check["holds"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--cases", "0"), "less than 1"),
+        (("--machine", "models/machines/emps.toml"), "--machine: a trial runs on the nominal.json of its pack"),
+        (("--cases", "two"), "--cases"),
+        (("--pack", "nowhere"), "is no folder"),
+        (("--key", "key.json"), "--key"),
+        (("--pack", "here", "--cases", "3"), "leave one of them out"),
+        (("--pack", "here", "--key", "nowhere.json"), "is no file"),
+    ],
+)
+def test_bad_input_is_one_line(
+    options: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*options, "--output", tmp_path / "out") == BAD_INPUT
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("error: ")
+    assert said in error
+    assert not (tmp_path / "out" / "results.json").exists()
