@@ -1,0 +1,1 @@
+"""Which effects leave what compensation left on the paper's table, and which experiment would tell."""

@@ -1,0 +1,173 @@
+"""What the paper's table may have and its design may not know: the effects of the catalogue, and wrong parameters.
+
+A candidate maps a point u (k,) of the unit cube to one size of itself. Amplitudes, widths and shapes are uniform in
+the logarithm over their prior ranges, of either sign where the effect has one; phases and errors of a parameter are
+uniform.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Final
+
+from design.scenarios import with_friction_error, with_mass_error
+from diagnosis.nominal import USUAL
+from models.effects import base, catalogue
+from models.machine import Machine
+from models.plant import Mode
+from models.quantity import declaration
+
+FRICTION: Final = 0.3  # by how much, relatively, the identified friction may be wrong; assumed
+BOUND: Final = 3.0  # deviations of diagnosis.nominal.USUAL by which another parameter may be wrong
+
+
+@dataclass(frozen=True)
+class Range:
+    """One number of a candidate, from low to high (SI): logarithmic, of either sign, or neither (uniform).
+
+    end: what its law allows at most.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    logarithmic: bool = True
+    signed: bool = False
+    end: float = math.inf
+
+    def at(self, u: float) -> float:
+        """The number (SI) at u, 0 .. 1; a signed one is negative in the lower half, largest at both ends."""
+        if not self.logarithmic:
+            return self.low + u * (self.high - self.low)
+        sign, place = (math.copysign(1.0, u - 0.5), abs(2 * u - 1)) if self.signed else (1.0, u)
+        return sign * self.low * math.exp(place * math.log(self.high / self.low))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One thing that the design may not know. `size` is the index in `ranges` of how large it is."""
+
+    name: str
+    family: str
+    equation: str
+    ranges: tuple[Range, ...]
+    size: int
+    put: Callable[[Machine, tuple[float, ...]], Machine]
+
+    def values(self, u: Sequence[float]) -> tuple[float, ...]:
+        """The numbers (SI) at a point u (k,) of the unit cube."""
+        return tuple(one.at(place) for one, place in zip(self.ranges, u, strict=True))
+
+
+def every() -> Mapping[str, Candidate]:
+    """The candidates by name: effects in the order in which they act, then parameters."""
+    found = [_of_effect(kind) for kind in catalogue.every().values()]
+    return {one.name: one for one in (*found, *_of_parameters())}
+
+
+def beyond(one: Candidate, most: float) -> Candidate:
+    """The candidate with its size from the prior's end to `most` [1] times it, or as far as its law allows."""
+    size = one.ranges[one.size]
+    wider = replace(size, low=size.high, high=min(most * size.high, size.end))
+    ranges = tuple(wider if i == one.size else range_ for i, range_ in enumerate(one.ranges))
+    return replace(one, ranges=ranges)
+
+
+def both(first: Candidate, second: Candidate) -> Candidate:
+    """Two candidates at once; the first one's size counts."""
+    count = len(first.ranges)
+
+    def put(machine: Machine, values: tuple[float, ...]) -> Machine:
+        return first.put(second.put(machine, values[count:]), values[:count])
+
+    ranges = (*first.ranges, *second.ranges)
+    law = rf"{first.equation};\quad {second.equation}"
+    return Candidate(f"{first.name}+{second.name}", first.family, law, ranges, first.size, put)
+
+
+def wrong_friction() -> Candidate:
+    """Friction level and presliding length, wrong at once."""
+    found = every()
+    return both(found["friction_level"], found["presliding_length"])
+
+
+def _of_effect(kind: type[base.Effect]) -> Candidate:
+    given = base.parameters(kind)
+    declared = {field.name: declaration(field) for field in fields(kind)}
+    ranges = []
+    for one in given:
+        below = getattr(declared[one.name], "below", None)
+        end = math.inf if below is None else 0.99 * below
+        signed = one.low < 0
+        least = one.typical**2 / one.high if signed else one.low  # the typical size is the geometric middle
+        ranges.append(Range(one.name, one.unit, least, one.high, one.role != "phase", signed, end))
+
+    def put(machine: Machine, values: tuple[float, ...]) -> Machine:
+        return replace(machine, effects=catalogue.in_order((*machine.effects, kind(*values))))
+
+    size = next(i for i, one in enumerate(given) if one.role in {"amplitude", "width"})
+    return Candidate(kind.name, kind.family, kind.equation, tuple(ranges), size, put)
+
+
+def _of_parameters() -> tuple[Candidate, ...]:
+    """What the design takes from the machine and may be wrong: the table has 1 + e times, or e more, of it."""
+
+    def relative(name: str, law: str, most: float, change: Callable[[Machine, float], Machine]) -> Candidate:
+        return Candidate(
+            name,
+            "parameters",
+            law,
+            (Range(name, "1", -most, most, logarithmic=False),),
+            0,
+            lambda machine, values: change(machine, values[0]),
+        )
+
+    late = BOUND * USUAL.dead_time
+    return (
+        relative("friction_level", r"(1+e)\,K_i", FRICTION, lambda machine, e: _with_friction(machine, e, 0.0)),
+        relative(
+            "presliding_length",
+            r"(1+e)\,X_i,\quad K_i/(1+e)",
+            FRICTION,
+            lambda machine, e: _with_friction(machine, 0.0, e),
+        ),
+        relative(
+            "payload_mass",
+            r"(1+e)\,M",
+            BOUND * USUAL.mass,
+            lambda machine, e: replace(machine, plant=with_mass_error(machine.plant, e)),
+        ),
+        relative("mode_frequency", r"(1+e)\,\omega_{ti}", BOUND * USUAL.frequency, _with_frequency),
+        relative("mode_damping", r"(1+e)\,\zeta_{ti}", BOUND * USUAL.damping, _with_damping),
+        Candidate(
+            "dead_time",
+            "parameters",
+            r"L+e",
+            (Range("dead_time", "s", -late, late, logarithmic=False),),
+            0,
+            lambda machine, values: _with_plant(machine, dead_time=max(machine.plant.dead_time + values[0], 0.0)),
+        ),
+    )
+
+
+def _with_plant(machine: Machine, **changes: object) -> Machine:
+    return replace(machine, plant=replace(machine.plant, **changes))  # type: ignore[arg-type]
+
+
+def _with_friction(machine: Machine, force: float, length: float) -> Machine:
+    return replace(machine, friction=with_friction_error(machine.friction, force, length))
+
+
+def _with_modes(machine: Machine, change: Callable[[Mode], Mode]) -> Machine:
+    return _with_plant(machine, modes=tuple(change(mode) for mode in machine.plant.modes))
+
+
+def _with_frequency(machine: Machine, error: float) -> Machine:
+    return _with_modes(machine, lambda mode: replace(mode, frequency=mode.frequency * (1 + error)))
+
+
+def _with_damping(machine: Machine, error: float) -> Machine:
+    return _with_modes(machine, lambda mode: replace(mode, damping=mode.damping * (1 + error)))

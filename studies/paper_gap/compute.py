@@ -1,0 +1,250 @@
+"""What could have left the paper's dispersion: every candidate in tables whose controllers do not know it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.controller import default_controller
+from design.deadbeat import DesignError
+from models.ensemble import DEFAULT as ENSEMBLE
+from models.ensemble import load_ensemble
+from models.machine import Machine, MachineError
+from models.quantity import show
+from studies.command import Answer, BadInputError, Check, Progress, quantity
+from studies.paper_gap import shown
+from studies.paper_gap.candidates import BOUND, FRICTION, every
+from studies.paper_gap.explore import (
+    ALONE,
+    BESIDE,
+    BEYOND,
+    MOST,
+    STEPS,
+    WRONG_FRICTION,
+    Case,
+    Draw,
+    Effort,
+    Table,
+    explore_all,
+)
+from studies.paper_gap.pattern import COARSE, PERIODS, Pattern, errors, run, seen, sequence
+from studies.paper_gap.verdicts import NEVER, by_name, rows
+from studies.response_variation.tables import coordinates
+
+Array = NDArray[np.float64]
+Tell = Callable[[float, str], None]
+
+TABLES: Final = 12
+QUICK: Final = 3
+STAYS: Final = 0.8  # of what shows the pattern should do so at a finer step: some lies at the edge
+TOLD: Final = 0.9  # of the pairs of candidates that the experiments should tell apart
+
+
+def explain(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+    """Answers the study's question. Raises BadInputError for a machine of which no outcomes are published."""
+    pattern = _pattern(machine, options)
+    tables = _tables(machine, options)
+    effort = _effort(len(tables), quick=options.quick)
+    bare = [_without(table, pattern) for table in tables]
+    with _pool(options) as pool:
+        explored = by_name(_explored(tables, pattern, effort, options, pool, progress))
+        told = rows(explored, len(tables))
+        chosen = shown.choose(explored, [row["name"] for row in told])
+        progress(0.82, "what shows the pattern at a finer step, and without compensation")
+        again = shown.again(tables, chosen, pattern, pool)
+        progress(0.86, "simulating the experiments that could decide")
+        decided = shown.decided(machine, tables, chosen, pool)
+    assert machine.published is not None  # without it there is no pattern
+    results = {
+        "quick": options.quick,
+        "pattern": {
+            **vars(pattern),
+            "settling_time": machine.specification.settling_time,
+            **_arithmetic(pattern, machine.specification.motions),
+        },
+        "tables": len(tables),
+        "effort": {
+            **vars(effort),
+            "simulations": effort.simulations,
+            "periods": PERIODS,
+            "seconds": sequence(machine).size * machine.sample_time,
+            "most": MOST,
+            "fine": shown.FINE / COARSE,
+        },
+        "priors": {"friction": FRICTION, "bound": BOUND},
+        "nominal": [row for row, _ in bare],
+        "candidates": told,
+        "points": {name: _points(ways[ALONE]) for name, ways in explored.items()},
+        "responses": shown.responses(tables, [error for _, error in bare], chosen),
+        "again": again,
+        "kept": shown.kept(again, machine.published, pattern.margin / pattern.dispersion),
+        "decided": decided,
+    }
+    return Answer(results, _checks(results), {}, _summary(results))
+
+
+def _pattern(machine: Machine, options: argparse.Namespace) -> Pattern:
+    if machine.published is None:
+        raise BadInputError(
+            "--machine: no [published] outcomes to explain; add reversal_settling_time, dispersion_without and "
+            "dispersion_with to the machine file"
+        )
+    margin, wanted = quantity(options.margin, "m", "--margin"), machine.published.dispersion_with
+    if not 0 < margin < wanted:
+        raise BadInputError(f"--margin: {show(margin, 'm')} is not between 0 and the published {show(wanted, 'm')}")
+    return Pattern(machine.specification.tolerance, machine.scale.resolution, wanted, margin)
+
+
+def _tables(machine: Machine, options: argparse.Namespace) -> list[Table]:
+    """The tables with their controllers, designed without any effect."""
+    try:
+        alone = options.machine is not None and options.ensemble is None
+        members: Sequence[Machine] = (machine,) if alone else load_ensemble(options.ensemble or ENSEMBLE)
+    except MachineError as error:
+        raise BadInputError(f"--ensemble {error}") from error
+    count = options.tables or (QUICK if options.quick else TABLES)
+    try:
+        return [(one, default_controller(one)) for one in spread(members, machine, count)]
+    except DesignError as error:
+        raise BadInputError(f"--machine, --ensemble: {error}") from error
+
+
+def spread(members: Sequence[Machine], machine: Machine, count: int) -> list[Machine]:
+    """Up to `count` of the members that lie far from each other: the one nearest to `machine`, then the farthest ones.
+
+    Distances are those of the logarithms of the unpublished parameters, each in units of its deviation over all.
+    """
+    if count >= len(members):
+        return list(members)
+    points = np.log([coordinates(one) for one in (*members, machine)])
+    deviation = np.std(points, axis=0)
+    points /= np.where(deviation > 0, deviation, 1.0)
+    apart = np.linalg.norm(points[:-1, None] - points[None], axis=2)  # (members, members and the machine)
+    picked = [int(np.argmin(apart[:, -1]))]
+    while len(picked) < count:
+        picked.append(int(np.argmax(np.min(apart[:, picked], axis=1))))
+    return [members[i] for i in picked]
+
+
+def _effort(tables: int, *, quick: bool) -> Effort:
+    return Effort(tables, 1, 2, 1) if quick else Effort(6 * tables, 8, 4, len(STEPS))
+
+
+@contextmanager
+def _pool(options: argparse.Namespace) -> Iterator[Executor | None]:
+    """Processes for a full run; a quick one is done before they would be there."""
+    if options.quick:
+        yield None
+        return
+    with ProcessPoolExecutor(min(os.cpu_count() or 1, 2), multiprocessing.get_context("spawn")) as pool:
+        yield pool
+
+
+def _without(table: Table, pattern: Pattern) -> tuple[dict[str, Any], Array]:
+    """What a table shows by itself, and its errors (motions, n) [m]."""
+    machine, controller = table
+    error = errors(machine, run(machine, controller))
+    outcome = seen(machine, error)
+    return {**outcome.to_json(), "distance_m": pattern.distance(outcome), "name": machine.name}, error
+
+
+def _explored(
+    tables: Sequence[Table],
+    pattern: Pattern,
+    effort: Effort,
+    options: argparse.Namespace,
+    pool: Executor | None,
+    progress: Progress,
+) -> list[list[Draw]]:
+    """Every candidate alone; every effect beside a wrong friction, and beyond its prior where it takes that alone."""
+
+    def tell(begin: float, end: float) -> Tell:
+        return lambda share, text: progress(begin + share * (end - begin), text)
+
+    names = every()
+    effects = [name for name, one in names.items() if one.family != "parameters"]
+    mild = [Case(name) for name in (*names, WRONG_FRICTION)] + [Case(name, BESIDE) for name in effects]
+    found = explore_all(tables, mild, pattern, effort, options.seed, pool, tell(0.05, 0.6))
+    alone = by_name(found)
+    more = [Case(name, BEYOND) for name in effects if not any(one.shows for one in alone[name][ALONE])]
+    return found + explore_all(tables, more, pattern, effort, options.seed, pool, tell(0.6, 0.82))
+
+
+def _arithmetic(pattern: Pattern, motions: int) -> dict[str, float]:
+    """What three sigma of so many motions [m] allows of their errors.
+
+    from_mean: how far one of them can be from their mean at most, all others being alike. common: what the mean has to
+    be, then, for an inching motion to miss. alike: the error of inching motions that err alike behind a reversal that
+    does not.
+    """
+    farthest = (pattern.dispersion + pattern.margin) / 3 * math.sqrt(motions - 1)
+    return {
+        "from_mean": farthest,
+        "common": max(pattern.tolerance + pattern.step - farthest, 0.0),
+        "alike": pattern.dispersion / 3 * motions / math.sqrt(motions - 1),
+    }
+
+
+def _points(draws: Sequence[Draw]) -> dict[str, Any]:
+    """The draws of a candidate alone, for a figure."""
+    return {
+        "inching_error_m": [one.seen.inching_error for one in draws],
+        "dispersion_m": [one.seen.dispersion for one in draws],
+        "reversal_error_m": [one.seen.reversal_error for one in draws],
+    }
+
+
+def _checks(results: Mapping[str, Any]) -> tuple[Check, ...]:
+    bare = sum(row["distance_m"] == 0.0 for row in results["nominal"])
+    again = [row["finer"]["shows"] for row in results["again"] if row["shows"]]
+    decided = results["decided"]
+    told = decided["told_by_first"] + decided["added_by_second"]
+    return (
+        Check("tables that show the pattern without anything added", bare, "1", 0, "what there is to explain"),
+        Check(
+            f"share of what shows the pattern that does at {shown.FINE} substeps a sample, too",
+            float(np.mean(again)) if again else 1.0,
+            "1",
+            STAYS,
+            "the simulation's step",
+            ">=",
+        ),
+        Check(
+            "pairs of candidates that two experiments tell apart",
+            told / max(decided["pairs"], 1),
+            "1",
+            TOLD,
+            "aim of this study",
+            ">=",
+        ),
+    )
+
+
+def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """A line a verdict, and the experiments."""
+    told, decided = results["candidates"], results["decided"]
+    words = {
+        ALONE: "show the pattern alone",
+        BESIDE: "show it beside a wrong friction",
+        BEYOND: "show it beyond their prior",
+        NEVER: "do not show it",
+    }
+    lines = [
+        (text, ", ".join(row["name"].replace("_", " ") for row in told if row["verdict"] == way) or "none")
+        for way, text in words.items()
+    ]
+    first, second = (decided["experiments"][decided[place]] for place in ("first", "second"))
+    most = f"{first['name']} ({decided['told_by_first']} of {decided['pairs']} pairs)"
+    lines.append(("experiment that tells most apart", most))
+    if decided["added_by_second"]:
+        lines.append(("and behind it", f"{second['name']} ({decided['added_by_second']} more)"))
+    return lines

@@ -1,0 +1,186 @@
+"""Experiments on the table that could decide: what is run, and how far it departs from the model's prediction.
+
+An experiment is run twice on a simulated table, with what the design does not know and without; its observables are
+read from the difference of the two, in steps: of the scale's resolution, or of the thrust that one such step makes
+through the proportional gain. So what the model of the table predicts anyway counts for nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.controller import default_controller
+from design.deadbeat import DesignError
+from diagnosis.experiments import Schedule, strokes
+from models.controller import Controller, References, references
+from models.friction import follow
+from models.machine import Machine
+from models.quantity import show
+from models.record import Record
+from models.simulator import simulate
+from studies.paper_gap import observables
+from studies.paper_gap.explore import Draw, Table, rest
+from studies.paper_gap.observables import MOVES, Departure, Observable, Plan
+
+Array = NDArray[np.float64]
+
+DWELLS: Final = (0.06, 0.12, 0.25, 0.5, 1.0, 1.5)  # s
+SIZES: Final = (5e-6, 10e-6, 15e-6, 20e-6)  # m; the deadbeat's thrust grows with the stroke, and the next is beyond it
+TIMES: Final = (20e-3, 22e-3, 24e-3, 26e-3, 30e-3)  # s until x_T* rests
+SLOW: Final = (2e-3, 1e-3)  # m, m/s
+STILL: Final = 10.0  # s
+PAUSE: Final = 0.25  # s between motions where the experiment does not say another
+FOUR: Final = "a reversal and an inching motion up and the same down"  # MOVES
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """name; `words`, the settings in words; what to run on a table; and what to read."""
+
+    name: str
+    words: str
+    plan: Callable[[Machine, Controller], Plan]
+    observables: tuple[Observable, ...]
+
+
+def menu(machine: Machine) -> tuple[Experiment, ...]:
+    """The experiments, with the settings of this machine's motions."""
+    wanted = machine.specification
+    stroke, settling = show(wanted.stroke, "m"), show(wanted.reference_settling_time, "s")
+    rests, sizes, times = _listed(DWELLS, 1.0), _listed(SIZES, 1e6), _listed(TIMES, 1e3)
+    return (
+        Experiment(
+            "rests of many lengths",
+            f"motions of {stroke} behind rests of {rests} s, {FOUR} behind each",
+            _rests,
+            observables.RESTS,
+        ),
+        Experiment(
+            "a ladder of strokes",
+            f"motions of {sizes} µm whose reference rests after {settling}, {FOUR}, {PAUSE:g} s apart",
+            _ladder,
+            observables.STROKES,
+        ),
+        Experiment(
+            "a ladder of settling times",
+            f"motions of {stroke} whose reference rests after {times} ms (the thrust falls from rung to rung), {FOUR}, "
+            f"{PAUSE:g} s apart",
+            _times,
+            observables.TIMES,
+        ),
+        Experiment("a hold", f"nothing moves for {STILL:g} s behind a motion of {stroke}", _hold, observables.HOLD),
+        Experiment(
+            "a slow stroke",
+            f"a stroke of {SLOW[0] * 1e3:g} mm there and back at {SLOW[1] * 1e3:g} mm/s",
+            _slow,
+            observables.SLOW,
+        ),
+    )
+
+
+def depart(experiment: Experiment, table: Table, draw: Draw) -> Departure:
+    """The experiment on a table with what the draw puts into it, less the same without."""
+    machine, controller = table
+    lead = rest(machine, draw.point)
+    plan = experiment.plan(machine, controller)
+    true = draw.case.candidate().put(machine, draw.values)
+    with_it, without = (_run(one, controller, plan.schedule, lead) for one in (true, machine))
+    return Departure(plan, machine.sample_time, with_it.position - without.position, with_it.command - without.command)
+
+
+def measure(experiment: Experiment, table: Table, draw: Draw) -> list[float]:
+    """The observables [steps] of an experiment."""
+    machine, _ = table
+    departure = depart(experiment, table, draw)
+    step = {"m": machine.scale.resolution, "N": machine.scale.resolution * machine.control.pid.kp}
+    return [one.read(departure) / step[one.unit] for one in experiment.observables]
+
+
+def _run(machine: Machine, controller: Controller, planned: Schedule, lead: int) -> Record:
+    """The record of a schedule, behind `lead` samples of rest."""
+    still, given = np.zeros(lead), planned.given
+    parts = (given.position, given.feedforward, given.compensation)
+    rested = References(*(np.concatenate([still, part]) for part in parts))
+    target = np.concatenate([still, planned.target])
+    return simulate(machine, controller, target, given=rested).record.last(planned.target.size)
+
+
+Rung = tuple[float, float, Controller]  # stroke [m], rest [s] before each motion, and the controller
+
+
+def _moves(machine: Machine, rungs: Sequence[Rung]) -> Plan:
+    """Up, up, down, down on each rung behind a rung that only warms up; the feedforward of each rung's controller."""
+    ts = machine.sample_time
+    levels, at, moves, spans = [np.zeros(1)], 1, [], []
+    first_stroke, first_rest, first = rungs[0]
+    for stroke, pause, controller in [(first_stroke, first_rest, first), *rungs]:
+        samples = round(pause / ts)
+        begun = at
+        for number, direction in enumerate((1, 1, -1, -1)):
+            levels.append(np.full(samples, stroke * min(number + 1, 3 - number)))
+            moves.append((at, direction, (len(controller.n_ff) - 1) * ts))
+            at += samples
+        spans.append((begun, at, controller))
+    target = np.concatenate(levels)
+    position, feedforward = np.zeros(at), np.zeros(at)
+    for begun, end, controller in spans:  # each rung ends at rest at 0, so its references are its own
+        its = references(controller.without_compensation(), target[begun:end])
+        position[begun:end], feedforward[begun:end] = its.position, its.feedforward
+    return Plan(
+        _compensated(first, target, position, feedforward),
+        tuple(moves[len(MOVES) :]),
+        tuple(stroke for stroke, _, _ in rungs),
+    )
+
+
+def _compensated(controller: Controller, target: Array, position: Array, feedforward: Array) -> Schedule:
+    """A schedule with the friction compensation that follows its x_T*."""
+    rfm = controller.friction_compensation
+    thrust = np.zeros(position.size) if rfm is None else follow(rfm, position)[0]
+    return Schedule("planned", target, References(position, feedforward, thrust))
+
+
+def _rests(machine: Machine, controller: Controller) -> Plan:
+    return _moves(machine, [(machine.specification.stroke, dwell, controller) for dwell in DWELLS])
+
+
+def _ladder(machine: Machine, controller: Controller) -> Plan:
+    return _moves(machine, [(size, PAUSE, controller) for size in SIZES])
+
+
+def _times(machine: Machine, controller: Controller) -> Plan:
+    rungs = [(machine.specification.stroke, PAUSE, _in(machine, time) or controller) for time in TIMES]
+    return _moves(machine, rungs)
+
+
+def _in(machine: Machine, time: float) -> Controller | None:
+    """The controller whose x_T* rests after `time` [s]; None where there is none."""
+    wanted = replace(machine.specification, reference_settling_time=time)
+    try:
+        return default_controller(replace(machine, specification=wanted))
+    except DesignError:
+        return None
+
+
+def _hold(machine: Machine, controller: Controller) -> Plan:
+    samples = round(STILL / machine.sample_time)
+    target = np.concatenate([np.zeros(200), np.full(samples, machine.specification.stroke)])
+    known = references(controller, target)
+    return Plan(Schedule("hold", target, known))
+
+
+def _slow(machine: Machine, controller: Controller) -> Plan:
+    planned = strokes(machine, SLOW[0], (SLOW[1],))
+    given = planned.given
+    return Plan(_compensated(controller, planned.target, given.position, given.feedforward))
+
+
+def _listed(numbers: Sequence[float], factor: float) -> str:
+    """Numbers times a factor, as text."""
+    shown = [f"{factor * number:g}" for number in numbers]
+    return ", ".join(shown[:-1]) + f" and {shown[-1]}"

@@ -1,0 +1,153 @@
+"""Candidates put into tables whose controllers do not know them: draws over the priors, then a search near the best.
+
+A point (k + 1,) of the unit cube is a candidate's k numbers and, last, how long the table rests before the sequence:
+what has a clock of its own, such as a vibration, meets the motions at another time.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from models.controller import Controller
+from models.machine import Machine
+from studies.paper_gap.candidates import Candidate, beyond, both, every, wrong_friction
+from studies.paper_gap.pattern import COARSE, Pattern, Seen, errors, run, seen
+
+Array = NDArray[np.float64]
+Table = tuple[Machine, Controller]
+
+STEPS: Final = (0.15, 0.08, 0.04, 0.02)  # of the search near the best draws, as parts of the cube, one a round
+MOST: Final = 10.0  # times a prior's end, as far as "beyond" goes
+ALONE, BESIDE, BEYOND = "alone", "beside", "beyond"
+WRONG_FRICTION: Final = "wrong_friction"  # both of the friction's parameters at once
+
+
+@dataclass(frozen=True)
+class Case:
+    """A candidate in one of the ways in which it is looked at: alone, beside a wrong friction, beyond its prior."""
+
+    name: str
+    way: str = ALONE
+
+    def candidate(self) -> Candidate:
+        """What is put into the table."""
+        known = every()
+        one = wrong_friction() if self.name == WRONG_FRICTION else known[self.name]
+        if self.way == BESIDE:
+            return both(one, wrong_friction())
+        return beyond(one, MOST) if self.way == BEYOND else one
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One size of a case in one table, what it showed, and how far [m] that is from the pattern.
+
+    found: by the search near the best draws, so that it counts for no share.
+    """
+
+    case: Case
+    table: int
+    point: tuple[float, ...]
+    values: tuple[float, ...]
+    seen: Seen
+    distance: float
+    found: bool
+
+    @property
+    def shows(self) -> bool:
+        """Whether it shows the pattern."""
+        return self.distance == 0.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """draws: of a case, over all tables; kept: best draws that each round of the search begins from; near: points
+    drawn near each of them; rounds: at most len(STEPS)."""
+
+    draws: int
+    kept: int
+    near: int
+    rounds: int
+
+    @property
+    def simulations(self) -> int:
+        """Of one case."""
+        return self.draws + self.rounds * self.kept * self.near
+
+
+Place = tuple[int, tuple[float, ...]]  # a table and a point
+
+
+def rest(machine: Machine, point: Sequence[float]) -> int:
+    """Samples of rest before the sequence: up to the interval between motions."""
+    return int(point[-1] * machine.specification.interval / machine.sample_time)
+
+
+def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = COARSE) -> Array:
+    """Errors (motions, n) [m] of the positive motions, the reversal first, at a point (k + 1,); substeps a sample."""
+    machine, controller = table
+    one = case.candidate()
+    true = one.put(machine, one.values(point[:-1]))
+    return errors(machine, run(true, controller, rest(machine, point), substeps))
+
+
+def draw(tables: Sequence[Table], case: Case, pattern: Pattern, place: Place, found: bool) -> Draw:
+    """What a case shows at a place."""
+    table, point = place
+    outcome = seen(tables[table][0], simulated(tables[table], case, point))
+    values = case.candidate().values(point[:-1])
+    return Draw(case, table, point, values, outcome, pattern.distance(outcome), found)
+
+
+def explore(tables: Sequence[Table], case: Case, pattern: Pattern, effort: Effort, seed: int) -> list[Draw]:
+    """The draws of a case: a Latin hypercube, spread evenly over the tables, then rounds near the best so far.
+
+    The same for the same seed, whatever else is explored.
+    """
+    rng = np.random.default_rng([seed, zlib.crc32(f"{case.name} {case.way}".encode())])
+    size = len(case.candidate().ranges) + 1
+    cube = qmc.LatinHypercube(size, seed=rng).random(effort.draws)
+    draws = [
+        draw(tables, case, pattern, (i % len(tables), tuple(map(float, point))), False) for i, point in enumerate(cube)
+    ]
+    for step in STEPS[: effort.rounds]:
+        draws += [draw(tables, case, pattern, place, True) for place in _near(draws, effort, step, rng)]
+    return draws
+
+
+def _near(draws: Sequence[Draw], effort: Effort, step: float, rng: np.random.Generator) -> Iterator[Place]:
+    """Places near the best draws, folded back into the cube."""
+    for one in sorted(draws, key=lambda one: one.distance)[: effort.kept]:
+        for _ in range(effort.near):
+            moved = np.abs(np.array(one.point) + step * rng.standard_normal(len(one.point)))
+            yield one.table, tuple(map(float, np.clip(1.0 - np.abs(1.0 - moved), 0.0, 1.0)))
+
+
+def explore_all(
+    tables: Sequence[Table],
+    cases: Sequence[Case],
+    pattern: Pattern,
+    effort: Effort,
+    seed: int,
+    pool: Executor | None,
+    tell: Callable[[float, str], None],
+) -> list[list[Draw]]:
+    """`explore` of each case, by the pool's processes where there is one; `tell` hears which one is done."""
+    mapped = (pool.map if pool else map)(_explored, ((tables, case, pattern, effort, seed) for case in cases))
+    done = []
+    for case, draws in zip(cases, mapped, strict=True):
+        done.append(draws)
+        tell(len(done) / len(cases), f"{case.name.replace('_', ' ')}, {case.way}: {sum(d.shows for d in draws)} shown")
+    return done
+
+
+def _explored(given: tuple[Sequence[Table], Case, Pattern, Effort, int]) -> list[Draw]:
+    return explore(*given)

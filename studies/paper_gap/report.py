@@ -1,0 +1,246 @@
+"""How the study is told: the clouds of draws beside the paper's point, the responses, and the experiments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+
+from models.quantity import show
+from reports import style
+from reports.report import Figure, Report
+from studies.wording import filters, quantity
+
+Results = Mapping[str, Any]
+MICRO: Final = 1e6
+COLOURED: Final = 3  # candidates of a family that have a colour of their own: those that come nearest
+WAYS: Final = {
+    "alone": "alone",
+    "beside": "beside a wrong friction",
+    "beyond": "beyond its prior",
+    "never": "not seen",
+}
+
+TABLES = {
+    "nominal": ("results.nominal",),
+    "outcome": ("results.candidates",),
+    "again": ("results.again",),
+    "experiments": ("results.decided",),
+    "values": ("results.decided",),
+    "candidates": ("results.candidates",),
+    "parameters": ("parameters",),
+}
+
+
+def tell(whole: Results) -> Report:
+    """The report on what results.json holds."""
+    results, published = whole["results"], whole["machine"]["published"]
+    step = show(whole["machine"]["scale"]["resolution_m"], "m")
+    figures = (
+        Figure(
+            "clouds",
+            f"What each candidate alone makes of the compensated sequence, over its prior range and "
+            f"{results['tables']} tables: 3σ against the largest error of an inching motion, both after the settling "
+            "time. A cross is a draw whose reversal is late. The shaded region is the paper's; stars are sizes that "
+            "show the pattern beside a wrong friction or beyond the prior.",
+            ("results.points", "results.candidates", "results.again", "results.pattern"),
+            _clouds,
+        ),
+        Figure(
+            "responses",
+            "Error of the positive motions by the scale: the first table by itself, and sizes of those candidates that "
+            "come out first in [](#tbl:outcome), each on a table on which it shows the pattern or comes nearest. Thin "
+            "grey: the same table without it.",
+            ("results.responses", "machine.specification"),
+            _responses,
+        ),
+        Figure(
+            "decision",
+            "What the two experiments would read: a line a candidate, a mark a size that shows the pattern or comes "
+            f"nearest, in steps (of {step}, or of the thrust that it makes through $k_p$). Where marks of two "
+            "candidates are apart, the experiment tells them apart.",
+            ("results.decided",),
+            _decision,
+        ),
+    )
+    title = f"The paper's own gap: {whole['machine']['name']}"
+    question = (
+        f"With compensation the paper's table leaves 3σ = {show(published['dispersion_with_m'], 'm')} and inching "
+        "motions that miss; the model does not. Which effects leave that, and which experiment would tell?"
+    )
+    own: dict[str, Callable[..., Any]] = {
+        "name": _name,
+        "way": WAYS.__getitem__,
+        "share": _share,
+        "sizes": _sizes,
+        "together": _together,
+        "misses": _misses,
+        "nearest": lambda rows: min(rows, key=_misses, default=None),
+        "steps": _steps,
+    }
+    return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), **own}, TABLES)
+
+
+def _name(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _share(ratio: float) -> str:
+    return "0" if ratio == 0 else ("< 1 %" if ratio < 0.01 else f"{100 * ratio:.0f} %")
+
+
+def _misses(row: Results) -> float:
+    """The least distance [m] of a candidate alone to the pattern within its prior."""
+    return float(row["ways"]["alone"]["closest_m"])
+
+
+def _sizes(ends: Sequence[float] | None, unit: str) -> str:
+    """The sizes that show the pattern, least to largest."""
+    if ends is None:
+        return "–"
+    low, high = (quantity(end, unit, 2) for end in ends)
+    return low if low == high else f"{low} to {high}"
+
+
+def _steps(values: Sequence[float]) -> str:
+    """The range of some values, rounded."""
+    low, high = (f"{round(end, 1) + 0.0:g}" for end in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
+
+
+def _together(names: Sequence[str]) -> str:
+    """Names as an enumeration."""
+    said = [_name(name) for name in names]
+    return said[0] if len(said) == 1 else ", ".join(said[:-1]) + f" and {said[-1]}" if said else "none"
+
+
+def _clouds(whole: Results) -> Drawing:
+    results = whole["results"]
+    families = list(dict.fromkeys(row["family"] for row in results["candidates"]))
+    families.sort(key=["friction", "motor", "structure", "scale", "protocol", "parameters"].index)
+    figure, axes = style.subplots(math.ceil(len(families) / 2), 2, 150, sharex=True, sharey=True)
+    for i, family in enumerate(families):
+        _family(axes[i // 2, i % 2], family, results)
+    for ax in axes[-1]:
+        ax.set_xlabel(f"largest inching error after {show(results['pattern']['settling_time'], 's')} [µm]")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("3σ [µm]")
+    return figure
+
+
+def _family(ax: Axes, family: str, results: Results) -> None:
+    tolerance = results["pattern"]["tolerance"]
+    rows = [row for row in results["candidates"] if row["family"] == family]
+    _region(ax, results["pattern"])
+    rows.sort(key=lambda row: row["ways"]["alone"]["closest_m"])
+    for row in rows[COLOURED:]:
+        _cloud(ax, results["points"][row["name"]], tolerance, "#9a9a9a", ".", None)
+    for row, colour, marker in zip(rows, style.COLOURS, style.MARKERS, strict=False):
+        if row in rows[:COLOURED]:
+            _cloud(ax, results["points"][row["name"]], tolerance, colour, marker, _name(row["name"]))
+    names = {row["name"] for row in rows}
+    stars = [one["seen"] for one in results["again"] if one["shows"] and one["name"] in names]
+    ax.plot(*_places(stars), linestyle="none", marker="*", color=style.BLACK, markersize=6)
+    ax.set_title(family + (f" (grey: {len(rows) - COLOURED} more)" if len(rows) > COLOURED else ""))
+    ax.legend(loc="upper left", fontsize=6.5)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    _ticks(ax.xaxis, (0.2, 0.5, 1, 2, 5, 10))
+    _ticks(ax.yaxis, (0.1, 0.3, 1, 3, 10))
+    ax.set_xlim(0.15, 20)
+    ax.set_ylim(0.1, 30)
+
+
+def _ticks(axis: Axis, at: Sequence[float]) -> None:
+    """Plain numbers on a logarithmic axis."""
+    axis.set_major_locator(FixedLocator(at))
+    axis.set_major_formatter(FixedFormatter([f"{tick:g}" for tick in at]))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _places(seen: Sequence[Results]) -> tuple[list[float], list[float]]:
+    return [MICRO * one["inching_error_m"] for one in seen], [MICRO * one["dispersion_m"] for one in seen]
+
+
+def _region(ax: Axes, pattern: Results) -> None:
+    """The paper's outcome: an inching motion beyond the tolerance, 3 sigma as published."""
+    low, high = (MICRO * (pattern["dispersion"] + sign * pattern["margin"]) for sign in (-1, 1))
+    ax.fill_between([MICRO * pattern["tolerance"], 1e3], low, high, color=style.ORANGE, alpha=0.35, linewidth=0)
+    ax.annotate("paper", (12, MICRO * pattern["dispersion"]), fontsize=6.5, ha="center", va="center")
+
+
+def _cloud(ax: Axes, points: Results, tolerance: float, colour: str, marker: str, label: str | None) -> None:
+    x, y = MICRO * np.array(points["inching_error_m"]), MICRO * np.array(points["dispersion_m"])
+    late = np.array(points["reversal_error_m"]) > tolerance * (1 + 1e-9)
+    common: dict[str, Any] = {"linestyle": "none", "color": colour, "alpha": 0.6}
+    ax.plot(x[~late], y[~late], marker=marker, markersize=2.2, label=label, **common)
+    ax.plot(x[late], y[late], marker="x", markersize=3.0, **common)
+
+
+def _responses(whole: Results) -> Drawing:
+    drawn, wanted = whole["results"]["responses"], whole["machine"]["specification"]
+    figure, axes = style.subplots(
+        math.ceil(len(drawn) / 2), 2, 45 * math.ceil(len(drawn) / 2), sharex=True, sharey=True
+    )
+    for i, one in enumerate(drawn):
+        _motions(axes[i // 2, i % 2], one, wanted)
+    axes[0, 0].legend(loc="upper right")
+    for ax in axes.flat[len(drawn) :]:
+        ax.set_visible(False)
+    for ax in axes[-1]:
+        ax.set_xlabel("time from the step [ms]")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("error [µm]")
+    return figure
+
+
+def _motions(ax: Axes, one: Results, wanted: Results) -> None:
+    time = 1e3 * np.array(one["time_s"])
+    style.tolerance_band(ax, 0.0, MICRO * wanted["tolerance_m"], "")
+    style.mark_limit(ax, 1e3 * wanted["settling_time_s"], "", axis="x")
+    if one["name"]:
+        ax.plot(time, MICRO * np.array(one["without_m"]).T, color="#8a8a8a", linestyle="-", linewidth=0.5)
+    errors = MICRO * np.array(one["error_m"])
+    ax.plot(time, errors[1:].T, color=style.BLUE, linestyle="-", linewidth=0.9)
+    ax.plot(time, errors[0], color=style.VERMILION, linestyle="-", linewidth=1.5)
+    ax.plot([], [], color=style.VERMILION, linestyle="-", label="reversal")
+    ax.plot([], [], color=style.BLUE, linestyle="-", label="inching")
+    words = f"{_name(one['name'])}, {WAYS[one['way']]}" if one["name"] else "nothing added"
+    ax.set_title(words, fontsize=7.5)
+    ax.set_ylim(-6, 6)
+    ax.set_xlim(10, time[-1])
+
+
+def _decision(whole: Results) -> Drawing:
+    decided = whole["results"]["decided"]
+    shown = list(dict.fromkeys((decided["first"], decided["second"])))
+    names = list(decided["experiments"][0]["values_steps"])
+    figure, axes = style.subplots(1, len(shown), 22 + 6 * len(names), sharey=True)
+    for ax, at in zip(axes[0], shown, strict=True):
+        experiment = decided["experiments"][at]
+        best = experiment["best"]
+        for place, name in enumerate(names):
+            values = [draw[best] for draw in experiment["values_steps"][name]]
+            ax.plot(values, [place] * len(values), marker="o", color=style.BLUE, linestyle="-", linewidth=0.8)
+        ax.axvline(0.0, color=style.LIMIT, linewidth=0.7)
+        ax.set_title(experiment["name"])
+        ax.set_xlabel(_broken(f"{experiment['observables'][best]} [steps]"))
+    axes[0, 0].set_yticks(range(len(names)), [_name(name) for name in names])
+    axes[0, 0].invert_yaxis()
+    return figure
+
+
+def _broken(text: str) -> str:
+    """A long label on two lines."""
+    words = text.split()
+    breaks = [sum(len(word) + 1 for word in words[:i]) for i in range(len(words))]
+    middle = next((i for i, (a, b) in enumerate(pairwise(breaks), start=1) if a <= len(text) / 2 < b), 0)
+    return text if len(text) < 40 or not middle else " ".join(words[:middle]) + "\n" + " ".join(words[middle:])
