@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from design.deadbeat import DesignError
 from design.lifted import Lifted, feedforward_only
 from design.ocp import Program, Solution, Solver
-from design.scenarios import Feedback, Scenario, follow_loop, guess_loop
+from design.scenarios import Feedback, Scenario, error_of, follow_loop, guess_loop
 from design.trajectory import CONTINUATION, SMOOTH, Limits, Task, require_rest, thrust_unit
 from models.controller import PID, Controller
 from models.plant import Plant
@@ -141,7 +141,7 @@ def solve_common(
     assert isinstance(point, Solution)
     net, assist = point.values["net"], point.values["assist"]
     position = built.lifted.on_thrust(built.lifted.position) @ net
-    error = np.array([point.values[f"error_of_{i}"] for i in range(len(task.scenarios))])
+    error = np.array([error_of(point.values, str(i), task.feedback, task.stroke) for i in range(len(task.scenarios))])
     return CommonTrajectory(task, np.append(net, 0.0) + assist, position, error, ratios[-1], point)
 
 
@@ -153,5 +153,6 @@ def _guess(built: BuiltCommon, states: list[Array], net: Array) -> dict[str, Arr
     guess = {"net": net, "assist": np.zeros(task.samples + 1)}
     for i, (scenario, start) in enumerate(zip(task.scenarios, states, strict=True)):
         guess |= guess_loop(str(i), scenario, task.feedback, start, feedforward, reference)
-    worst = max(float(np.max(np.abs(guess[f"error_of_{i}"]))) for i in range(len(states)))
+    errors = [error_of(guess, str(i), task.feedback, task.stroke) for i in range(len(states))]
+    worst = float(np.max(np.abs(errors)))
     return {**guess, "worst": np.array([worst])}

@@ -6,13 +6,24 @@ from design.deadbeat import Constraints, Deadbeat, synthesise
 from design.friction_compensation import simplify
 from models.controller import Controller
 from models.machine import Machine
+from models.plant import delay_split
+
+
+def waiting(machine: Machine) -> int:
+    """Samples by which the PID's reference waits, z^-d: the whole ones of the dead time, L = d T_s + rest.
+
+    x_T* is made with P_l(z) = z^-d N(z) / D(z), so it has the rest of L in it and is the table's position d samples
+    later. The paper's z^-2 (III.A) is this rule for 1 ms <= L < 1.5 ms. What a machine file says of z^-d holds for the
+    controller in place, which made its records; rounding L instead would let x_T* come a whole sample too late.
+    """
+    return delay_split(machine.plant.dead_time, machine.sample_time)[0]
 
 
 def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
-    """The controller of Fig. 13: this feedforward, the machine's PID and dead-time compensation, and its RFM."""
+    """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's PID, and its RFM."""
     control = machine.control
     rfm = simplify(machine.friction, control.compensator_elements)
-    return Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff, rfm)
+    return Controller(machine.sample_time, control.pid, waiting(machine), deadbeat.n_ff, deadbeat.d_ff, rfm)
 
 
 def usable_thrust(machine: Machine) -> float:

@@ -34,6 +34,7 @@ DIAGRAM: Final = """\
                                                     CS = C/(1 + L)   r -> u"""
 SENSITIVITIES: Final[tuple[Sensitivity, ...]] = ("S", "T", "PS", "CS")
 WIDTHS: Final = np.linspace(-4, 4, 17)  # half-widths of a resonance at which a grid looks at it
+UNDAMPED: Final = 1e-9  # damping ratio below which a pole counts as undamped
 INTEGRATOR: Final = 1e-6  # of Nyquist's frequency: a slower eigenvalue counts as an integrator
 ZOOM: Final = 9  # points a refinement looks at; each narrows the interval to 2 / (ZOOM - 1) of it
 REFINEMENTS: Final = 8  # to 4^-8 = 1.5e-5 of the interval, and a maximum is flat: its value is then good to 1e-9
@@ -149,7 +150,8 @@ def grid(plant: control.StateSpace, pid: PID | None = None, count: int = 200, lo
     poles = np.log(z[np.abs(z) > 1e-3].astype(complex)) / plant.dt
     moving = np.abs(poles)[np.abs(poles) > INTEGRATOR * nyquist]
     spread = np.geomspace(min(lowest * nyquist, 0.1 * np.min(moving, initial=nyquist)), nyquist, count)
-    poles = poles[poles.imag > 0]
+    damped = np.abs(poles.real) > UNDAMPED * np.abs(poles)
+    poles = poles[(poles.imag > 0) & damped]  # on a pole of the plant without damping there is no response
     near = (poles.imag[:, None] + np.abs(poles.real[:, None]) * WIDTHS).ravel()
     inside = near[(near > spread[0]) & (near < nyquist)]
     return np.unique(np.concatenate([spread, inside]))

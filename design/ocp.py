@@ -29,6 +29,7 @@ OPTIONS: Final[dict[str, Any]] = {
 }
 WARM: Final[dict[str, Any]] = {
     "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_strategy": "adaptive",
     "ipopt.mu_init": 1e-5,
     "ipopt.warm_start_bound_push": 1e-8,
     "ipopt.warm_start_bound_frac": 1e-8,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -81,3 +81,9 @@ class Problem:
     def sample_time(self) -> float:
         """T_s [s]."""
         return float(self.members[0].plant.dt)
+
+    def with_derivative_gain(self, kd: float) -> Problem:
+        """The same with the derivative gain given [N s/m] instead of sought; `scale` has to have one."""
+        share, lower, upper = kd / self.scale.kd, self.lower.copy(), self.upper.copy()
+        lower[2] = upper[2] = share
+        return replace(self, lower=lower, upper=upper)

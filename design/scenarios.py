@@ -6,8 +6,9 @@ so that both the feedback and the friction's reaction to an error act within the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import casadi as ca
 import numpy as np
@@ -18,10 +19,12 @@ from design.lifted import lift
 from design.ocp import Program
 from models.controller import PID
 from models.friction import Friction, elements
-from models.plant import Plant
+from models.plant import Plant, delay_split, state_space, transition
 from models.smooth_friction import law
 
 Array = NDArray[np.float64]
+
+QUICK: Final = 5e-3  # s: a speed is measured in strokes per so much, which only scales the program
 
 
 @dataclass(frozen=True)
@@ -97,42 +100,113 @@ def follow_loop(
     reference: ca.MX,
     ratio: ca.MX,
 ) -> tuple[Any, Any]:
-    """(position (n + 1,) [m], command (n,) [N]) of the scenario's loop under u_ff (n,) [N] and x_T* (n,) [m].
+    """(error (last - first,) [m], command (n,) [N]) of the scenario's loop under u_ff (n,) [N] and x_T* (n,) [m].
 
-    Adds the loop's variables to `program` and a parameter z_`name`: its elements' state at the start.
+    Adds the loop's variables to `program` and a parameter z_`name`: its elements' state at the start. What `respond`
+    knows as whole matrices stands here sample by sample: more variables, but each touches its neighbours only, which
+    halves the time of a solve.
     """
-    n = feedback.last
-    lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
+    n, loop = feedback.last, _sampled(scenario.plant, feedback)
     stiffness, limit = np.array(scenario.friction.stiffness), np.array(scenario.friction.limit)
-    unit = float(stiffness @ limit)
+    unit, modes = float(stiffness @ limit), loop.phi.shape[0]
+    start = program.parameter(f"start_{name}", limit.size)
+    units = np.tile([stroke, stroke / QUICK], modes // 2)
+    state = ca.reshape(program.variable(f"state_of_{name}", np.tile(units, n)), modes, n)  # at each interval's end
+    position = program.variable(f"position_of_{name}", np.full(n, stroke))  # from sample 1 on
+    pid = program.variable(f"pid_of_{name}", np.full(n, unit))
     middle = program.variable(f"middle_of_{name}", np.full(n, stroke))
     force = program.variable(f"force_of_{name}", np.full(n, unit))  # from the start's on
     z = ca.reshape(program.variable(f"z_of_{name}", np.tile(limit, n)), limit.size, n)
-    start = program.parameter(f"start_{name}", limit.size)
-    inputs = ca.vertcat(thrust, reference, force)
-    program.require(middle - lifted.middle @ inputs, 0, 0, stroke)
+    command, before = thrust + pid, ca.horzcat(ca.MX(modes, 1), state[:, :-1])
+    net = (command - force).T
+    program.require(ca.vec(state - loop.phi @ before - loop.gamma @ net), 0, 0, np.tile(units, n))
+    program.require(middle - (loop.predict @ before).T, 0, 0, stroke)
+    sampled = (loop.output @ before + loop.through * net).T
+    program.require(position - _later(sampled, loop.whole), 0, 0, stroke)
+    waiting = ca.vertcat(ca.repmat(reference[0], feedback.reference_delay, 1), reference)[:n]
+    error = waiting - _later(position, 1)
+    acting = sum(float(c) * _later(error, k) for k, c in enumerate(loop.zeros))
+    program.require(sum(float(c) * _later(pid, k) for k, c in enumerate(loop.poles)) - acting, 0, 0, unit)
     moved = ca.diff(ca.vertcat(0, middle)).T
     constants = (ca.repmat(one, 1, n) for one in (ratio, stiffness, limit))
     after, pull = law(limit.size).map(n)(ca.horzcat(start, z[:, :-1]), moved, *constants)
     program.require(ca.vec(z - after), 0, 0, np.tile(limit, n))
     program.require(force - (pull.T - ca.dot(stiffness, start)), 0, 0, unit)
-    error = program.variable(f"error_of_{name}", np.full(feedback.last - feedback.first, stroke))
-    position = lifted.position[feedback.first : feedback.last] @ inputs
-    program.require(error - (position - stroke), 0, 0, stroke)  # a variable, so that its square is sparse
-    return error, lifted.command @ inputs + ca.dot(stiffness, start)
+    return position[_counted(feedback)] - stroke, command + ca.dot(stiffness, start)
 
 
 def guess_loop(
     name: str, scenario: Scenario, feedback: Feedback, start: Array, thrust: Array, reference: Array
 ) -> dict[str, Array]:
     """Values of the copy's variables (SI) on the exact elements' path; see `respond`."""
+    n, loop = feedback.last, _sampled(scenario.plant, feedback)
     middle, force, states, position = respond(scenario, feedback, start, thrust, reference)
+    lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
+    command = lifted.command @ np.concatenate([thrust, reference, force])
+    modes = np.zeros((n + 1, loop.phi.shape[0]))
+    for k in range(n):
+        modes[k + 1] = loop.phi @ modes[k] + loop.gamma[:, 0] * (command[k] - force[k])
     return {
+        f"state_of_{name}": modes[1:].ravel(),
+        f"position_of_{name}": position[1:],
+        f"pid_of_{name}": command - thrust,
         f"middle_of_{name}": middle,
         f"force_of_{name}": force,
         f"z_of_{name}": states.ravel(),
-        f"error_of_{name}": position[feedback.first : feedback.last] - reference[-1],
     }
+
+
+def error_of(values: Mapping[str, Array], name: str, feedback: Feedback, stroke: float) -> Array:
+    """The copy's error (last - first,) [m] of values (SI) of the program, for a motion over `stroke` [m]."""
+    return np.asarray(values[f"position_of_{name}"][_counted(feedback)] - stroke, float)
+
+
+@dataclass(frozen=True)
+class _Sampled:
+    """The loop sample by sample. Over an interval of the thrust: state+ = phi state + gamma net; predict: the position
+    half-way; output, through: at the sample that falls into it, `whole` samples later than the thrust was put out.
+
+    PID: poles(z^-1) u_fb = zeros(z^-1) e.
+    """
+
+    phi: Array
+    gamma: Array
+    predict: Array
+    output: Array
+    through: float
+    whole: int
+    poles: Array
+    zeros: Array
+
+
+def _sampled(plant: Plant, feedback: Feedback) -> _Sampled:
+    ts, pid, continuous = feedback.sample_time, feedback.pid, state_space(plant)
+    whole, rest = delay_split(plant.dead_time, ts)
+    phi, gamma = transition(continuous, ts)
+    phi_part, gamma_part = transition(continuous, ts - rest)
+    output = np.asarray(continuous.C)
+    keep = pid.derivative_filter / (pid.derivative_filter + ts)
+    zeros = pid.kp * np.array([1.0, -1.0 - keep, keep]) + pid.ki * ts * np.array([1.0, -keep, 0.0])
+    return _Sampled(
+        phi=phi,
+        gamma=gamma,
+        predict=output @ (np.eye(continuous.nstates) + 0.5 * ts * np.asarray(continuous.A)),
+        output=output @ phi_part,
+        through=(output @ gamma_part).item(),
+        whole=whole,
+        poles=np.array([1.0, -1.0 - keep, keep]),
+        zeros=zeros + pid.kd * (1 - keep) / ts * np.array([1.0, -2.0, 1.0]),
+    )
+
+
+def _later(signal: Any, samples: int) -> Any:
+    """The signal, so many samples later; zero before it begins."""
+    return ca.vertcat(ca.MX(samples, 1), signal[: signal.shape[0] - samples])
+
+
+def _counted(feedback: Feedback) -> slice:
+    """Where in a signal from sample 1 on the error counts."""
+    return slice(feedback.first - 1, feedback.last - 1)
 
 
 def respond(

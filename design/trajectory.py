@@ -10,7 +10,8 @@ x_T* for every history h. As x_T* is the same, so is the path that each friction
 
 *one for all* (common.py): one x_T* and one thrust for every history; the feedback meets what differs.
 
-M: middle of each sample's interval on n (lifted.py). The clip is smooth_friction's; its width follows CONTINUATION.
+M: middle of each sample's interval on n (lifted.py): friction once a sample, of second order in T_s, and quasi-static
+(without the dampers D_i). The clip is smooth_friction's; its width follows CONTINUATION.
 """
 
 from __future__ import annotations
@@ -47,6 +48,10 @@ CONTINUATION: Final = (0.3, 0.1, 0.03)  # smoothing width over each element's li
 SMOOTH: Final = (
     1e-4  # weight of the thrust's differences beside the peak or the sensitivity, which leave some thrust free
 )
+STEADY: Final = (
+    1e-5  # the same beside the sensitivity: less lets the thrust ring, which the friction as it stands here,
+)
+# once a sample and smoothed, does not see as it is: the nonsmooth table would lose more than the sensitivity gains
 
 
 @dataclass(frozen=True)
@@ -288,7 +293,7 @@ def _minimise_sensitivity(program: Program, task: Task, position: Any, net: Any,
         thrust = ca.vertcat(change[:n], ca.repmat(change[n], last - n, 1))
         error, _ = follow_loop(program, str(i), scenario, task.feedback, task.stroke, thrust, reference, ratio)
         program.minimise(scenario.weight * 100 * ca.sumsqr(error / task.stroke) / error.shape[0] / task.histories)
-    program.minimise(SMOOTH * SMOOTH * ca.sumsqr(ca.diff(ca.vertcat(0, net, 0) / unit)))
+    program.minimise(STEADY * ca.sumsqr(ca.diff(ca.vertcat(0, net, 0) / unit)))
 
 
 def _states(task: Task, states: ArrayLike | None) -> Array:

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
 
-from studies.command import Answer, Progress, Study, main
-
-if TYPE_CHECKING:
-    from models.machine import Machine
-    from reports.report import Report
+from studies.command import Study, main
 
 OBJECTIVES = ("thrust_difference", "thrust", "peak_thrust", "mode_robustness")
 
@@ -49,26 +43,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--monotone", action="store_true", help="x_T* must not move backwards")
 
 
-def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
-    """See compute.py."""
-    from studies.deadbeat_design.compute import design
-
-    return design(machine, options, progress)
-
-
-def report(whole: Mapping[str, Any]) -> Report:
-    """See report.py."""
-    from studies.deadbeat_design.report import tell
-
-    return tell(whole)
-
-
 STUDY = Study(
     name="deadbeat_design",
     question="Which N_ff(z), D_ff(z) for this machine, and do they hold on the nonsmooth one?",
     add_options=add_options,
-    compute=compute,
-    report=report,
+    verb="design",
 )
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -29,10 +29,11 @@ from design.deadbeat import (
 )
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
-from models.machine import Machine, parameters
+from models.machine import Machine
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from studies.command import Answer, BadInputError, Check, Progress, quantity
+from studies.deadbeat_design.effects import compensate
 from studies.validation import Validation, agreement, linear_response, validate
 
 Array = NDArray[np.float64]
@@ -61,6 +62,16 @@ def design(machine: Machine, options: argparse.Namespace, progress: Progress) ->
     with_rfm = validate(machine, controller, stroke=wanted["stroke_m"], seed=options.seed)
     progress(0.55, "validating without friction compensation")
     without = validate(machine, controller.without_compensation(), stroke=wanted["stroke_m"], seed=options.seed)
+    known = None
+    if machine.effects:
+        progress(0.65, "meeting the machine's effects")
+        known = compensate(
+            machine,
+            plain,
+            (without, with_rfm),
+            lambda other: _synthesise(other, wanted, wanted["objective"]),
+            options.seed,
+        )
     progress(0.7, "collecting the results")
     proof = _proof(machine.plant, plain)
     results = {
@@ -74,10 +85,13 @@ def design(machine: Machine, options: argparse.Namespace, progress: Progress) ->
         "friction": _friction(machine, controller),
         "without": _validation(without),
         "with": _validation(with_rfm),
-        "parameters": [_parameter(parameter) for parameter in parameters(machine)],
         "paper": _beside_the_paper(machine, without, with_rfm),
     }
     checks = _checks(machine, wanted, plain, proof, without, with_rfm)
+    if known is not None:
+        results["effects"], controller = known.results, known.controller
+        proof = _proof(known.plant, known.deadbeat)
+        checks = _checks(machine, wanted, known.deadbeat, proof, without, known.validation)
     files = {"controller.json": to_json(controller, plain.stroke, plain.settling_time)}
     summary = [("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s"))]
     return Answer(results, checks, files, summary)
@@ -278,10 +292,6 @@ def _validation(validation: Validation) -> dict[str, Any]:
         "repeats": validation.repeats,
         "repeat_error_m": validation.repeat_error,
     }
-
-
-def _parameter(parameter: Any) -> dict[str, Any]:
-    return {**asdict(parameter), "number": parameter.number}
 
 
 def _beside_the_paper(machine: Machine, without: Validation, with_rfm: Validation) -> list[dict[str, Any]]:

@@ -33,14 +33,15 @@ def tell(whole: Results) -> Report:
         Figure("lissajous", LISSAJOUS, ("results.without", "machine.presliding"), _lissajous),
     ]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
+    tables = {**TABLES, "effects": ("results.effects", "machine.specification")} if "effects" in results else TABLES
     question = "Which deadbeat feedforward suits this machine, and does it hold on the nonsmooth machine?"
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters(), TABLES)
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters(), tables)
 
 
 TABLES = {
     "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
     "paper": ("results.paper",),
-    "parameters": ("results.parameters",),
+    "parameters": ("parameters",),
 }
 BODE = (
     "The plant $P_l$ and its equivalents $P_{e1}$, $P_{e2}$ in the presliding region, where the friction acts as a "

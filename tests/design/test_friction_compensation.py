@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from design.friction_compensation import simplify
+from models.ensemble import load_ensemble
 from models.friction import branch, elements, follow
 from models.machine import load
 
@@ -27,12 +28,19 @@ def test_more_elements_follow_better() -> None:
 
 
 def test_loops_that_the_fit_has_not_seen_are_followed_too() -> None:
-    """Every history is built of branches (Masing), so a good branch is good for inner loops."""
-    path = (
-        np.concatenate([np.linspace(a, b, 200) for a, b in ((0, 80), (80, 50), (50, 70), (70, 20), (20, 100))]) * 1e-6
-    )
-    ours, theirs = follow(simplify(TABLE, 5), path)[0], follow(TABLE, path)[0]
-    assert np.max(np.abs(ours - theirs)) < 0.05 * TABLE.coulomb_force
+    """Every history is built of branches (Masing): half of one from rest, and one for each reversal not yet closed.
+
+    So the error of an inner loop is at most that many errors of the branch that the fit has seen.
+    """
+    corners = ((0, 80), (80, 50), (50, 70), (70, 20), (20, 100))
+    path = np.concatenate([np.linspace(a, b, 200) for a, b in corners]) * 1e-6
+    open_at_once = 3  # on the way from 70 to 50 um: the reversals at 80, 50 and 70 um
+    distance = np.linspace(0, 250e-6, 20000)
+    for friction in (TABLE, *(member.friction for member in load_ensemble()[::12])):
+        rfm = simplify(friction, 5)
+        of_branch = np.max(np.abs(branch(rfm, distance) - branch(friction, distance)))
+        of_loops = np.max(np.abs(follow(rfm, path)[0] - follow(friction, path)[0]))
+        assert 0 < of_loops <= (0.5 + open_at_once) * of_branch
 
 
 def test_one_element_and_elements_without_stiffness_are_no_trouble() -> None:

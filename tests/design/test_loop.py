@@ -23,7 +23,8 @@ from design.loop import (
     sensitivity,
     stays_below,
 )
-from models.controller import PID, pid_step
+from models.controller import PID
+from models.kernel import pid_step
 from models.plant import Mode, Plant, sampled
 
 TS = 5e-4

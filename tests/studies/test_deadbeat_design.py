@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
+from models.controller import load
 from models.machine import DEFAULT
-from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
+from studies.command import CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY
 
 ROOT = Path(__file__).parents[2]
@@ -188,51 +189,6 @@ def test_the_pid_of_another_controller_is_taken(folder: Path, tmp_path: Path) ->
     assert slower > read(folder, "results.json")["results"]["without"]["motions"][0]["settling_s"]
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--stroke", "0 um"], "the stroke is 0 m"),
-        (["--stroke", "20 kg"], "--stroke: '20 kg' is in kg, but this is a quantity in m"),
-        (["--stroke", "nan um"], "not a finite number"),
-        (["--settling-time", "15 ms"], "the shortest that can is "),
-        (["--settling-time", "2 ms"], "no thrust does it"),
-        (["--settling-time", ""], "--settling-time: '' is no number with a unit"),
-        (["--settling-time", "1000 s"], "longer than a motion"),
-        (["--thrust-limit", ""], "--thrust-limit: '' is no number with a unit"),
-        (["--stroke", "1e-12 m"], "is no stroke of an axis"),
-        (["--settling-time", "20.2 ms"], "no whole number of samples"),
-        (["--settling-time", "20"], "--settling-time: '20' has no unit"),
-        (["--thrust-limit", "200 N"], "--thrust-limit: 200 N is not between 0 and the rated 150 N"),
-        (["--overshoot", "-0.1"], "--overshoot"),
-        (["--objective", "beauty"], "invalid choice: 'beauty'"),
-        (["--seed", "x"], "--seed"),
-        (["--colour", "red"], "unrecognized arguments"),
-        (["--machine", "nowhere.toml"], "nowhere.toml: can't be read"),
-        (["--controller", "nowhere.json"], "nowhere.json: can't be read"),
-    ],
-)
-def test_bad_input_is_one_line_and_nothing_is_written(
-    options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(STUDY, ["--output", str(tmp_path / "out"), *options]) == BAD_INPUT
-    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
-    assert len(errors) == 1
-    assert says in errors[0]
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_that_cannot_be_written_is_said_before_any_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("in the way")
-    for output in (tmp_path / "file", tmp_path / "file" / "below"):
-        assert main(STUDY, ["--output", str(output)]) == BAD_INPUT
-    captured = capsys.readouterr()
-    assert captured.err.count("error: --output") == 2
-    assert "give a folder" in captured.err
-    assert captured.out == ""
-
-
 def test_files_of_an_earlier_run_make_way_and_those_of_others_stay(tmp_path: Path) -> None:
     arguments = ["--quick", "--no-report", "--output", str(tmp_path)]
     (tmp_path / "notes.txt").write_text("mine")
@@ -253,3 +209,42 @@ def test_help_names_units_and_defaults(capsys: pytest.CaptureFixture[str]) -> No
     text = " ".join(capsys.readouterr().out.split())
     for part in ('"20 ms"', '"20 um"', "default", "133.5 N", "Exit status"):
         assert part in text
+
+
+def test_a_machine_s_effects_are_met_and_shown_beside_the_controller_that_does_not_know_them(tmp_path: Path) -> None:
+    """What gap_diagnosis writes: the nominal machine with named effects in it."""
+    machine = tmp_path / "improved.toml"
+    machine.write_text(DEFAULT.read_text(encoding="utf-8") + EFFECTS, encoding="utf-8")
+    assert main(STUDY, ["--quick", "--machine", str(machine), "--output", str(tmp_path / "out")]) == DONE
+    found = read(tmp_path / "out", "results.json")["results"]["effects"]
+    bare, with_rfm, knowing = found["rows"]
+    assert found["met"] == ["position_dependent_friction", "gain_asymmetry"]
+    assert found["designed_for"] == ["additional_mode"]
+    assert "calibrate" in found["left_out"]["scale_gain_error"]
+    assert knowing["gap_m"] < 0.5 * with_rfm["gap_m"]
+    assert knowing["dispersion_m"] < with_rfm["dispersion_m"] < bare["dispersion_m"]
+    content = read(tmp_path / "out", "controller.json")
+    assert content["effect_compensation"]["effects"]["gain_asymmetry"] == {"asymmetry": 0.03}
+    assert load(tmp_path / "out" / "controller.json").effect_compensation is not None
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "scale_gain_error is not met" in page
+    assert "with the RFM and the effects" in page
+
+
+EFFECTS = """
+[effects.position_dependent_friction]
+part = { value = "0.1", source = "identified: gap_diagnosis" }
+length = "20 mm"
+phase = "1"
+
+[[effects.gain_asymmetry]]
+asymmetry = "0.03"
+
+[effects.additional_mode]
+gain = "0.001 1/kg"
+frequency = "200 Hz"
+damping = "0.02"
+
+[effects.scale_gain_error]
+error = "100e-6"
+"""

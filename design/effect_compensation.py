@@ -1,0 +1,55 @@
+"""Which of a machine's effects a controller can meet ahead, along x_T*, and why it cannot meet the others.
+
+What follows from the path and the thrust alone is replayed along x_T* (models/effects/ahead.py) and added to u_rf. A
+mode is no force to be added: the feedforward is designed for a plant that has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from models.controller import Controller
+from models.effects.ahead import Ahead
+from models.effects.base import Effect
+from models.effects.catalogue import named
+from models.machine import Machine
+from models.plant import Plant, delay_split
+
+MET: Final = frozenset({"thrust", "path", "limit", "friction", "force"})
+REASONS: Final = {
+    "reading": "the scale shows the table elsewhere, and the feedback goes by the scale: mend or calibrate it",
+    "control": "it is in the controller's own law: put that right",
+    "command": "it acts on single commands, the feedback's among them: no thrust along x_T* undoes it",
+}
+CLOCKED: Final = "it follows a time whose beginning the controller does not know"
+
+
+def left_out(machine: Machine) -> Mapping[str, str]:
+    """The machine's effects, by name as in its file, that cannot be met along x_T*, each with the reason."""
+    reasons = {name: _reason(effect) for name, effect in named(machine.effects).items()}
+    return {name: reason for name, reason in reasons.items() if reason}
+
+
+def designed_for(machine: Machine) -> Plant:
+    """The plant with the modes that the effects add: the one to design the feedforward for."""
+    modes = sum((effect.modes() for effect in machine.effects), machine.plant.modes)
+    return replace(machine.plant, modes=modes)
+
+
+def with_effects(controller: Controller, machine: Machine) -> Controller:
+    """The controller with the machine's effects met by u_rf, where they can be; the same one if none can."""
+    met = tuple(effect for effect in machine.effects if effect.hooks and not _reason(effect))
+    if not met:
+        return controller
+    _, late = delay_split(machine.plant.dead_time, machine.sample_time)
+    return replace(controller, effect_compensation=Ahead(met, late))
+
+
+def _reason(effect: Effect) -> str:
+    """Why the effect cannot be met; empty if it can."""
+    places = [place for place in effect.hooks if place not in MET]
+    if places:
+        return REASONS[places[0]]
+    return CLOCKED if effect.clocked else ""

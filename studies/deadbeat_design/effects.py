@@ -1,0 +1,85 @@
+"""What a machine's own effects do to the motions, and how much of it the controller takes back that knows them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from design.controller import assemble
+from design.deadbeat import Deadbeat, DesignError
+from design.effect_compensation import designed_for, left_out, with_effects
+from models.controller import Controller
+from models.effects.catalogue import named
+from models.machine import Machine
+from models.plant import Plant
+from studies.validation import Validation, validate
+
+
+@dataclass(frozen=True)
+class Known:
+    """The controller that knows the effects, its feedforward and its plant, and what results.json says of them."""
+
+    controller: Controller
+    deadbeat: Deadbeat
+    plant: Plant
+    validation: Validation
+    results: dict[str, Any]
+
+
+def compensate(
+    machine: Machine,
+    plain: Deadbeat,
+    judged: tuple[Validation, Validation],
+    synthesise: Callable[[Machine], Deadbeat],
+    seed: int,
+) -> Known:
+    """The controller that meets the machine's effects, beside the one that does not.
+
+    judged: the latter on the machine, without and with its RFM. synthesise: the feedforward for another plant.
+    """
+    whole = replace(machine, plant=designed_for(machine))
+    deadbeat, refused = plain, ""
+    if whole.plant != machine.plant:
+        try:
+            deadbeat = synthesise(whole)
+        except DesignError as error:
+            refused, whole = str(error), machine
+    bare, controller = assemble(machine, plain), assemble(whole, deadbeat)
+    knowing = with_effects(controller, machine)
+    stroke = plain.stroke
+    found = validate(machine, knowing, stroke=stroke, seed=seed)
+    cases = (
+        ("without compensation", judged[0], bare.without_compensation(), machine),
+        ("with the RFM", judged[1], bare, machine),
+        ("with the RFM and the effects", found, controller, whole),
+    )
+    rows = []
+    for name, one, law, plant in cases:
+        ideal = validate(replace(plant, effects=()), law, stroke=stroke, seed=seed)
+        rows.append({"name": name, **_row(one), "gap_m": _gap(one, ideal)})
+    met = knowing.effect_compensation
+    results = {
+        "rows": rows,
+        "met": [] if met is None else list(named(met.effects)),
+        "designed_for": [name for name, one in named(machine.effects).items() if one.modes() and not refused],
+        "refused": refused,
+        "left_out": left_out(machine),
+    }
+    return Known(knowing, deadbeat, whole.plant, found, results)
+
+
+def _row(one: Validation) -> dict[str, float]:
+    return {
+        "reversal_s": next(each.settling_time for each in one.positive() if each.motion.reversal),
+        "settling_s": max(each.settling_time for each in one.achieved),
+        "dispersion_m": one.worst_dispersion,
+        "peak_thrust_N": max(each.peak_thrust for each in one.achieved),
+    }
+
+
+def _gap(one: Validation, ideal: Validation) -> float:
+    """Root mean square [m] of what the table does beside what it does without effects, over the last period."""
+    return float(np.sqrt(np.mean((one.response.position - ideal.response.position) ** 2)))
