@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from studies.command import Answer, Progress, Study, main
-
-if TYPE_CHECKING:
-    from models.machine import Machine
-    from reports.report import Report
+from studies.command import Study, main
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -48,26 +42,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
-    """See compute.py."""
-    from studies.pid_tradeoff.compute import trade_off
-
-    return trade_off(machine, options, progress)
-
-
-def report(whole: Mapping[str, Any]) -> Report:
-    """See report.py."""
-    from studies.pid_tradeoff.report import tell
-
-    return tell(whole)
-
-
 STUDY = Study(
     name="pid_tradeoff",
     question="How much friction suppression does stability leave?",
     add_options=add_options,
-    compute=compute,
-    report=report,
+    verb="trade_off",
 )
 
 if __name__ == "__main__":

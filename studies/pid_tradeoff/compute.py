@@ -31,7 +31,7 @@ from studies.pid_tradeoff import ensemble, front
 from studies.pid_tradeoff.checks import made
 from studies.pid_tradeoff.front import Point
 from studies.pid_tradeoff.limits import bode_area, highest_crossover, least_sensitivity
-from studies.pid_tradeoff.published import SOURCE, compare
+from studies.pid_tradeoff.published import compare
 from studies.validation import Validation, validate_many
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
         "limits": _limits(machine, members[0], points, present, limits.mcs),
         "costs": costs,
         "dearest": max(costs, key=lambda cost: cost["ki_N_per_ms"] or 0.0),
-        "published": {"source": SOURCE, "rows": published},
+        "published": published,
         "reversal": _reversal(machine, every, validations, (chosen, present, points[-1])),
         "between": _between(machine, chosen.pid),
         "compensated": [_outcome(one) for one in compensated],

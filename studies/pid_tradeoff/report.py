@@ -48,6 +48,7 @@ TABLES = {
     "checks": ("checks",),
     "published": ("results.published",),
     "attempts": ("results.attempts",),
+    "parameters": ("parameters",),
 }
 FRONT = (
     "Settling of the reversal without friction compensation, on the nonsmooth machine, against the largest $|S|$ over "

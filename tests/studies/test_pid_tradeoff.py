@@ -17,7 +17,7 @@ from models.controller import PID, load
 from models.friction import branch
 from models.machine import load as load_machine
 from models.plant import Mode, Plant, sampled
-from studies.command import BAD_INPUT, DONE, main
+from studies.command import DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
 from studies.pid_tradeoff.__main__ import STUDY
 from studies.pid_tradeoff.front import Point, between_samples, nearest, step_error
@@ -151,26 +151,3 @@ def test_the_ensembles_counts_are_those_of_its_members(folder: Path) -> None:
 def test_a_bound_without_a_pid_is_answered_by_the_next_stricter_one_or_else_the_first() -> None:
     points = [Point(f"{bound}", PID(1.0, 1.0, 0.0, 0.0), (), bound) for bound in (1.4, 1.8, 2.4)]
     assert [nearest(points, ms).bound for ms in (1.8, 2.0, 3.0, 1.2)] == [1.8, 1.8, 2.4, 1.4]
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--ms", "1"], "--ms: 1 can't be"),
-        (["--ms", "two"], "--ms"),
-        (["--noise", "1 N/m", "--mode-error", "0", "--mass-error", "0"], "--ms, --mt, --noise: no PID with |S| <= 3"),
-        (["--mode-error", "-0.1"], "--mode-error"),
-        (["--mass-error", "0.7"], "--mass-error: 0.7 is no error any more"),
-        (["--noise", "5 N"], "--noise"),
-        (["--objective", "beauty"], "invalid choice"),
-        (["--ensemble", "nowhere.toml"], "--ensemble"),
-    ],
-)
-def test_bad_input_is_one_line_and_nothing_is_written(
-    options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(STUDY, ["--quick", "--no-report", "--output", str(tmp_path / "out"), *options]) == BAD_INPUT
-    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
-    assert len(errors) == 1
-    assert says in errors[0]
-    assert not (tmp_path / "out").exists()
