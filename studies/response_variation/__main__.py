@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from studies.command import Answer, Progress, Study, main
-
-if TYPE_CHECKING:
-    from models.machine import Machine
-    from reports.report import Report
+from studies.command import Study, main
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -41,26 +35,11 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
-    """See compute.py."""
-    from studies.response_variation.compute import vary
-
-    return vary(machine, options, progress)
-
-
-def report(whole: Mapping[str, Any]) -> Report:
-    """See report.py."""
-    from studies.response_variation.report import tell
-
-    return tell(whole)
-
-
 STUDY = Study(
     name="response_variation",
     question="Does the model show what the paper shows, and which tables could the paper's be?",
     add_options=add_options,
-    compute=compute,
-    report=report,
+    verb="vary",
 )
 
 if __name__ == "__main__":

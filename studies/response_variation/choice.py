@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, Final
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.friction import Friction, elements, follow
-from models.identification.hysteresis import identify, prediction_error
+from models.identification.hysteresis import Identified, branch_of_facts, identify, prediction_error
+from models.machine import Machine
 
 Array = NDArray[np.float64]
 
@@ -17,31 +19,58 @@ NOISE: Final = 0.05  # N, of the force; assumed
 RESOLUTION: Final = 1e-7  # m, of the displacement
 FITTED: Final = (0, 150, -150, 150, 100, 140, -150)  # corners of the path [um]
 HELD_OUT: Final = (0, 150, -150, -60, -120, 30, -20, 80, 40, 60, -150, 150)
+MORE: Final = 0.1  # of the least held-out error: what fewer elements may have more of it
 FINER: Final = 7  # elements of the curve for one of the machine's
 
 
-def error_against_count(friction: Friction, seed: int, *, quick: bool) -> dict[str, Any]:
+def error_against_count(
+    machine: Machine, seed: int, *, quick: bool, tell: Callable[[float, str], None]
+) -> dict[str, Any]:
     """Rms error [N] of N = 1 .. 20 elements on a simulated measurement of a finer hysteresis, fitted and held out.
 
-    The measurement has the scale's resolution and noise of NOISE; the parameters of N = 10 come with their deviations.
+    The measurement has the scale's resolution and noise of NOISE. `chosen`: the fewest elements whose error on the
+    held-out loops is within MORE of the least; the parameters of the machine's own N come with their deviations.
+    `facts`: the elements that follow from the published facts of the hysteresis alone. `tell(share, text)` hears how
+    far it is.
     """
     rng = np.random.default_rng(seed)
-    truth = _finer(friction)
+    truth, own = _finer(machine.friction), len(machine.friction.limit)
     fitted, held_out = (_measured(truth, corners, rng) for corners in (FITTED, HELD_OUT))
-    counts = (1, 2, 5, 10) if quick else range(1, 21)
-    found = {count: identify(*fitted, count) for count in counts}
-    ten = found[10]
+    counts = sorted({1, 2, 5, 10, own} if quick else {*range(1, 21), own})
+    found = {}
+    for count in counts:
+        tell(sum(c for c in counts if c < count) / sum(counts), f"identifying N = {count} elements")
+        found[count] = identify(*fitted, count)
+    errors = {count: prediction_error(found[count].friction, *held_out) for count in counts}
+    best = min(errors.values())
     return {
-        "count": list(counts),
+        "count": counts,
         "fitted_N": [found[count].rms_error for count in counts],
-        "held_out_N": [prediction_error(found[count].friction, *held_out) for count in counts],
+        "held_out_N": [errors[count] for count in counts],
         "noise_N": NOISE,
-        "ten": {
-            "limit_m": ten.friction.limit,
-            "limit_std_m": ten.limit_std,
-            "stiffness_N_per_m": ten.friction.stiffness,
-            "stiffness_std_N_per_m": ten.stiffness_std,
-        },
+        "own": own,
+        "own_over_least": errors[own] / best,
+        "chosen": min(count for count in counts if errors[count] <= (1 + MORE) * best),
+        "more": MORE,
+        "elements": _parameters(found[own]),
+        "facts": _of_facts(machine),
+    }
+
+
+def _of_facts(machine: Machine) -> dict[str, Any]:
+    """The two elements that T_fc, K_e1, K_e2 and the boundary of Fig. 3b make, and their rms error [N] to it."""
+    facts = machine.presliding
+    curve = branch_of_facts(facts.coulomb_force, facts.stiffness_1, facts.stiffness_2, facts.boundary)
+    two = identify(*curve, 2)
+    return {"limit_m": two.friction.limit, "stiffness_N_per_m": two.friction.stiffness, "rms_N": two.rms_error}
+
+
+def _parameters(found: Identified) -> dict[str, Any]:
+    return {
+        "limit_m": found.friction.limit,
+        "limit_std_m": found.limit_std,
+        "stiffness_N_per_m": found.friction.stiffness,
+        "stiffness_std_N_per_m": found.stiffness_std,
     }
 
 

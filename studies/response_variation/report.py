@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,81 +13,104 @@ from matplotlib.figure import Figure as Drawing
 from models.quantity import show
 from reports import style
 from reports.report import Figure, Report
-from studies.wording import filters
+from studies.wording import filters, quantity
 
 Results = Mapping[str, Any]
 MICRO = 1e6
 
 
 def tell(whole: Results) -> Report:
-    """The report on what results.json holds."""
-    specification = "machine.specification"
-    figures = (
-        Figure("bode", BODE, ("results.bode",), _bode),
-        Figure("hysteresis", HYSTERESIS, ("results.hysteresis", "machine.presliding"), _hysteresis),
-        Figure("choice", CHOICE, ("results.choice",), _choice),
-        Figure("inner", INNER, ("results.hysteresis",), _inner),
-        Figure("reference", REFERENCE, ("results.reference",), _reference),
-        Figure("variation", VARIATION, ("results.without", specification), _variation),
-        Figure("lissajous", LISSAJOUS, ("results.without", "machine.presliding"), _lissajous),
-        Figure(
-            "compensated",
-            COMPENSATED,
-            ("results.without", "results.with", specification, "machine.published"),
-            _compensated,
-        ),
-        Figure("set", SET, ("results.set",), _set),
-        Figure("gap", GAP, ("results.gap", "machine.published"), _gap),
+    """The report on what results.json holds; of a machine by itself without the figures and tables of a set."""
+    specification, alone = "machine.specification", whole["results"]["alone"]
+    said = _captions(whole)
+    drawn: tuple[tuple[str, tuple[str, ...], Callable[[Results], Drawing]], ...] = (
+        ("bode", ("results.bode",), _bode),
+        ("hysteresis", ("results.hysteresis", "machine.presliding"), _hysteresis),
+        ("choice", ("results.choice",), _choice),
+        ("inner", ("results.hysteresis",), _inner),
+        ("reference", ("results.reference",), _reference),
+        ("variation", ("results.without", specification), _variation),
+        ("lissajous", ("results.without", "machine.presliding"), _lissajous),
+        ("compensated", ("results.without", "results.with", specification, "machine.published"), _compensated),
+        ("set", ("results.set",), _set),
+        ("gap", ("results.gap", "machine.published"), _gap),
     )
+    figures = tuple(
+        Figure(name, said[name], keys, draw) for name, keys, draw in drawn if not (alone and name in OF_THE_SET)
+    )
+    tables = {name: keys for name, keys in TABLES.items() if not (alone and name in OF_THE_SET)}
     title = f"Response variation: {whole['machine']['name']}"
     question = "Does the model show what the paper shows, and which tables could the paper's be?"
-    return Report(title, question, Path(__file__).parent / "report.md", figures, filters(), TABLES)
+    return Report(
+        title, question, Path(__file__).parent / "report.md", figures, {**filters(), "deviation": _deviation}, tables
+    )
 
 
+OF_THE_SET = ("set", "gap")
 TABLES = {
     "paper": ("results.paper",),
-    "ten": ("results.choice.ten",),
-    "slopes": ("results.mechanism.central",),
+    "taken": ("results.taken",),
+    "facts": ("results.choice.facts",),
+    "elements": ("results.choice.elements",),
+    "slopes": ("results.mechanism",),
     "exchange": ("results.mechanism",),
     "set": ("results.set",),
+    "parameters": ("parameters",),
 }
-BODE = (
-    "Plant and its equivalents in the presliding region; lines: the default table, shaded: the whole set. Fig. 2 "
-    "of the paper shows the same three curves and reads from them that the table is an elastic body in micrometre"
-    " motions."
-)
-HYSTERESIS = (
-    "Hysteresis over ±150 µm (left) and the branch behind a reversal (right). Fig. 3 of the paper: presliding "
-    "over about 100 µm, the steepest slope just behind the reversal, comprehensive slopes $K_{e1}$ and $K_{e2}$ "
-    "with the boundary at about 20 µm; $N = 5$ keeps both slopes."
-)
-CHOICE = (
-    "The paper's way to choose $N$: rms error of $N$ elements on a simulated, noisy measurement of a finer "
-    "hysteresis, on the loops of the fit and on inner loops that it has not seen."
-)
-INNER = (
-    "Inner loops. Fig. 4 of the paper: the curve depends on the history of the position, and $N = 10$ follows it well."
-)
-REFERENCE = "Target position. Fig. 5 of the paper: reversal and inching motions in sequence, 0.5 s apart."
-VARIATION = (
-    "Five positive motions without compensation; lines: the default table, shaded: the whole set. Figs. 7 and 12 "
-    "of the paper: the reversal falls behind and needs 52 ms, inching does not; the friction differs in every "
-    "motion and its steady value rises along the feed."
-)
-LISSAJOUS = (
-    "Rolling friction against position, with the targets. Fig. 8 of the paper: the reversal meets about 800 N/mm,"
-    " inching about 100 N/mm."
-)
-COMPENSATED = (
-    "Responses with friction compensation, and the dispersion without and with it; shaded: the whole set. Fig. 14"
-    " of the paper: the reversal settles within 25 ms, the dispersion falls from 4.8 µm to 2.4 µm, and the "
-    "inching motions still miss ±2 µm."
-)
-SET = (
-    "The tables that meet every published outcome, each a line, over the ranges searched (0 to 1, logarithmic; "
-    "see [](#tbl:set)); thick: the default table, one of the central ones."
-)
-GAP = "Dispersion with compensation over the set, beside the 2.4 µm of the experiment: the gap that the model leaves."
+
+
+def _captions(whole: Results) -> dict[str, str]:
+    """What each figure shows, beside what the paper says of its own; the paper's numbers are those of the machine."""
+    results, facts, wanted = whole["results"], whole["machine"]["presliding"], whole["machine"]["specification"]
+    published, friction = whole["machine"]["published"], results["hysteresis"]
+    slopes = tuple(show(facts[f"stiffness_{i}_N_per_m"], "N/m") for i in (1, 2))
+    late, in_time = (show(t, "s") for t in (published["reversal_settling_time_s"], wanted["settling_time_s"]))
+    before, after = (show(published[f"dispersion_{case}_m"], "m") for case in ("without", "with"))
+    band = "" if results["alone"] else f" Shaded: the range of {_tables(results)}."
+    central = results["set"]["machine_is_most_central"]
+    thick = "" if central is None else (", the most central of them" if central else ", not the most central of them")
+    return {
+        "bode": "Plant and its equivalents in the presliding region, magnitude and phase. Fig. 2 of the paper shows "
+        "the same three curves, and reads from them that the table is an elastic body in micrometre motions." + band,
+        "hysteresis": "Hysteresis over ±150 µm (left) and the branch behind a reversal (right). Fig. 3 of the paper: "
+        f"presliding over about {show(facts['extent_m'], 'm')}, the steepest slope just behind the reversal, "
+        f"comprehensive slopes $K_{{e1}}$ = {slopes[0]} and $K_{{e2}}$ = {slopes[1]} with the boundary at about "
+        f"{show(facts['boundary_m'], 'm')}; $N = {friction['rfm_elements']}$ keeps both slopes." + band,
+        "choice": "The paper's way to choose $N$: rms error of $N$ elements on a simulated, noisy measurement of a "
+        "finer hysteresis, on the loops of the fit and on inner loops that it has not seen.",
+        "inner": "Inner loops. Fig. 4 of the paper: the curve depends on the history of the position, and "
+        f"$N = {friction['elements']}$ follows it well." + band,
+        "reference": "Target position, the same for every table. Fig. 5 of the paper: reversal and inching motions in "
+        f"sequence, {show(wanted['interval_s'], 's')} apart.",
+        "variation": f"{len(results['without']['motions'])} positive motions without compensation. Figs. 7 and 12 of "
+        f"the paper: the reversal falls behind and needs {late}, inching does not; the friction differs in every "
+        "motion, and its steady value rises along the feed." + band,
+        "lissajous": "Rolling friction against position, with the targets. Fig. 8 of the paper: the reversal meets "
+        f"about {slopes[0]}, inching about {slopes[1]}." + band,
+        "compensated": "Responses with friction compensation, and the dispersion without and with it. Fig. 14 of the "
+        f"paper: the reversal settles within {in_time}, the dispersion falls from {before} to {after}, and the inching "
+        f"motions still miss ±{show(wanted['tolerance_m'], 'm')}." + band,
+        "set": "The tables of the set, each a line, over the ranges searched (0 to 1, logarithmic; see "
+        f"[](#tbl:set)); thick: the table of this report{thick}.",
+        "gap": f"Dispersion with compensation over the set, beside the {after} of the experiment: the gap that the "
+        "model leaves.",
+    }
+
+
+def _tables(results: Results) -> str:
+    return (
+        f"{results['simulated']} tables of the set" if results["quick"] else f"the set of {results['members']} tables"
+    )
+
+
+def _deviation(number: float | None, unit: str) -> str:
+    """A standard deviation with its unit; None stands for one that is not finite."""
+    return "open" if number is None else quantity(number, unit, 2)
+
+
+def _shade(ax: Axes, x: Any, low: Any, high: Any, colour: str) -> None:
+    """The range of the set between two curves; nothing is seen of it where the set is one table."""
+    ax.fill_between(x, low, high, color=colour, alpha=0.25, linewidth=0)
 
 
 def _bode(whole: Results) -> Drawing:
@@ -98,10 +121,11 @@ def _bode(whole: Results) -> Drawing:
         curve = bode[name]
         slope = curve["stiffness_N_per_m"]
         text = f"{label} ($K_e$ = {show(slope, 'N/m')})" if slope else f"{label} (rolling)"
-        low, high = curve["low_m_per_N"], curve["high_m_per_N"]
-        axes[0, 0].fill_between(bode["frequency_Hz"], low, high, color=colour, alpha=0.2, linewidth=0)
-        axes[0, 0].loglog(bode["frequency_Hz"], curve["magnitude_m_per_N"], label=text)
-        axes[1, 0].semilogx(bode["frequency_Hz"], curve["phase_deg"])
+        frequency = bode["frequency_Hz"]
+        _shade(axes[0, 0], frequency, curve["magnitude_low_m_per_N"], curve["magnitude_high_m_per_N"], colour)
+        _shade(axes[1, 0], frequency, curve["phase_low_deg"], curve["phase_high_deg"], colour)
+        axes[0, 0].loglog(frequency, curve["magnitude_m_per_N"], label=text)
+        axes[1, 0].semilogx(frequency, curve["phase_deg"])
     axes[0, 0].set_ylabel("magnitude [m/N]")
     axes[0, 0].legend()
     axes[1, 0].set_ylabel("phase [deg]")
@@ -114,16 +138,16 @@ def _hysteresis(whole: Results) -> Drawing:
     data, facts = whole["results"]["hysteresis"], whole["machine"]["presliding"]
     figure, axes = style.subplots(1, 2, 65)
     left, right = axes[0]
-    x = MICRO * np.array(data["overview"]["position_m"])
-    left.plot(x, data["overview"]["machine_N"], label=f"N = {data['elements']}")
-    left.plot(x, data["overview"]["rfm_N"], label=f"N = {data['rfm_elements']}")
+    _loops(left, data, "overview")
     left.set_xlabel("position [µm]")
     left.set_ylabel("friction [N]")
     left.legend(loc="upper left")
     distance = MICRO * np.array(data["branch"]["distance_m"])
     shown = distance <= 60
-    right.plot(distance[shown], np.array(data["branch"]["machine_N"])[shown])
-    right.plot(distance[shown], np.array(data["branch"]["rfm_N"])[shown])
+    climb = {name: np.array(data["branch"][f"{name}_N"])[shown] for name in ("machine", "rfm", "low", "high")}
+    _shade(right, distance[shown], climb["low"], climb["high"], style.BLUE)
+    right.plot(distance[shown], climb["machine"])
+    right.plot(distance[shown], climb["rfm"])
     corner = facts["boundary_m"] * facts["stiffness_1_N_per_m"]
     ends = np.array([0, facts["boundary_m"], 60e-6])
     climbed = [0, corner, corner + (60e-6 - facts["boundary_m"]) * facts["stiffness_2_N_per_m"]]
@@ -134,6 +158,17 @@ def _hysteresis(whole: Results) -> Drawing:
     right.set_ylabel("force climbed [N]")
     right.legend(loc="lower right")
     return figure
+
+
+def _loops(ax: Axes, data: Results, name: str) -> None:
+    """A hysteresis curve of the machine and of its RFM, on the range of the set leg by leg."""
+    curve = data[name]
+    x = MICRO * np.array(curve["position_m"])
+    for i in range(0, x.size, data["leg"]):
+        leg = slice(i, i + data["leg"])
+        _shade(ax, x[leg], curve["low_N"][leg], curve["high_N"][leg], style.BLUE)
+    ax.plot(x, curve["machine_N"], label=f"N = {data['elements']}")
+    ax.plot(x, curve["rfm_N"], label=f"N = {data['rfm_elements']}")
 
 
 def _choice(whole: Results) -> Drawing:
@@ -154,9 +189,7 @@ def _inner(whole: Results) -> Drawing:
     data = whole["results"]["hysteresis"]
     figure, axes = style.subplots(1, 1, 58)
     ax = axes[0, 0]
-    x = MICRO * np.array(data["inner"]["position_m"])
-    ax.plot(x, data["inner"]["machine_N"], label=f"N = {data['elements']}")
-    ax.plot(x, data["inner"]["rfm_N"], label=f"N = {data['rfm_elements']}")
+    _loops(ax, data, "inner")
     ax.set_xlabel("position [µm]")
     ax.set_ylabel("friction [N]")
     ax.legend(loc="upper left")
@@ -175,15 +208,17 @@ def _reference(whole: Results) -> Drawing:
 
 
 def _positive(ax: Axes, case: Results, key: str, factor: float) -> None:
-    """The five motions, the reversal apart from inching, on the band of the set where there is one."""
+    """The positive motions, the reversal apart from inching, on the range of the set: of a kind, or of each motion."""
     time = 1e3 * np.array(case["time_s"])
     for kind, colour in (("inching", style.SKY), ("reversal", style.VERMILION)):
         if key == "travelled_m":
             low, high = (factor * np.array(case[f"{kind}_{end}_m"]) for end in ("low", "high"))
-            ax.fill_between(time, low, high, color=colour, alpha=0.25, linewidth=0)
+            _shade(ax, time, low, high, colour)
         for i, motion in enumerate(m for m in case["motions"] if m["reversal"] is (kind == "reversal")):
             width = 1.6 if kind == "reversal" else 0.9
             label = kind if i == 0 else None
+            if key == "friction_N":
+                _shade(ax, time, motion["friction_low_N"], motion["friction_high_N"], colour)
             ax.plot(time, factor * np.array(motion[key]), color=colour, linestyle="-", linewidth=width, label=label)
     ax.set_xlim(0, time[-1])
 
@@ -191,8 +226,16 @@ def _positive(ax: Axes, case: Results, key: str, factor: float) -> None:
 def _specified(ax: Axes, case: Results, specification: Results) -> None:
     reference = MICRO * np.array(case["motions"][0]["reference_m"])
     style.tolerance_band(ax, MICRO * specification["stroke_m"], MICRO * specification["tolerance_m"], "tolerance")
-    style.mark_limit(
-        ax, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", axis="x"
+    in_time = specification["settling_time_s"]
+    style.mark_limit(ax, 1e3 * in_time, "", axis="x")
+    # Its label stands at the foot of the line, where no motion is any more.
+    ax.annotate(
+        show(in_time, "s"),
+        (1e3 * in_time, 0.04),
+        xytext=(3, 0),
+        textcoords="offset points",
+        xycoords=ax.get_xaxis_transform(),
+        fontsize=7.0,
     )
     time = 1e3 * np.array(case["time_s"])
     ax.plot(time, reference, color=style.BLACK, linestyle=(0, (4, 2)), linewidth=0.9, label="$x_T^*$", zorder=4)
@@ -218,16 +261,20 @@ def _lissajous(whole: Results) -> Drawing:
     motions = case["motions"]
     for motion in motions:
         colour, width = (style.VERMILION, 1.6) if motion["reversal"] else (style.BLUE, 1.0)
+        _shade(ax, MICRO * np.array(motion["at_m"]), motion["at_low_N"], motion["at_high_N"], colour)
         label = "reversal" if motion["reversal"] else ("inching" if motion is motions[1] else None)
         x = MICRO * (np.array(motion["travelled_m"]) + motion["origin_m"])
         ax.plot(x, motion["friction_N"], color=colour, linestyle="-", linewidth=width, label=label)
         ax.axvline(MICRO * motion["target_m"], color=style.LIMIT, linewidth=0.6, linestyle=(0, (4, 2)))
-    pairs = ((motions[0], "stiffness_1_N_per_m", "$K_{e1}$"), (motions[-1], "stiffness_2_N_per_m", "$K_{e2}$"))
-    for motion, key, name in pairs:
+    pairs = (
+        (motions[0], "stiffness_1_N_per_m", "$K_{e1}$", style.BLACK, (0, (4, 1.5))),
+        (motions[-1], "stiffness_2_N_per_m", "$K_{e2}$", style.GREEN, (0, (1, 1))),
+    )
+    for motion, key, name, colour, dashes in pairs:
         x = np.array([motion["origin_m"], motion["target_m"]])
         y = motion["friction_N"][-1] + facts[key] * (x - motion["target_m"])
         label = f"slope {name} = {show(facts[key], 'N/m')}"
-        ax.plot(MICRO * x, y, color=style.BLACK, linestyle=(0, (2, 1)), linewidth=1.4, label=label)
+        ax.plot(MICRO * x, y, color=colour, linestyle=dashes, linewidth=1.8, label=label)
     ax.set_xlabel("table position [µm]")
     ax.set_ylabel("rolling friction [N]")
     ax.legend(loc="lower right")
@@ -244,7 +291,7 @@ def _compensated(whole: Results) -> Drawing:
         case = results[key]
         time = 1e3 * np.array(case["time_s"])
         low, high = (MICRO * np.array(case[f"dispersion_{end}_m"]) for end in ("low", "high"))
-        ax.fill_between(time, low, high, color=colour, alpha=0.2, linewidth=0)
+        _shade(ax, time, low, high, colour)
         ax.plot(time, MICRO * np.array(case["dispersion_m"]), label=label)
     published = whole["machine"]["published"]
     style.mark_limit(ax, MICRO * published["dispersion_without_m"], show(published["dispersion_without_m"], "m"))
@@ -266,9 +313,9 @@ def _set(whole: Results) -> Drawing:
         return np.log(np.array(values) / one["low"]) / np.log(one["high"] / one["low"])
 
     lines = np.array([place(one, one["values"]) for one in parameters])
-    ax.plot(lines, color=style.BLUE, linestyle="-", linewidth=0.5, alpha=0.6)
+    ax.plot(lines, color=style.SKY, linestyle="-", linewidth=0.5, alpha=0.6)
     central = [place(one, one["central"]) for one in parameters]
-    ax.plot(central, color=style.VERMILION, linestyle="-", linewidth=2.0, marker="o")
+    ax.plot(central, color=style.BLACK, linestyle="-", linewidth=2.0, marker="o")
     ax.set_xticks(
         range(len(parameters)), [one["name"].replace("_", " ") for one in parameters], rotation=40, ha="right"
     )

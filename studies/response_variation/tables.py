@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from models.friction import branch
 from models.machine import Machine
@@ -53,6 +54,19 @@ def coordinates(machine: Machine) -> Array:
             np.polyfit(np.log(limits[:-1]), np.log(forces[:-1]), 1)[0],
         ]
     )
+
+
+def most_central(machines: Sequence[Machine], outcomes: ArrayLike) -> int:
+    """The index of the medoid: the table with the least sum of distances to the others.
+
+    Distances are those of the logarithms of the unpublished parameters and of the outcomes (len(machines), m), each in
+    units of its deviation over the tables: central in what a table is and in what it does.
+    """
+    points = np.log(np.hstack([[coordinates(machine) for machine in machines], np.asarray(outcomes, float)]))
+    deviation = np.std(points, axis=0)
+    points = points / np.where(deviation > 0, deviation, 1.0)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=2)
+    return int(np.argmin(np.sum(apart, axis=1)))
 
 
 def spread(values: Array, searched: Range) -> dict[str, Any]:

@@ -10,16 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from design.controller import default_controller
 from models.ensemble import load_ensemble
-from models.machine import DEFAULT, load
+from models.machine import DEFAULT, Machine, load
 from studies.command import BAD_INPUT, DONE, main
 from studies.response_variation import search as searching
 from studies.response_variation.__main__ import STUDY
 from studies.response_variation.search import HIGH, LARGEST_MS, LOW, TOLERANCE, largest_sensitivity, table
 from studies.response_variation.tables import COORDINATES, coordinates
 from studies.validation import validate
+
+Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +40,7 @@ def results(folder: Path) -> Any:
 def test_every_published_outcome_is_met_within_three_per_cent(folder: Path) -> None:
     whole = results(folder)
     outcomes = {row["name"]: row for row in whole["results"]["paper"] if row["outcome"]}
-    assert len(outcomes) == 8
+    assert len(outcomes) == 9
     for row in outcomes.values():
         assert abs(row["here"] / row["paper"] - 1) <= 0.03, row["name"]
     assert all(check["holds"] for check in whole["checks"])
@@ -81,12 +84,49 @@ def test_a_table_has_the_parameters_that_it_was_made_from() -> None:
 
 
 def test_the_search_finds_tables_and_repeats_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A small search: the same seed gives the same tables, and each is within the tolerance."""
+    """A small search near a table of the set: the same seed gives the same tables, each within the tolerance."""
+    near = _theta(load())
     monkeypatch.setattr(searching, "POPULATION", 8)
+    monkeypatch.setattr(searching, "BATCH", 16)
+    monkeypatch.setattr(searching, "LOW", np.maximum(LOW, near - 0.1))
+    monkeypatch.setattr(searching, "HIGH", np.minimum(HIGH, near + 0.1))
     found = [searching.search(load(), 5, 3, workers=1, tell=lambda _share, _text: None) for _ in range(2)]
     assert [list(a.theta) for a in found[0]] == [list(b.theta) for b in found[1]]
     assert len({tuple(member.theta) for member in found[0]}) == 5
     assert all(member.distance <= 1 for member in found[0])
+
+
+def _theta(machine: Machine) -> Array:
+    """The search's point of a table; of the four numbers behind three gains, the bandwidth is taken as 40 Hz."""
+    said = dict(zip((one.name for one in COORDINATES), coordinates(machine), strict=True))
+    w = 2 * np.pi * 40.0
+    rules = {"bandwidth": 40.0, "a": said["kd"] / said["mass"] / w}
+    rules |= {"b": said["kp"] / said["kd"] / w, "c": said["ki"] / said["kp"] / w}
+    return np.log([{**said, **rules}[one.name] for one in searching.RANGES])
+
+
+def test_a_machine_by_itself_is_no_set(tmp_path: Path) -> None:
+    """An own machine alone: nothing is stated of a set, and the report has neither its figures nor its words."""
+    (tmp_path / "own.toml").write_text(DEFAULT.read_text(encoding="utf-8"), encoding="utf-8")
+    output = tmp_path / "out"
+    assert main(STUDY, ["--machine", str(tmp_path / "own.toml"), "--quick", "--output", str(output)]) == DONE
+    names = [check["name"] for check in results(output)["checks"]]
+    assert "settling of the reversal, with compensation" in names
+    assert not any("member" in name for name in names)
+    assert not list((output / "figures").glob("set.svg")) + list((output / "figures").glob("gap.svg"))
+    assert "different tables" not in (output / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_error_against_the_number_of_elements(folder: Path) -> None:
+    """Fitted and held-out errors fall to near the noise, and the published facts alone make two elements."""
+    choice = results(folder)["results"]["choice"]
+    assert choice["fitted_N"] == sorted(choice["fitted_N"], reverse=True)
+    assert choice["held_out_N"][-1] < 0.05 * choice["held_out_N"][0]
+    assert choice["noise_N"] * 0.9 < choice["fitted_N"][-1] < 2 * choice["noise_N"]
+    assert choice["facts"]["limit_m"] == pytest.approx([10e-6, 95e-6], rel=1e-4)
+    assert choice["facts"]["stiffness_N_per_m"] == pytest.approx([7e5, 1e5], rel=1e-4)
+    assert len(choice["elements"]["limit_std_m"]) == choice["own"] == 10
+    assert choice["own_over_least"] >= 1
 
 
 def test_a_machine_without_published_outcomes_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
