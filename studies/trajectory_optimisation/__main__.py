@@ -4,14 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
 
-from studies.command import Answer, Progress, Study, main
-
-if TYPE_CHECKING:
-    from models.machine import Machine
-    from reports.report import Report
+from studies.command import Study, main
 
 OBJECTIVES = ("sensitivity", "peak_thrust", "energy", "thrust_difference")
 COMMON_OBJECTIVES = ("worst_error", "dispersion")
@@ -71,26 +65,11 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
-    """See compute.py."""
-    from studies.trajectory_optimisation.compute import optimise
-
-    return optimise(machine, options, progress)
-
-
-def report(whole: Mapping[str, Any]) -> Report:
-    """See report.py."""
-    from studies.trajectory_optimisation.report import tell
-
-    return tell(whole)
-
-
 STUDY = Study(
     name="trajectory_optimisation",
     question="Which x_T* makes every motion settle, whatever the friction remembers?",
     add_options=add_options,
-    compute=compute,
-    report=report,
+    verb="optimise",
 )
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -9,14 +10,18 @@ from numpy.typing import NDArray
 
 from design.scenarios import Scenario, respond
 from design.trajectory import Trajectory
+from models.controller import References
 from models.friction import follow
 from models.machine import Machine
+from models.simulator import simulate
 from models.smooth_friction import follow_smoothed
-from studies.trajectory_optimisation.designs import feedback
+from studies.trajectory_optimisation.designs import bare, feedback
 
 Array = NDArray[np.float64]
 
 RATIOS: Final = (0.3, 0.1, 0.03, 0.01, 0.003)
+PARTS: Final = (2, 4, 8, 16)  # substeps of a sample; two, as the thrust changes within it
+FINE: Final = 160
 SETTLED: Final = 30e-3  # s of the loop's response that are compared
 
 
@@ -45,6 +50,18 @@ def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> 
         "order_force": _order(force),
         "order_response": _order(response),
     }
+
+
+def held(machine: Machine, given: References, target: Array) -> dict[str, Any]:
+    """What friction once a sample makes of the response [m] to given references, and its order in the substep.
+
+    Nonsmooth, by the simulator with ever shorter substeps; `left_m` at those of PARTS, against FINE of them.
+    """
+    exact = replace(machine, scale=replace(machine.scale, resolution=0.0, noise=0.0))
+    law = bare(machine)
+    best = simulate(exact, law, target, given=given, substeps=FINE).position
+    left = [float(np.max(np.abs(simulate(exact, law, target, given=given, substeps=n).position - best))) for n in PARTS]
+    return {"substeps": PARTS, "left_m": left, "order": float(-np.polyfit(np.log(PARTS), np.log(left), 1)[0])}
 
 
 def _response(machine: Machine, motion: Trajectory, start: Array, scale: float, ratio: float) -> Array:

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from design.common import CommonTrajectory
+from design.controller import assemble
 from design.deadbeat import Deadbeat
-from design.friction_compensation import simplify
 from design.history import compensate
 from design.trajectory import Trajectory
 from models.controller import Controller, References
@@ -73,7 +73,7 @@ def contestants(
 ) -> list[Contestant]:
     """All schemes, as designed for `machine`; the learning is the same for both that learn."""
     deadbeat, peak, chosen, common = made
-    law = papers(machine, deadbeat)
+    law = assemble(machine, deadbeat)
     aware, target = history_aware(machine, motion_of(machine, chosen)), sequence(machine, wanted.stroke)
     least = compensate(motion_of(machine, peak), machine.friction, target)
     name = f"Deadbeat and RFM, N = {machine.control.compensator_elements}"
@@ -86,14 +86,6 @@ def contestants(
         Contestant("aware", "History-aware, chosen", bare(machine), aware.references(machine.friction, target)),
         Contestant("learning", "History-aware, learning", bare(machine), learning=aware),
     ]
-
-
-def papers(machine: Machine, deadbeat: Deadbeat) -> Controller:
-    """The paper's law for a machine: deadbeat feedforward and the RFM."""
-    control = machine.control
-    rfm = simplify(machine.friction, control.compensator_elements)
-    wait = designs.waiting(machine)
-    return Controller(machine.sample_time, control.pid, wait, deadbeat.n_ff, deadbeat.d_ff, rfm)
 
 
 def outcomes(

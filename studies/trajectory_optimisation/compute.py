@@ -10,7 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.controller import waiting
 from design.deadbeat import Deadbeat, DesignError, synthesise
+from design.history import compensate
 from design.trajectory import (
     OBJECTIVES,
     Limits,
@@ -22,10 +24,10 @@ from models.machine import Machine, parameters
 from models.quantity import show
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.trajectory_optimisation import designs
-from studies.trajectory_optimisation.certificate import certify
+from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
 from studies.trajectory_optimisation.designs import Wanted, motion_of
-from studies.trajectory_optimisation.judge import PERIODS, RANGE, Aim
+from studies.trajectory_optimisation.judge import PERIODS, RANGE, Aim, sequence
 from studies.trajectory_optimisation.members import on_members
 from studies.trajectory_optimisation.tradeoff import (
     failed_iterate,
@@ -64,6 +66,9 @@ def optimise(machine: Machine, options: argparse.Namespace, progress: Progress) 
     common = designs.one_for_all(machine, wanted, peak, options.common_objective, quick=options.quick)
     progress(0.35, "certificate of the smoothing")
     certificate = certify(machine, peak, options.seed, quick=options.quick)
+    target = sequence(machine, wanted.stroke, 1)
+    for name, one in (("held_peak", peak), ("held_chosen", chosen)):
+        certificate[name] = held(machine, compensate(motion_of(machine, one), machine.friction, target), target)
     progress(0.4, "settling time, thrust and sensitivity against each other")
     trade_off = pareto(machine, wanted, shortest, aim, quick=options.quick)
     tolerance = to_tolerance(machine, wanted, shortest, quick=options.quick)
@@ -193,7 +198,7 @@ def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory) -> di
     controller = Controller(
         machine.sample_time,
         control.pid,
-        designs.waiting(machine),
+        waiting(machine),
         tuple(filters["n_ff"]),
         tuple(filters["d_ff"]),
         machine.friction,

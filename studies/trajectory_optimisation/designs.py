@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.common import CommonTask, CommonTrajectory, build_common, solve_common
+from design.controller import waiting
 from design.deadbeat import DesignError
 from design.history import Shape, compensate, learn, rest_states, shape
 from design.scenarios import Errors, Feedback, Scenario, tables
@@ -273,15 +274,6 @@ def feedback(machine: Machine, first: int, look: float) -> Feedback:
     control = machine.control
     last = first + round(look / machine.sample_time)
     return Feedback(machine.sample_time, control.pid, waiting(machine), first, last)
-
-
-def waiting(machine: Machine) -> int:
-    """Samples by which the PID's reference waits: the whole ones of L, as x_T* has what is left of L in it.
-
-    With the machine file's number instead, a table with L a little below that many samples would be compared with an
-    x_T* a whole sample too late, and the feedback would spoil the motion.
-    """
-    return delay_split(machine.plant.dead_time, machine.sample_time)[0]
 
 
 def bare(machine: Machine) -> Controller:

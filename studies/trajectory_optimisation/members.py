@@ -8,12 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from design.controller import assemble
 from design.deadbeat import synthesise
 from models.ensemble import load_ensemble
 from models.machine import Machine, load
 from studies.command import Progress
 from studies.trajectory_optimisation import designs
-from studies.trajectory_optimisation.comparison import Contestant, outcomes, papers, row_of
+from studies.trajectory_optimisation.comparison import Contestant, outcomes, row_of
 from studies.trajectory_optimisation.designs import Wanted, bare, history_aware, motion_of
 from studies.trajectory_optimisation.judge import Aim, judge, sequence
 
@@ -63,7 +64,7 @@ def _own(
     laws, given, rests = [], [], []
     for one in members:
         settling = one.specification.reference_settling_time
-        laws.append(papers(one, synthesise(one.plant, one.sample_time, settling, wanted.stroke)))
+        laws.append(assemble(one, synthesise(one.plant, one.sample_time, settling, wanted.stroke)))
         samples, tried = designs.quickest(one, wanted, count, least=count)
         scheme = history_aware(one, motion_of(one, tried[samples]))
         given.append(scheme.references(one.friction, sequence(one, wanted.stroke)))

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawing
 from models.quantity import show
 from reports import style
 from reports.report import Figure, Report
+from studies.wording import filters
 
 Results = Mapping[str, Any]
 
@@ -33,6 +34,7 @@ TABLES: dict[str, tuple[str, ...]] = {
     "central": ("results.rows", *SPECIFIED),
     "solver": ("results.solver",),
     "pareto": ("results.pareto", "results.errors"),
+    "parameters": ("parameters",),
 }
 DISPERSION = (
     "Dispersion over the tables: share of tables whose 3σ of the positive motions, after the specified settling time, "
@@ -77,8 +79,8 @@ def tell(whole: Results) -> Report:
         f"Trajectories for {show(results['wanted']['stroke_m'], 'm')} motions with friction: {whole['machine']['name']}"
     )
     question = "Which trajectory makes every motion settle, whatever the friction remembers?"
-    filters: dict[str, Callable[..., Any]] = {"show": _show, "share": _share, "micro": _micro, "milli": _milli}
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters, TABLES)
+    own: dict[str, Callable[..., Any]] = {"show": _show, "share": _share, "micro": _micro, "milli": _milli}
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **own}, TABLES)
 
 
 def _show(number: float | None, unit: str, digits: int = 4) -> str:

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from design.history import compensate
+from design.scenarios import Errors
 from design.scenarios import tables as scenario_tables
 from design.trajectory import CONTINUATION, Limits, Task, Trajectory, build, least_settling_time, solve
 from models.machine import Machine
@@ -18,6 +19,7 @@ from studies.trajectory_optimisation.designs import Wanted, bare, motion_of
 from studies.trajectory_optimisation.judge import Aim, judge, sequence
 
 PARETO: Final = (0, 1, 2, 4, 6, 8, 12)  # samples beyond the shortest motion
+NONE: Final = {"force": 0.0, "length": 0.0, "mass": 0.0, "frequency": 0.0}
 PARETO_ROBUST: Final = (0, 4)  # those at which the least sensitive trajectory is designed too
 
 
@@ -35,21 +37,28 @@ def pareto(machine: Machine, wanted: Wanted, shortest: int, aim: Aim, *, quick: 
 
 
 def _pareto_row(machine: Machine, found: Trajectory, aim: Aim, design: str) -> dict[str, Any]:
-    """Sensitivity: root of the mean square error after the motion over one-sigma tables, nonsmooth."""
+    """Sensitivity: root of the mean square error after the motion over one-sigma tables, nonsmooth; by what is off."""
     ts = machine.sample_time
     motion = motion_of(machine, found)
-    cases = scenario_tables(machine.plant, machine.friction, designs.ERRORS)
-    wrong = [replace(machine, plant=plant, friction=friction) for plant, friction, _ in cases]
     given = compensate(motion, machine.friction, sequence(machine, aim.stroke))
-    outcomes = judge(wrong, bare(machine), aim, given)
     first = found.task.samples + round(machine.plant.dead_time / ts)
     part = slice(first, first + round(designs.LOOK / ts))
-    square = sum(weight * np.mean(one.error[:, part] ** 2) for one, (_, _, weight) in zip(outcomes, cases, strict=True))
+
+    def square(errors: Errors) -> float:
+        cases = scenario_tables(machine.plant, machine.friction, errors)
+        wrong = [replace(machine, plant=plant, friction=friction) for plant, friction, _ in cases]
+        outcomes = judge(wrong, bare(machine), aim, given)
+        return float(sum(case[2] * np.mean(one.error[:, part] ** 2) for one, case in zip(outcomes, cases, strict=True)))
+
+    shares = {name: square(Errors(**{**NONE, name: size})) for name, size in vars(designs.ERRORS).items()}
+    central = judge([machine], bare(machine), aim, given)[0]
     return {
         "design": design,
         "time_s": designs.rest_time(machine, found.task.samples),
         "peak_N": max(float(np.max(np.abs(given.feedforward + given.compensation))), found.peak),
-        "sensitivity_m": math.sqrt(square),
+        "sensitivity_m": math.sqrt(sum(shares.values())),
+        "by_m": {name: math.sqrt(share) for name, share in shares.items()},
+        "central_m": float(np.sqrt(np.mean(central.error[:, part] ** 2))),
     }
 
 

@@ -18,7 +18,7 @@ from models.machine import load as load_machine
 from models.record import motions
 from models.settling import dispersion, settling_time
 from models.simulator import simulate
-from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
+from studies.command import CHECK_MISSED, DONE, main
 from studies.trajectory_optimisation.__main__ import STUDY
 from studies.trajectory_optimisation.designs import Wanted, history_aware, motion_of, quickest, rest_time
 from studies.trajectory_optimisation.judge import RANGE, Aim, judge, perturbed, sequence
@@ -124,25 +124,3 @@ def test_the_feedback_waits_as_the_trajectory_needs_it_at_any_dead_time(dead_tim
     judged = judge([machine], scheme.controller, Aim(20e-6, 0.5e-6, 25e-3), given)[0]
     after = round((rest_time(machine, count)) / machine.sample_time) + 1
     assert np.max(np.abs(judged.error[:, after:])) < 2 * machine.scale.resolution
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--stroke", "0 um"], "--stroke: 0 m is not above 0"),
-        (["--tolerance", "2 kg"], "--tolerance: '2 kg' is in kg"),
-        (["--thrust-limit", "200 N"], "is not between 0 and the rated 150 N"),
-        (["--settling-time", "400 ms"], "is not well below"),
-        (["--objective", "beauty"], "invalid choice: 'beauty'"),
-        (["--tables", "0"], "no whole number from 1 on"),
-        (["--thrust-limit", "5 N"], "friction alone takes 16.5 N of 5 N; allow more"),
-    ],
-)
-def test_bad_input_is_one_line_and_nothing_is_written(
-    options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(STUDY, ["--output", str(tmp_path / "out"), *options]) == BAD_INPUT
-    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
-    assert len(errors) == 1
-    assert says in errors[0]
-    assert not (tmp_path / "out").exists()
