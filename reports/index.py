@@ -13,12 +13,16 @@ LAYOUT = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Entry:
-    """One report: its `folder` below the index, how many checks hold, and the names of those that do not."""
+    """One report: its `folder` below the index, how many checks hold, and the names of those that do not.
+
+    `failure`: why there is no report, one line; empty if there is one.
+    """
 
     folder: str
     question: str
-    holding: int
-    missed: tuple[str, ...]
+    holding: int = 0
+    missed: tuple[str, ...] = ()
+    failure: str = ""
 
 
 def write_index(entries: Sequence[Entry], path: Path, note: str = "") -> None:

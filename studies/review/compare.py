@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure as Drawing
 
 from models.quantity import show
-from reports import style
+from reports.overlay import lay_over
 from reports.report import Figure, Report, select
 from studies.catalogue import find
 from studies.command import BadInputError
@@ -17,6 +18,7 @@ from studies.review.differences import differences, short
 from studies.review.follows import read_manifest
 from studies.wording import filters
 
+REFERENCE = re.compile(r"\[\]\(#tbl:[\w-]+\)")
 LARGEST_LIST = 40  # numbers of the results that are listed; the others are counted
 
 
@@ -88,25 +90,12 @@ def _drawn(figure: Figure, content: Mapping[str, Any]) -> bool:
 
 
 def _overlaid(figure: Figure) -> Figure:
-    """The figure drawn from the results after, with the lines of those before in grey beneath."""
+    """The figure drawn from the results after, with what those before give in grey beneath."""
 
     def draw(whole: Mapping[str, Any]) -> Drawing:
-        after, before = figure.draw(whole["after"]), figure.draw(whole["before"])
-        for axes, earlier in zip(after.axes, before.axes, strict=False):
-            for line in earlier.get_lines():
-                if line.get_transform() != earlier.transData:
-                    continue  # limits and targets, which stand over the whole width
-                x, y = line.get_data()
-                look: dict[str, Any] = {
-                    "color": style.LIMIT,
-                    "linewidth": 0.8,
-                    "linestyle": "-",
-                    "alpha": 0.5,
-                    "zorder": 0.9,
-                }
-                axes.plot(x, y, drawstyle=line.get_drawstyle(), **look)
-        return after
+        return lay_over(figure.draw(whole["after"]), figure.draw(whole["before"]))
 
     keys = tuple(f"{side}.{key}" for side in ("before", "after") for key in figure.keys)
-    caption = f"{figure.caption} Grey: before; coloured: after."
+    # What the study's own report refers to beside its figures is not in this one.
+    caption = REFERENCE.sub("the study's own table", figure.caption) + " Grey: before; coloured: after."
     return Figure(figure.name, caption, keys, draw)

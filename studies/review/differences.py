@@ -44,6 +44,8 @@ def _relative(before: Any, after: Any) -> float | None:
 
 
 def short(item: Any) -> str:
-    """What stands at a place, in sixty letters at most; a number (SI) to ten digits."""
-    text = f"{item:.10g}" if isinstance(item, float) else str(item)
+    """What stands at a place, in sixty letters at most; a number (SI) to ten digits, of lists and the like the size."""
+    if isinstance(item, Mapping | list):
+        return f"{len(item)} {'value' if len(item) == 1 else 'values'}"
+    text = "none" if item is None else f"{item:.10g}" if isinstance(item, float) else str(item)
     return text if len(text) <= 60 else text[:57] + "..."

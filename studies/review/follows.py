@@ -99,7 +99,7 @@ def _changed(folder: Path, manifest: Mapping[str, Any]) -> list[str]:
             found.append(f"version of {name}: {before} before, {now.get(name, 'none')} now")
     for file in inputs["files"]:
         path = ROOT / file["file"]
-        if not path.is_file():
+        if not path.exists():
             found.append(f"--{file['option']} {file['file']}: is no longer there")
         elif sha256(path) != file["sha256"]:
             found.append(f"--{file['option']} {file['file']}: has changed")

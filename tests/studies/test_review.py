@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
 from models.machine import DEFAULT
 from studies import catalogue
 from studies.all import run as run_all
-from studies.command import BAD_INPUT, CHECK_MISSED, DONE
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, FAULT
 from studies.command import main as run_study
 from studies.deadbeat_design.__main__ import STUDY
+from studies.manifest import SOURCES, sha256, versions
 from studies.review.__main__ import main
 from studies.review.differences import differences
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +136,35 @@ def test_two_designs_side_by_side(written: Path, tmp_path: Path, capsys: pytest.
     assert (tmp_path / "change" / "report.pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.parametrize("name", sorted(catalogue.every()))
+def test_no_check_turns_from_a_report_to_itself(
+    name: str, quick_run: Callable[[str], tuple[Path, int]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every figure of every study can be laid over another, and its caption stands alone."""
+    folder, _ = quick_run(name)
+    assert main([str(folder), str(folder), "--output", str(tmp_path)]) == DONE
+    assert "parameters that differ: 0" in capsys.readouterr().out
+    drawn = {path.name for path in (folder / "figures").iterdir()}
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == drawn
+
+
+def test_a_folder_among_the_inputs_has_one_hash(tmp_path: Path) -> None:
+    (tmp_path / "case-1").mkdir()
+    (tmp_path / "case-1" / "record.csv").write_text("1", encoding="utf-8")
+    before = sha256(tmp_path)
+    assert sha256(tmp_path) == before
+    (tmp_path / "case-1").rename(tmp_path / "case-2")
+    assert sha256(tmp_path) != before
+    (tmp_path / "case-2").rename(tmp_path / "case-1")
+    (tmp_path / "case-1" / "record.csv").write_text("2", encoding="utf-8")
+    assert sha256(tmp_path) != before
+
+
+def test_every_package_that_a_study_may_use_is_among_the_sources() -> None:
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
+    assert packages <= set(SOURCES)
+
+
 @pytest.mark.parametrize("arguments", [["nowhere"], []])
 def test_what_is_no_report_is_said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == BAD_INPUT
@@ -139,6 +177,25 @@ def test_every_study_is_in_the_catalogue() -> None:
     assert "review" not in catalogue.every()
 
 
+@pytest.mark.parametrize("name", sorted(catalogue.every()))
+def test_every_study_has_its_parts_where_its_command_looks_for_them(name: str) -> None:
+    study = catalogue.every()[name]
+    assert study.name == name
+    assert callable(getattr(importlib.import_module(f"studies.{name}.compute"), study.verb))
+    assert callable(importlib.import_module(f"studies.{name}.report").tell)
+
+
+def test_asking_for_help_imports_no_part_of_a_study() -> None:
+    code = """
+import sys
+from studies.catalogue import every
+parts = {f"studies.{name}.{part}" for name in every() for part in ("compute", "report")}
+print(*sorted(({"numpy", "matplotlib", "casadi"} | parts) & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
 def test_all_reports_are_linked_with_their_checks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("studies.all.every", lambda: {"deadbeat_design": STUDY})
     assert run_all(["--quick", "--output", str(tmp_path)]) == DONE
@@ -146,3 +203,25 @@ def test_all_reports_are_linked_with_their_checks(tmp_path: Path, monkeypatch: p
     assert "deadbeat_design/report.html" in page
     assert "all 9 hold" in page
     assert (tmp_path / "deadbeat_design" / "report.pdf").is_file()
+
+
+def test_a_study_that_cannot_run_stops_no_other_and_is_on_the_index(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> NoReturn:
+        raise ZeroDivisionError
+
+    broken = replace(STUDY, name="broken", compute=fail)
+    monkeypatch.setattr("studies.all.every", lambda: {"broken": broken, "deadbeat_design": STUDY})
+    assert run_all(["--quick", "--output", str(tmp_path)]) == FAULT
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "NO REPORT" in page
+    assert "broken/report.html" not in page
+    assert "deadbeat_design/report.html" in page
+
+
+def test_a_package_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "requirements.in").write_text("numpy\nno-such-package-anywhere\n", encoding="utf-8")
+    monkeypatch.setattr("studies.manifest.ROOT", tmp_path)
+    assert versions()["no-such-package-anywhere"] == "not installed"
+    assert versions()["numpy"] != "not installed"
