@@ -6,13 +6,17 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from studies.catalogue import every
-from studies.command import BAD_INPUT, CHECK_MISSED, DONE, BadInputError, Parser, guarded, main, require_writable
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, Parser, Study, guarded, main, require_writable
+
+if TYPE_CHECKING:
+    from reports.index import Entry
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Runs every study and returns the worst exit status; the index is written whatever the checks say."""
+    """Runs every study and returns the worst exit status; the index is written whatever the studies say."""
     return guarded(lambda: _run(arguments))
 
 
@@ -29,25 +33,33 @@ def _run(arguments: Sequence[str] | None) -> int:
     parser.add_argument("--seed", default="0", metavar="N", help="of all that is random (default: 0)")
     options = parser.parse_args(arguments)
     require_writable(options.output)
-    from reports.index import Entry, write_index
+    from reports.index import write_index
 
-    entries, missed = [], False
+    quick = ["--quick"] if options.quick else []
+    entries, worst = [], DONE
     for name, study in every().items():
         print(f"== {name}", flush=True)
         output = options.output / name
-        quick = ["--quick"] if options.quick else []
         status = main(study, ["--output", str(output), "--seed", options.seed, *quick])
-        if status == BAD_INPUT:
-            raise BadInputError(f"{name} could not run; see its line above")
-        missed |= status == CHECK_MISSED
-        checks = json.loads((output / "results.json").read_text(encoding="utf-8"))["checks"]
-        failed = tuple(check["name"] for check in checks if not check["holds"])
-        entries.append(Entry(name, study.question, len(checks) - len(failed), failed))
+        entries.append(_entry(study, output, status))
+        worst = max(worst, status)
     write_index(
         entries, options.output / "index.html", "Quick runs: coarser than the full reports." if options.quick else ""
     )
     print("written:", options.output / "index.html")
-    return CHECK_MISSED if missed else DONE
+    return worst
+
+
+def _entry(study: Study, output: Path, status: int) -> Entry:
+    """What the index says of a study that ended with `status`; one without results does not stop the others."""
+    from reports.index import Entry
+
+    if status not in {DONE, CHECK_MISSED}:
+        what = "bad input" if status == BAD_INPUT else "a fault"
+        return Entry(study.name, study.question, failure=f"{what} (exit status {status}); see what its run printed")
+    checks = json.loads((output / "results.json").read_text(encoding="utf-8"))["checks"]
+    failed = tuple(check["name"] for check in checks if not check["holds"])
+    return Entry(study.name, study.question, len(checks) - len(failed), failed)
 
 
 if __name__ == "__main__":

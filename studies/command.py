@@ -17,6 +17,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
@@ -63,13 +64,32 @@ class Answer:
 
 @dataclass(frozen=True)
 class Study:
-    """One question: `compute` answers it, `report` says how the answer is told; both are imported only when called."""
+    """One question, answered by the package studies.NAME: `verb` of its compute.py answers it, `tell` of its report.py
+    says how the answer is told. Both are imported only when called. `compute` and `report`: others than these two.
+    `machine_file`: the machine that the options lead to where --machine is not given (None: the default one).
+    """
 
     name: str
     question: str
     add_options: Callable[[argparse.ArgumentParser], None]
-    compute: Callable[[Machine, argparse.Namespace, Progress], Answer]
-    report: Callable[[Mapping[str, Any]], Report]
+    compute: Callable[[Machine, argparse.Namespace, Progress], Answer] = None  # type: ignore[assignment]
+    report: Callable[[Mapping[str, Any]], Report] = None  # type: ignore[assignment]
+    verb: str = "compute"
+    machine_file: Callable[[argparse.Namespace], Path | None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        for part, function in (("compute", self.verb), ("report", "tell")):
+            if getattr(self, part) is None:
+                object.__setattr__(self, part, _lazily(f"studies.{self.name}.{part}", function))
+
+
+def _lazily(module: str, function: str) -> Callable[..., Any]:
+    """The function of a module that is imported at the first call."""
+
+    def call(*arguments: Any) -> Any:
+        return getattr(import_module(module), function)(*arguments)
+
+    return call
 
 
 class Progress:
@@ -124,7 +144,10 @@ def parser_of(study: Study) -> argparse.ArgumentParser:
     )
     study.add_options(parser)
     parser.add_argument(
-        "--machine", type=Path, metavar="FILE", help="machine file (default: models/machines/linear_motor_table.toml)"
+        "--machine",
+        type=Path,
+        metavar="FILE",
+        help="machine file, or a pack's nominal.json (default: models/machines/linear_motor_table.toml)",
     )
     parser.add_argument(
         "--controller", type=Path, metavar="FILE", help="controller.json to take the PID from (default: the machine's)"
@@ -181,34 +204,61 @@ def plain(content: Any) -> Any:
 def _run(study: Study, options: argparse.Namespace) -> int:
     output: Path = options.output or Path("reports/out") / study.name
     require_writable(output)
-    from models.machine import DEFAULT, MachineError, load, to_json
+    from models.machine import DEFAULT, parameters, to_json
     from studies.manifest import manifest
 
     progress = Progress()
-    path = options.machine or DEFAULT
-    try:
-        machine = load(path)
-    except MachineError as error:
-        raise BadInputError(str(error)) from error
+    path = options.machine or study.machine_file(options) or DEFAULT
+    machine = machine_of(path)
     if options.controller is not None:
         machine = _with_pid(machine, options.controller)
     answer = study.compute(machine, options, progress)
     checks = [{**vars(check), "holds": bool(check.holds)} for check in answer.checks]
-    whole = plain({"study": study.name, "machine": to_json(machine), "results": answer.results, "checks": checks})
+    whole = plain(
+        {
+            "study": study.name,
+            "machine": to_json(machine),
+            "parameters": [{**vars(one), "provenance": vars(one.provenance)} for one in parameters(machine)],
+            "results": answer.results,
+            "checks": checks,
+        }
+    )
     with in_one_piece(output) as folder:
         for name, content in {"results.json": whole, **answer.files}.items():
             text = content if isinstance(content, str) else to_text(content)
             (folder / name).write_text(text, encoding="utf-8")
-        shutil.copyfile(path, folder / "machine.toml")
+        given = _keep_machine(path, folder / "machine.toml")
         if options.controller is not None:
             shutil.copyfile(options.controller, folder / "given_controller.json")
         figures, tables = ({}, {}) if options.no_report else _render(study, whole, folder, progress)
-        record = {**manifest(study.name, vars(options), path, folder), "figures": figures, "tables": tables}
+        record = {**manifest(study.name, vars(options), given, folder), "figures": figures, "tables": tables}
         (folder / "manifest.json").write_text(to_text(record), encoding="utf-8")
         written = sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
     progress(1.0, "done")
     _print_summary(answer, output, written)
     return DONE if all(check.holds for check in answer.checks) else CHECK_MISSED
+
+
+def machine_of(path: Path) -> Machine:
+    """The machine in a machine file, or in the nominal.json of a pack. Raises BadInputError."""
+    from models import machine, nominal
+
+    try:
+        return nominal.load(path) if path.suffix == ".json" else machine.load(path)
+    except machine.MachineError as error:
+        raise BadInputError(str(error)) from error
+
+
+def _keep_machine(path: Path, copy: Path) -> Path:
+    """Puts the machine beside the results, a nominal.json as the machine file that it amounts to; the file to be hashed
+    as the input."""
+    if path.suffix != ".json":
+        shutil.copyfile(path, copy)
+        return path
+    from models.machine_file import to_toml
+
+    copy.write_text(to_toml(machine_of(path)), encoding="utf-8")
+    return copy
 
 
 def _with_pid(machine: Machine, path: Path) -> Machine:

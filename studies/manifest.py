@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 ROOT: Final = Path(__file__).parents[1]
-SOURCES: Final = ("models", "design", "studies", "reports")
+SOURCES: Final = ("models", "design", "diagnosis", "studies", "reports")
 SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua"}
 
 
@@ -64,14 +64,20 @@ def _named(file: Path) -> str:
 
 
 def sha256(file: Path) -> str:
-    """The hexadecimal SHA-256 of a file's bytes."""
+    """The hexadecimal SHA-256 of a file's bytes; of a folder, over the names and bytes of all files below it."""
+    if file.is_dir():
+        below = sorted(one for one in file.rglob("*") if one.is_file())
+        return _of_lines(f"{one.relative_to(file).as_posix()} {sha256(one)}\n" for one in below)
     return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _of_lines(lines: Iterable[str]) -> str:
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
 def tree_hash(files: Iterable[Path]) -> str:
     """One SHA-256 over names, relative to the project, and contents of the files, in sorted order."""
-    lines = sorted(f"{file.relative_to(ROOT).as_posix()} {sha256(file)}\n" for file in files)
-    return hashlib.sha256("".join(lines).encode()).hexdigest()
+    return _of_lines(sorted(f"{file.relative_to(ROOT).as_posix()} {sha256(file)}\n" for file in files))
 
 
 def source_files() -> list[Path]:
@@ -85,7 +91,14 @@ def versions() -> dict[str, str]:
     """Versions of Python and of every package that requirements.in names."""
     lines = (ROOT / "requirements.in").read_text(encoding="utf-8").splitlines()
     names = [match.group() for line in lines if (match := re.match(r"[\w-]+", line))]
-    return {"python": platform.python_version(), **{name: metadata.version(name) for name in names}}
+    return {"python": platform.python_version(), **{name: _version(name) for name in names}}
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def _commit() -> dict[str, Any]:

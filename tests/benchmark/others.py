@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from models.controller import pid_step, references
-from models.kernel import quantised
+from models.controller import references
+from models.kernel import pid_step, quantised
 from models.machine import Machine
 from models.plant import delay_split, state_space
 from tests.benchmark.job import Job
