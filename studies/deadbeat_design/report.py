@@ -33,13 +33,14 @@ def tell(whole: Results) -> Report:
         Figure("lissajous", LISSAJOUS, ("results.without", "machine.presliding"), _lissajous),
     ]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
-    tables = {**TABLES, "effects": ("results.effects", "machine.specification")} if "effects" in results else TABLES
+    tables = {name: keys for name, keys in TABLES.items() if name != "effects" or "effects" in results}
     question = "Which deadbeat feedforward suits this machine, and does it hold on the nonsmooth machine?"
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters(), tables)
 
 
 TABLES = {
     "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
+    "effects": ("results.effects", "machine.specification"),
     "paper": ("results.paper",),
     "parameters": ("parameters",),
 }
