@@ -2,7 +2,9 @@
 
 The state of the integral and of the derivative's filter before the first sample is in no record: a constant and the
 first STARTING samples are free. What is then left is rounding, or the law is another one: a sample more or less of
-delay, another unit, another gain, swapped columns. n samples.
+delay, another unit, another gain or filter, swapped columns. A log that has the reading rounded, or the command through
+a converter, leaves noise that no other law explains; the reading's own rounding says how much may pass for that.
+n samples.
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ Array = NDArray[np.float64]
 
 TOLERANCE: Final = 1e-4  # of the command's deviation, for rounding of what is logged
 LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted
+FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # of the derivative filter's time
+LOGGED: Final = 2.0  # of what the rounding of a logged reading makes of the command: noise of the log
+EXTREME: Final = 6.0  # deviations that noise of the log has at most
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,9 @@ def replayed(machine: Machine, record: Record) -> Replayed:
     if np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution:
         return Replayed(False, largest, rms, tolerance, None, None, rms)
     remedy, remains = min(_remedies(record, pid, delay), key=lambda one: one[1])
+    noise = LOGGED * _rounded(machine, record)
+    if remains > 0.5 * rms and rms < noise and largest < EXTREME * noise:
+        return Replayed(True, largest, rms, EXTREME * noise, None, None, rms)
     return Replayed(
         True, largest, rms, tolerance, int(beyond[0]) + STARTING, remedy if remains < 0.5 * rms else None, remains
     )
@@ -71,6 +79,15 @@ def _resolution(machine: Machine, record: Record) -> float:
     """What a thousandth of the scale's step, lost where positions are written, makes of the command [N]."""
     pid = machine.control.pid
     return 1e-3 * machine.scale.resolution * (pid.kp + pid.kd / (pid.derivative_filter + record.sample_time))
+
+
+def _rounded(machine: Machine, record: Record) -> float:
+    """Deviation [N] of the command replayed on readings that were rounded to the scale's step after it was made."""
+    impulse, nothing = np.zeros(STARTING), np.zeros(STARTING)
+    impulse[0] = 1.0
+    bare = Record(record.sample_time, nothing, nothing, nothing, nothing, impulse)
+    answer = replay(bare, replace(machine.control.pid, ki=0.0), 0)
+    return float(np.linalg.norm(answer)) * machine.scale.resolution / 12**0.5
 
 
 def _left(record: Record, made: Array) -> Array:
@@ -95,6 +112,10 @@ def _remedies(record: Record, pid: PID, delay: int) -> Iterator[tuple[str, float
                 f"a reference delay of {delay + shift} samples instead of {delay}",
                 _rms(record, replay(record, pid, delay + shift)),
             )
+    for factor in FILTERS if pid.kd > 0 and pid.derivative_filter > 0 else ():
+        other = replace(pid, derivative_filter=factor * pid.derivative_filter)
+        words = f"the derivative's filter {factor:g} times as slow"
+        yield words, _rms(record, replay(record, other, delay))
     error = made - record.feedforward
     for words, columns in (
         ("the whole command", [made]),

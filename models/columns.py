@@ -5,7 +5,6 @@ An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from dataclasses import dataclass
 from typing import Final
@@ -26,9 +25,15 @@ class Source:
     decibels: bool = False
 
 
+DERIVATIVES: Final = ("error", "position")
+
+
 @dataclass(frozen=True)
 class Columns:
-    """One entry a signal: of a record over time, and of a measured frequency response. See the module's head."""
+    """One entry a signal: of a record over time, and of a measured frequency response. See the module's head.
+
+    derivative: what the derivative of the PID that ran was taken of, the "error" or the "position" alone.
+    """
 
     time: str = "time_s"
     target: str = "target_m"
@@ -40,10 +45,13 @@ class Columns:
     magnitude: str = "magnitude_m_per_N"
     phase: str = "phase_deg"
     deviation: str = "relative_deviation"
+    derivative: str = DERIVATIVES[0]
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            self.source(field.name)
+        if self.derivative not in DERIVATIVES:
+            raise ValueError(f"derivative: {self.derivative!r} is neither of {', '.join(DERIVATIVES)}")
+        for signal in UNITS:
+            self.source(signal)
 
     def source(self, signal: str) -> Source:
         """The column of a signal and its factor to SI units [UNITS]. Raises ValueError, a sentence, for a bad entry."""

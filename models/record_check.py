@@ -6,6 +6,7 @@ Symbols: n samples; T_s the sample time [s]; u the command [N], x the position [
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -115,13 +116,29 @@ def quantisation(signal: Array) -> float:
 
 def replay(record: Record, pid: PID, reference_delay: int) -> Array:
     """u (n,) [N] that this PID makes of the record's reference, feedforward and position; from I = 0, d = 0."""
-    ts = record.sample_time
-    waiting = np.concatenate([np.full(reference_delay, record.reference[0]), record.reference])[: record.reference.size]
-    error = waiting - record.position
+    error = _waiting(record, reference_delay) - record.position
+    integral = pid.ki * record.sample_time * np.cumsum(error)
+    return np.asarray(
+        pid.kp * error + integral + pid.kd * _slope(error, pid, record.sample_time) + record.feedforward, float
+    )
+
+
+def derivative_of_error(record: Record, pid: PID, reference_delay: int) -> Record:
+    """A record whose PID took the derivative of the position, as one whose PID took it of the error: the same
+    commands [N], where the reference's derivative is taken off the feedforward."""
+    added = pid.kd * _slope(_waiting(record, reference_delay), pid, record.sample_time)
+    return replace(record, feedforward=record.feedforward - added)
+
+
+def _waiting(record: Record, reference_delay: int) -> Array:
+    """The reference (n,) [m] as the PID has it."""
+    return np.concatenate([np.full(reference_delay, record.reference[0]), record.reference])[: record.reference.size]
+
+
+def _slope(signal: Array, pid: PID, ts: float) -> Array:
+    """d (n,) [m/s] of the PID over a signal (n,) [m]; from d = 0."""
     keep = pid.derivative_filter / (pid.derivative_filter + ts)
-    slope = lfilter([1.0, -1.0], [ts / (1 - keep), -keep * ts / (1 - keep)], error)
-    integral = pid.ki * ts * np.cumsum(error)
-    return np.asarray(pid.kp * error + integral + pid.kd * slope + record.feedforward, float)
+    return np.asarray(lfilter([1.0, -1.0], [ts / (1 - keep), -keep * ts / (1 - keep)], signal), float)
 
 
 def _constant(record: Record) -> None:

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.columns import UNITS, Columns
+from models.controller import PID
 from models.identification.response import FrequencyResponse
 from models.record import Record
-from models.record_check import RecordError, check_samples, findings
+from models.record_check import RecordError, check_samples, derivative_of_error, findings
 
 Array = NDArray[np.float64]
 NEEDED: Final = ("time", "command", "position")
@@ -55,10 +56,17 @@ def load(path: Path, columns: Columns | None = None, **facts: Any) -> Loaded:
         if names["frequency"] in table and names["position"] not in table:
             return Loaded(path.name, digest, _response(table, columns), (), ())
         record, given = _record(table, columns)
-        said = findings(record, given, **facts)
+        said = findings(_as_it_ran(record, columns, **facts), given, **facts)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     return Loaded(path.name, digest, record, given, said)
+
+
+def _as_it_ran(
+    record: Record, columns: Columns, *, pid: PID | None = None, reference_delay: int = 0, **_: Any
+) -> Record:
+    """The record for a replay of the PID, whatever its derivative was taken of."""
+    return record if pid is None or columns.derivative == "error" else derivative_of_error(record, pid, reference_delay)
 
 
 def read(path: Path) -> dict[str, Array]:

@@ -18,7 +18,7 @@ from models.effects import catalogue
 from models.machine import Machine
 from models.quantity import show
 from models.record import Record
-from models.record_check import RecordError, quantisation
+from models.record_check import RecordError, derivative_of_error, quantisation
 from models.record_file import Loaded, load
 from studies.command import BadInputError
 
@@ -53,6 +53,8 @@ def loaded(machine: Machine, options: argparse.Namespace) -> tuple[Loaded, ...]:
                 f"{path}: is a frequency response; a diagnosis needs records over time (identify_machine takes it)"
             )
         _check_time(path, one.content, machine)
+        if columns.derivative == "position":
+            one = replace(one, content=derivative_of_error(one.content, control.pid, control.reference_delay))
         found.append(one)
     check([one.content for one in found if isinstance(one.content, Record)], options.record)
     return tuple(found)

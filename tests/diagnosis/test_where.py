@@ -259,6 +259,35 @@ def test_another_delay_and_another_gain_are_found(record: Record) -> None:
     assert found.rms > 0.1
 
 
+def test_a_reading_rounded_after_the_controller_saw_it_is_no_other_law(record: Record) -> None:
+    step = table().scale.resolution
+    draw = np.random.default_rng(4)
+    rounded = replace(record, position=record.position + draw.uniform(-step / 2, step / 2, record.position.size))
+    found = replayed(table(), rounded)
+    assert found.replays
+    assert 0.1 < found.rms < found.largest < found.tolerance
+    machine = table()
+    control = machine.control
+    for pid in (
+        replace(control.pid, kd=1.05 * control.pid.kd),
+        replace(control.pid, kp=1.05 * control.pid.kp),
+        replace(control.pid, derivative_filter=4 * control.pid.derivative_filter),
+    ):
+        other = replace(machine, control=replace(control, pid=pid))
+        assert not replayed(other, record).replays
+    coarser = replace(rounded, position=record.position + 5 * (rounded.position - record.position))
+    assert not replayed(table(), coarser).replays, "so much noise is no rounding"
+
+
+def test_another_filter_is_found(record: Record) -> None:
+    machine = table()
+    control = machine.control
+    slower = replace(control.pid, derivative_filter=2 * control.pid.derivative_filter)
+    found = replayed(replace(machine, control=replace(control, pid=slower)), record)
+    assert found.remedy == "the derivative's filter 0.5 times as slow"
+    assert found.remains < 1e-6
+
+
 def test_a_controller_that_does_not_replay_comes_first(record: Record) -> None:
     records, fit = case("")
     wrong = (records[0], replace(record, command=np.roll(record.command, 1)))

@@ -6,6 +6,7 @@ import gzip
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -19,7 +20,7 @@ from models.columns import Columns
 from models.controller import PID, Controller
 from models.machine import load as load_machine
 from models.record import Record, cut, feeding_sequence
-from models.record_check import RecordError, quantisation, replay
+from models.record_check import RecordError, derivative_of_error, quantisation, replay
 from models.record_file import Loaded, load
 from models.simulator import simulate
 
@@ -98,6 +99,28 @@ def test_mat_of_both_versions_and_parquet(tmp_path: Path, table: Table, record: 
     same(load(tmp_path / "s.mat", dotted), record)
     same(load(mat73(tmp_path / "h.mat", table), dotted), record)
     same(load(parquet(tmp_path / "a.parquet", table)), record)
+
+
+def test_a_derivative_of_the_position_alone_replays(table: Table, record: Record, tmp_path: Path) -> None:
+    """The same commands from a controller that differentiates the position and has the rest in no column."""
+    control = MACHINE.control
+    waits = np.concatenate([np.full(control.reference_delay, record.reference[0]), record.reference])
+    keep = control.pid.derivative_filter / (control.pid.derivative_filter + record.sample_time)
+    slope = np.zeros(record.position.size)
+    for k in range(1, slope.size):
+        slope[k] = keep * slope[k - 1] + (1 - keep) * (waits[k] - waits[k - 1]) / record.sample_time
+    command = record.command - control.pid.kd * slope
+    path = csv(tmp_path / "a.csv", {**table, "command_N": command})
+    facts: dict[str, Any] = {"pid": control.pid, "reference_delay": control.reference_delay}
+    assert any("does not reproduce" in text for text in load(path, **facts).findings)
+    own = load(path, Columns(derivative="position"), **facts)
+    assert not any("does not reproduce" in text for text in own.findings)
+    assert isinstance(own.content, Record)
+    law = derivative_of_error(own.content, control.pid, control.reference_delay)
+    left = (command - replay(law, control.pid, control.reference_delay))[60:]
+    assert np.ptp(left) < 1e-8
+    with pytest.raises(ValueError, match="derivative: 'speed' is neither of error, position"):
+        Columns(derivative="speed")
 
 
 def test_other_names_units_factors_and_signs_are_mapped(tmp_path: Path, table: Table, record: Record) -> None:
