@@ -27,8 +27,8 @@ def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
 
 
 def usable_thrust(machine: Machine) -> float:
-    """What of the rated thrust a feedforward may use [N]: the rest is friction's share, T_fc."""
-    return machine.drive.rated_thrust - machine.friction.coulomb_force
+    """What of the rated thrust a feedforward may use [N]: the rest is friction's share, T_fc, and the offset's."""
+    return machine.drive.rated_thrust - machine.friction.coulomb_force - abs(machine.drive.offset)
 
 
 def default_controller(machine: Machine) -> Controller:

@@ -87,7 +87,7 @@ def _rows(machine: Machine, records: int, tolerance: Tolerance) -> Iterator[tupl
 
 
 def applied(layout: Parameters, theta: Array) -> Machine:
-    """The machine with theta (P,) put in; the offset and the initial state are no part of it."""
+    """The machine with theta (P,) put in, its offset added to the file's; the initial state is no part of it."""
     machine = layout.machine
     gain = np.concatenate([theta[layout.of("payload_mass")], theta[layout.of("mode_gain")]])
     order = [i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0]
@@ -100,7 +100,9 @@ def applied(layout: Parameters, theta: Array) -> Machine:
     stiffness = np.array(machine.friction.stiffness) * np.exp(theta[layout.of("presliding_stiffness")] + level)
     limit = np.array(machine.friction.limit) * np.exp(theta[layout.of("presliding_limit")])
     friction = elements(stiffness, limit, machine.friction.damping)
-    return replace(machine, plant=replace(machine.plant, modes=modes, dead_time=dead_time), friction=friction)
+    drive = replace(machine.drive, offset=machine.drive.offset + float(theta[layout.of("amplifier_offset")][0]))
+    plant = replace(machine.plant, modes=modes, dead_time=dead_time)
+    return replace(machine, drive=drive, plant=plant, friction=friction)
 
 
 def _moved(mode: Mode, gain: float, shift: Iterator[tuple[float, float]]) -> Mode:
@@ -110,11 +112,6 @@ def _moved(mode: Mode, gain: float, shift: Iterator[tuple[float, float]]) -> Mod
         mode.frequency * float(np.exp(frequency)),
         min(mode.damping * float(np.exp(damping)), 0.99),
     )
-
-
-def offset(layout: Parameters, theta: Array) -> float:
-    """The constant force [N] that acts against the thrust."""
-    return float(theta[layout.of("amplifier_offset")][0])
 
 
 def initial_state(layout: Parameters, theta: Array, record: int) -> Array:

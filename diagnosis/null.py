@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from diagnosis.fit import fit
 from diagnosis.motions import numbered, pieces
-from diagnosis.nominal import Parameters, bounded, initial_state, offset
+from diagnosis.nominal import Parameters, bounded, initial_state
 from diagnosis.residual import STARTING, Candidate
 from diagnosis.scan import freed, scan
 from models.controller import Controller, References
@@ -64,7 +64,7 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
     ahead = np.zeros(lead)
     given = References(
         np.concatenate([ahead, record.reference - origin]),
-        np.concatenate([ahead, record.feedforward]) - offset(layout, candidate.theta),
+        np.concatenate([ahead, record.feedforward]),
         np.zeros(lead + record.reference.size),
     )
     run = simulate(
@@ -77,8 +77,7 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
     )
     made = run.record.last(record.position.size)
     return Record(
-        record.sample_time, record.target, record.reference, record.feedforward,
-        made.command + offset(layout, candidate.theta), made.position + origin,
+        record.sample_time, record.target, record.reference, record.feedforward, made.command, made.position + origin,
     )  # fmt: skip
 
 

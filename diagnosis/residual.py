@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innovations, predictor, responses, smoothed
-from diagnosis.nominal import Parameters, applied, initial_state, offset
+from diagnosis.nominal import Parameters, applied, initial_state
 from models.effects.base import Effect
 from models.effects.kernel import Path, Replayed, replay
 from models.friction import deflections
@@ -119,7 +119,7 @@ def _pass(
         force, added = acts.thrust, np.zeros(reading.size)
     else:
         acts = _acts(candidate, machine, record, index, before.path)
-        force, added = _net(candidate, acts), acts.reading
+        force, added = _net(machine, acts), acts.reading
         reading = reading - added - _vibration(candidate, force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0], start[2 * len(machine.plant.modes)] = reading[0], -force[0, 0]
@@ -165,7 +165,7 @@ def look_at(
     differs = acts.reading - smooth_path.added
     if np.any(differs != 0):  # the path was smoothed from a reading that had other errors
         acts = _acts(candidate, machine, record, index, shifted(smooth_path, differs))
-    force = _net(candidate, acts)
+    force = _net(machine, acts)
     reading = record.position - acts.reading - _vibration(candidate, force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0] = reading[0]
@@ -197,8 +197,8 @@ def _acts(candidate: Candidate, machine: Machine, record: Record, index: int, pa
     )
 
 
-def _net(candidate: Candidate, acts: Replayed) -> Array:
-    return acts.thrust - acts.friction + acts.force - offset(candidate.layout, candidate.theta)
+def _net(machine: Machine, acts: Replayed) -> Array:
+    return acts.thrust - acts.friction + acts.force - machine.drive.offset
 
 
 def _vibration(candidate: Candidate, force: Array, sample_time: float) -> Array:
@@ -323,7 +323,7 @@ def _differences(
     if np.any(differs != 0):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))
         differs = acts.reading - seen.acts.reading
-    force = _net(other, acts)
+    force = _net(machine, acts)
     if any(effect.modes() for effect in (*other.effects, *candidate.effects)):
         differs = differs + _vibration(other, force, record.sample_time)
         differs = differs - _vibration(candidate, seen.force, record.sample_time)

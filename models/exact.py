@@ -92,7 +92,8 @@ def respond(
     stiffness, limit = np.array(friction.stiffness), np.array(friction.limit)
     offset = np.zeros(limit.size) if initial_friction is None else np.array(initial_friction, float)
     elements = _Elements(stiffness, limit, np.array(friction.damping), offset)
-    start = float(stiffness @ offset)
+    held = machine.drive.offset if controller.pid.ki > 0 else 0.0
+    start = float(stiffness @ offset) + held
     given = references(controller, target)
     known = given.feedforward + given.compensation
     feedback = _Feedback(controller, start)
@@ -108,7 +109,7 @@ def respond(
         for begin, end, sent in _pieces(machine.plant.dead_time, ts, k):
             thrust = command[sent] if sent >= 0 else start
             bounded = min(max(thrust, -machine.drive.rated_thrust), machine.drive.rated_thrust)
-            state = _advance(elements, dynamics, state, bounded, end - begin)
+            state = _advance(elements, dynamics, state, bounded - machine.drive.offset, end - begin)
     return position, force
 
 

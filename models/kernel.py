@@ -44,6 +44,7 @@ class Loop(NamedTuple):
     gains: Array  # (4,) kp, ki, kd, tau of the PID
     thrust_limit: Any
     resolution: Any
+    offset: Any  # constant force [N] that the thrust has to hold
 
 
 class Run(NamedTuple):
@@ -110,7 +111,7 @@ def run_one(loop: Loop, run: Run) -> None:
         run.command[k] = feedback + run.feedforward[k]
         for part in range(2):
             sent = k - loop.delays[0] - 1 + part
-            thrust = clipped(run.command[sent] if sent >= 0 else run.start, loop.thrust_limit)
+            thrust = clipped(run.command[sent] if sent >= 0 else run.start, loop.thrust_limit) - loop.offset
             h = loop.step[part]
             for _ in range(loop.counts[part]):
                 middle = x + 0.5 * h * v
@@ -194,7 +195,7 @@ def _run_lanes(loop: Loop, run: Run, first: int) -> None:
     mode = np.empty((modes, 2, LANES))  # q, q'
     effect = np.empty((2, modes, 6, LANES))  # phi, gamma
     element = np.empty((elements, 5, LANES))  # z, limit, stiffness, damping, force at the limit
-    fixed = np.empty((9, LANES))  # kp, ki, kd, tau, thrust limit, resolution, two lengths of a substep, start
+    fixed = np.empty((10, LANES))  # kp, ki, kd, tau, thrust limit, resolution, two lengths of a substep, start, offset
     now = np.zeros((10, LANES))
     x, v, at, thrust, h, half = now[0], now[1], now[2], now[7], now[8], now[9]
     memory = np.zeros((3, LANES))  # I, d, e of the PID
@@ -217,7 +218,7 @@ def _run_lanes(loop: Loop, run: Run, first: int) -> None:
         for part in range(2):
             under_way = (k - delay - 1 + part) % (delay + 2)
             for lane in range(LANES):
-                thrust[lane] = clipped(sent[under_way, lane], fixed[4, lane])
+                thrust[lane] = clipped(sent[under_way, lane], fixed[4, lane]) - fixed[9, lane]
                 h[lane] = fixed[6 + part, lane]
                 half[lane] = 0.5 * h[lane]
             for _ in range(loop.counts[part]):
@@ -277,6 +278,7 @@ def _load(loop: Loop, run: Run, first: int, mode: Array, effect: Array, element:
         fixed[5, lane] = loop.resolution[machine]
         fixed[6:8, lane] = loop.step[machine]
         fixed[8, lane] = run.start[machine]
+        fixed[9, lane] = loop.offset[machine]
 
 
 @compiled

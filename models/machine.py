@@ -41,6 +41,7 @@ class Drive:
     rated_power: float = value("W", "rated power", above=0)
     rated_speed: float = value("m/s", "rated speed", above=0)
     current_loop_bandwidth: float = value("Hz", "bandwidth of the current control (contained in L)", above=0)
+    offset: float = value("N", "constant force that the thrust has to hold: M a = u - f - offset", default=0.0)
 
 
 @dataclass(frozen=True)
@@ -176,6 +177,11 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
 def parameters(machine: Machine) -> tuple[Parameter, ...]:
     """Every value of the machine with its meaning, unit and source, in the order of the declarations."""
     return tuple(_parameters(machine, "", machine.sources))
+
+
+def left_out(part: Any, field: dataclasses.Field[Any], where: str, sources: Mapping[str, Provenance]) -> bool:
+    """Whether nothing states this field of a machine's part: it has no source, and stands at its default."""
+    return _join(where, field.name) not in sources and getattr(part, field.name) == field.default
 
 
 def to_json(machine: Machine) -> dict[str, Any]:
@@ -342,6 +348,12 @@ def _check(machine: Machine) -> None:
     rigid = sum(mode.frequency == 0 for mode in machine.plant.modes)
     if rigid != 1:
         raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"')
+    drive = machine.drive
+    if abs(drive.offset) >= drive.rated_thrust:
+        raise MachineError(
+            f"drive.offset: the drive can't hold {drive.offset:g} N within drive.rated_thrust, "
+            f"{drive.rated_thrust:g} N; give the force in newtons of thrust reference"
+        )
     slip, stated = machine.friction.coulomb_force, machine.presliding.coulomb_force
     if abs(slip / stated - 1) > 1e-3:
         raise MachineError(
@@ -353,6 +365,8 @@ def _check(machine: Machine) -> None:
 def _parameters(part: Any, where: str, sources: Mapping[str, Provenance]) -> Iterator[Parameter]:
     for field in dataclasses.fields(part):
         item, path, declared = getattr(part, field.name), _join(where, field.name), declaration(field)
+        if left_out(part, field, where, sources):
+            continue
         if declared is not None:
             provenance = sources.get(path, Provenance("assumed", "set in a program"))
             yield Parameter(path, declared.meaning, declared.unit, item, provenance)
@@ -373,6 +387,8 @@ def _plain(part: Any) -> object:
     for field in dataclasses.fields(part):
         item, declared = getattr(part, field.name), declaration(field)
         if field.name == "sources" or item is None or (field.name == "effects" and not item):
+            continue
+        if left_out(part, field, "", {}):
             continue
         if field.name == "effects":
             plain["effects"] = {name: _plain(effect) for name, effect in catalogue.named(item).items()}

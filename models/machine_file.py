@@ -9,7 +9,7 @@ from typing import Any
 
 from models.columns import Columns
 from models.effects import catalogue
-from models.machine import Machine, Provenance
+from models.machine import Machine, Provenance, left_out
 from models.quantity import declaration
 
 
@@ -34,6 +34,8 @@ def _table(part: Any, where: str, sources: Mapping[str, Provenance], head: str |
     inner: list[str] = []
     for field in dataclasses.fields(part):
         item, declared, path = getattr(part, field.name), declaration(field), f"{where}.{field.name}"
+        if left_out(part, field, where, sources):
+            continue
         if declared is not None:
             source = sources.get(path, Provenance("assumed", "set in a program"))
             note = f", note = {_text(source.note)}" if source.note else ""

@@ -93,6 +93,8 @@ class _Reader:
             name = json_name(field.name, declared.unit)
             if name in names:
                 table[field.name] = self.value(names[name], declared.unit, where + name)
+            elif field.default is not dataclasses.MISSING:
+                continue
             elif default is not None and not (kind is Scale and field.name == "resolution"):
                 table[field.name] = self.assumed(getattr(default, field.name), declared.unit)
             elif field.name not in optional:

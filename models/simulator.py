@@ -7,7 +7,8 @@ it out, also within a sample.
 
 `simulate` runs one machine; `simulate_many` runs variations side by side in one call, equal to `simulate` bit for bit.
 A machine's effects (models/effects) act in both. They set in at the first sample, except that the PID's integral holds
-the external force at the start, too: let a run begin with a halt where they have to settle.
+the external force at the start, too: let a run begin with a halt where they have to settle. The drive's offset is held
+by an integral from the start, too; a PID without one (ki = 0) does not hold it.
 """
 
 from __future__ import annotations
@@ -164,6 +165,7 @@ def _prepare(
         gains=np.array([pid.kp, pid.ki, pid.kd, pid.derivative_filter]),
         thrust_limit=machine.drive.rated_thrust,
         resolution=machine.scale.resolution,
+        offset=machine.drive.offset,
     )
     z = np.zeros(len(friction.stiffness)) if initial_friction is None else np.array(initial_friction, float)
     n, noise = given.position.size, machine.scale.noise
@@ -171,7 +173,7 @@ def _prepare(
         reference=given.position,
         feedforward=given.feedforward + given.compensation,
         noise=noise * np.random.default_rng(seed).standard_normal(n) if noise > 0 else np.zeros(n),
-        start=float(loop.stiffness @ z),
+        start=float(loop.stiffness @ z) + (machine.drive.offset if pid.ki > 0 else 0.0),
         state=np.zeros((modes, 2)),
         z=z,
         **{name: np.empty(n) for name in LOGGED},

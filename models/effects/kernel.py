@@ -182,7 +182,7 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
                 middle, ahead = x + 0.5 * h * v, v + 0.5 * h * acceleration
                 now[T] = k * loop.sample_time + part * loop.counts[0] * loop.step[0] + (i + 0.5) * h
                 now[X], now[V], now[H], now[U], now[MOVED] = middle, ahead, h, thrust, middle - at
-                driven = act(THRUST, thrust, hooks, now, contact)
+                driven = act(THRUST, thrust, hooks, now, contact) - loop.offset
                 external = act(FORCE, 0.0, hooks, now, contact)
                 now[H] = behind + 0.5 * h
                 seen, force = rubbed(middle, seen, elements, hooks, now, contact)

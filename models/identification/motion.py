@@ -3,9 +3,9 @@
 The model of the command is the simulated loop, over the record's reference and feedforward, and an autoregressive
 disturbance (Box-Jenkins with C = 1; Ljung, System Identification, 4.2):
 
-    u[k] = u_sim[k; theta] - offset + v[k],    A(q) v[k] = e[k]
+    u[k] = u_sim[k; theta] + offset + v[k],    A(q) v[k] = e[k]
 
-What is minimised are the one-step prediction errors e = A(q) (u - u_sim + offset); A is fitted to what is left, twice.
+What is minimised are the one-step prediction errors e = A(q) (u - u_sim - offset); A is fitted to what is left, twice.
 In closed loop the position hides what the model leaves out and the command carries it, so the command is predicted.
 theta scales the mass, the friction and its presliding lengths, and shifts the dead time; damping of the elements comes
 in where it shows. What the friction remembers at
@@ -90,7 +90,7 @@ def identify(
     friction_covariance (2 N, 2 N): of the stiffnesses [N/m] and limits [m] that the machine's friction has from another
     record. The fit can only scale them, so that what is unsure of their shape makes all that it finds unsure.
     Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
-    none. What the machine has is not used: motions show damping better than anything that it may be from.
+    none. What the machine has of it is not used, nor is its offset: motions show both better.
     Raises ValueError if the record's sample time is another than the machine's, or nothing moves [s].
     """
     if abs(record.sample_time / machine.sample_time - 1) > 1e-3:
@@ -100,7 +100,8 @@ def identify(
         )
     if np.ptp(record.reference) == 0:
         raise ValueError("the record's reference does not move: nothing of a motion shows; give the reference's column")
-    machine = replace(machine, friction=elements(machine.friction.stiffness, machine.friction.limit))
+    friction = elements(machine.friction.stiffness, machine.friction.limit)
+    machine = replace(machine, drive=replace(machine.drive, offset=0.0), friction=friction)
     still = replace(machine, scale=replace(machine.scale, noise=0.0, resolution=0.0))
     job = _Job(record, machine, still, begin(record), friction_covariance)
     theta, filter_ = _converged(job, np.array([1.0, 1.0, 1.0, machine.plant.dead_time]), iterations)
@@ -217,15 +218,16 @@ def _shows(plain: _Solution, whole: _Solution) -> bool:
 def _told(job: _Job, found: _Solution, whole: _Solution) -> MotionFit:
     names, units = zip(*PARTS[: found.values.size - 1], ("offset", "N"), strict=True)
     theta, command = found.values[:-1], job.record.command
-    modelled = _simulated(job.record, job.still, theta) - float(found.values[-1])
-    friction = _changed(job.machine, theta).friction
+    offset = float(found.values[-1])
+    machine = _changed(job.machine, theta)
+    friction = machine.friction
     way = float(np.max(np.abs(job.record.position[: job.first + 1] - job.record.position[0])))
     carried = [k * (2 * x - way) for k, x in zip(friction.stiffness, friction.limit, strict=True) if 2 * x > way]
     return MotionFit(
         Estimate(names, units, found.values, found.covariance),
-        _changed(job.machine, theta),
+        replace(machine, drive=replace(machine.drive, offset=offset)),
         command,
-        modelled,
+        _simulated(job.record, job.still, theta) + offset,
         found.error,
         (float(whole.values[-2]), math.sqrt(whole.covariance[-2, -2])),
         (len(carried), sum(carried)),
@@ -258,7 +260,7 @@ def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:
         more, less = (_simulated(job.record, job.still, end) for end in ends)
         slopes.append((less - more) / (ends[0][i] - ends[1][i]))
     left = job.record.command - _simulated(job.record, job.still, theta)
-    return left, np.column_stack([*slopes, np.ones(left.size)])
+    return left, np.column_stack([*slopes, -np.ones(left.size)])
 
 
 def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) -> Array:

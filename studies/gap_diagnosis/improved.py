@@ -46,6 +46,8 @@ def _refitted(before: Machine, after: Machine, detail: str) -> Iterator[tuple[st
                 yield f"plant.modes.{i + 1}.{name}", said
     if before.plant.dead_time != after.plant.dead_time:
         yield "plant.dead_time", said
+    if before.drive.offset != after.drive.offset:
+        yield "drive.offset", said
     for name in ("stiffness", "limit"):
         if getattr(before.friction, name) != getattr(after.friction, name):
             yield f"friction.{name}", said

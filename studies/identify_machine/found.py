@@ -56,6 +56,12 @@ def identified(loaded: Loaded, std: float | Iterable[float], unit: str) -> Prove
     return Provenance("identified", text.removesuffix(" 1"))
 
 
+def with_offset(machine: Machine, loaded: Loaded, offset: float, std: float) -> Machine:
+    """The machine with a constant force [N] beside friction that a record shows, and its standard deviation [N]."""
+    sources = {**machine.sources, "drive.offset": identified(loaded, std, "N")}
+    return replace(machine, drive=replace(machine.drive, offset=offset), sources=sources)
+
+
 def record_of(loaded: Loaded) -> Record:
     """The record over time that a file holds. Raises ValueError for a frequency response."""
     if not isinstance(loaded.content, Record):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -19,11 +19,12 @@ from models.machine import Machine, Provenance
 from models.record import Record
 from models.record_file import Loaded
 from studies.command import Check
-from studies.identify_machine.found import SHOWN, Found, identified, mass_of, own_curve, record_of
+from studies.identify_machine.found import SHOWN, Found, identified, mass_of, own_curve, record_of, with_offset
 
 Array = NDArray[np.float64]
 
 PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # of the inverse dynamics as EMPS's authors do it
+LOST: Final = 1.05  # of the held-out error: friction by direction as a part of the force stands for one that is not
 WAYS: Final = ("viscous friction forwards", "viscous friction backwards")
 
 
@@ -50,13 +51,15 @@ def from_hysteresis(found: Found, loaded: Loaded) -> Found:
     )
     shown = {**_force(fit), "slip_N": slip, "slip_std_N": spread}
     machine = _with_friction(found.machine, fit, loaded)
+    machine = with_offset(machine, loaded, fit.estimate.value("offset"), fit.estimate.deviation("offset"))
     if fit is dragged:
         drag = fit.estimate.value("viscous friction"), fit.estimate.deviation("viscous friction")
         machine = _with_drag(machine, loaded, drag, None)
     found = found.having("hysteresis", shown, fit.estimate, said)
     last = slice(-2 * len(fit.friction.limit), None)
     shape = fit.estimate.covariance[last, last]
-    return replace(found, machine=machine, known=found.known | {"friction"}, friction_covariance=shape)
+    known = found.known | {"friction", "offset"}
+    return replace(found, machine=machine, known=known, friction_covariance=shape)
 
 
 def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
@@ -78,10 +81,12 @@ def _on_drag(dragged: ForceFit, *, taken: bool) -> str:
 
 
 def _with_drag(
-    machine: Machine, loaded: Loaded, drag: tuple[float, float], asymmetry: tuple[float, float] | None
+    machine: Machine, loaded: Loaded, drag: tuple[float, float] | None, asymmetry: tuple[float, float] | None
 ) -> Machine:
     """With viscous friction c [N s/m] and friction by direction [1], each with its standard deviation, as effects."""
-    found: list[tuple[Effect, str, float, str]] = [(ViscousFriction(drag[0]), "coefficient", drag[1], "N s/m")]
+    found: list[tuple[Effect, str, float, str]] = []
+    if drag is not None:
+        found.append((ViscousFriction(drag[0]), "coefficient", drag[1], "N s/m"))
     if asymmetry is not None:
         found.append((DirectionalFriction(asymmetry[0]), "asymmetry", asymmetry[1], "1"))
     ours = tuple(f"effects.{kind.name}" for kind in (ViscousFriction, DirectionalFriction))
@@ -162,49 +167,87 @@ def from_dynamics(found: Found, loaded: Loaded) -> Found:
     rows = [*_published(record, half, window)]
     rows += [{"model": name, "fitted": fit.error(used=True), "held_out": fit.error(used=False)} for name, fit in fits]
     fit = fits[1][1]
-    machine, written, constant = _with_dynamics(found, fit, loaded)
-    rows.append(written)
+    held = _holdable(fit)
+    machine = _with_dynamics(found, fit, held, loaded)
+    rows.append(held.row)
     slip, spread = fit.slip_force()
     shown = {**_force(fit), "ladder": rows, "published": _reproduced(record), "slip_N": slip, "slip_std_N": spread,
-             "half_s": half, "constant_N": constant}  # fmt: skip
-    said = (
-        f"A constant force of {constant:.3g} N beside the friction has no place in a machine file; without it the "
-        f"held-out force error is {100 * written['held_out']:.2f} % instead of {100 * rows[3]['held_out']:.2f} %.",
-        _on_damping(fit),
-    )
+             "half_s": half, "offset_N": held.offset[0]}  # fmt: skip
+    said = (_on_offset(held), _on_damping(fit))
     found = found.having("dynamics", shown, fit.estimate, said)
+    source = "second half of the record, not fitted"
+    better, kept = (rows[3]["held_out"] / row["held_out"] for row in (rows[1], held.row))
     name = "held-out force error, over that of the published model by direction"
-    check = Check(name, rows[3]["held_out"] / rows[1]["held_out"], "1", 1.0, "second half of the record, not fitted")
-    known = found.known | {"plant", "friction"}
-    return replace(found, machine=machine, known=known, checks=(*found.checks, check))
+    checks = [Check(name, better, "1", 1.0, source)]
+    name = "held-out force error of the machine file, over that of the fit that it is made of"
+    checks.append(Check(name, 1 / kept, "1", LOST, source))
+    known = found.known | {"plant", "friction", "offset"}
+    return replace(found, machine=machine, known=known, checks=(*found.checks, *checks))
 
 
-def _holdable(fit: ForceFit) -> tuple[tuple[float, float], tuple[float, float] | None, dict[str, Any], float]:
-    """(viscous friction, asymmetry or None, errors of the force, constant force) as a machine file can hold them.
+def _on_offset(held: _Holdable) -> str:
+    """What a fast record says of a constant force."""
+    value, std = held.offset
+    beside = ""
+    if held.asymmetry is not None:
+        share, way = 100 * abs(held.asymmetry[0]), "larger" if held.asymmetry[0] > 0 else "smaller"
+        beside = f" Friction is {share:.2g} % {way} forwards than the mean of both directions."
+    return (
+        f"Beside friction a constant force of {value:.3g} N, with a standard deviation of {std:.2g} N, is held.{beside}"
+    )
+
+
+@dataclass(frozen=True)
+class _Holdable:
+    """A force as a machine file can hold it: viscous friction [N s/m] and asymmetry [1], None where not sure, and the
+    offset [N], each with its standard deviation; the row of the ladder with its errors."""
+
+    drag: tuple[float, float] | None
+    asymmetry: tuple[float, float] | None
+    offset: tuple[float, float]
+    row: dict[str, Any]
+
+
+def _holdable(fit: ForceFit) -> _Holdable:
+    """What a machine file can hold of a fit by direction.
 
     F = sum K_i z_i + c v, with c the mean of both directions. What is left beyond it is even in the direction: a |F|,
-    the friction by direction of a machine file, and a constant force, for which a file has no place. So the asymmetry a
-    is written if it is sure, and if without the constant force less is left with it than with none.
+    the friction by direction of a machine file, and an offset. What is not sure, c or a, is left out.
     """
     e, kept = fit.estimate, fit.used
     where = [e.names.index(name) for name in WAYS]
     ahead, back = e.values[where]
-    drag = float(ahead + back) / 2, 0.5 * float(np.sqrt(np.sum(e.covariance[np.ix_(where, where)])))
+    drag = _sure(max(float(ahead + back) / 2, 0.0), 0.5 * float(np.sqrt(np.sum(e.covariance[np.ix_(where, where)]))))
     speed = np.gradient(fit.path, fit.time)
-    beyond = fit.measured - fit.modelled + e.value("offset") + 0.5 * (ahead - back) * np.abs(speed)
-    columns = np.column_stack([np.abs(fit.rolling + drag[0] * speed), np.ones(speed.size)])
-    found = np.linalg.lstsq(columns[kept], beyond[kept], rcond=None)[0]
-    covariance = newey_west(columns[kept], (beyond - columns @ found)[kept], force.TOGETHER)
-    asymmetry, constant = float(found[0]), float(found[1])
-    std = float(np.sqrt(covariance[0, 0]))
-    rest = beyond - asymmetry * columns[:, 0]
-    taken: tuple[float, float] | None = (asymmetry, std)
-    if abs(asymmetry) < SURE * std or np.linalg.norm(rest[kept]) > np.linalg.norm(beyond[kept]):
-        taken, rest, constant = None, beyond, float(np.mean(beyond[kept]))
+    dragged = drag[0] * speed if drag else np.zeros(speed.size)
+    beyond = fit.measured - fit.modelled + e.value("offset") + np.where(speed > 0, ahead, back) * speed - dragged
+    columns = np.column_stack([np.ones(speed.size), np.abs(fit.rolling + dragged)])
+    values, stds = _weighed(columns[kept], beyond[kept])
+    asymmetry = _sure(float(values[1]), float(stds[1]))
+    if asymmetry is None:
+        columns = columns[:, :1]
+        values, stds = _weighed(columns[kept], beyond[kept])
+    rest = beyond - columns @ values
     errors = [float(np.linalg.norm(rest[part]) / np.linalg.norm(fit.measured[part])) for part in (kept, ~kept)]
-    words = "viscous friction" + (" and friction by direction" if taken else "")
-    row = {"model": f"what the machine file holds: elements, {words}", "fitted": errors[0], "held_out": errors[1]}
-    return drag, taken, row, constant
+    parts = [
+        "elements",
+        *["viscous friction"] * (drag is not None),
+        *["friction by direction"] * (asymmetry is not None),
+    ]
+    row = {"model": f"what the machine file holds: {', '.join(parts)}, offset", "fitted": errors[0]}
+    return _Holdable(drag, asymmetry, (float(values[0]), float(stds[0])), {**row, "held_out": errors[1]})
+
+
+def _sure(value: float, std: float) -> tuple[float, float] | None:
+    """A value and its standard deviation [the same unit] if it is surely not zero."""
+    return (value, std) if abs(value) > SURE * std else None
+
+
+def _weighed(columns: Array, wanted: Array) -> tuple[Array, Array]:
+    """Weights of the columns (n, p) by least squares and their standard deviations (p,) [N, or 1 for a part of one]."""
+    found = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    covariance = newey_west(columns, wanted - columns @ found, force.TOGETHER)
+    return np.asarray(found, float), np.asarray(np.sqrt(np.diag(covariance)), float)
 
 
 def _published(record: Record, half: float, window: Any) -> Iterable[dict[str, Any]]:
@@ -232,8 +275,8 @@ def _reproduced(record: Record) -> list[dict[str, Any]]:
     return both
 
 
-def _with_dynamics(found: Found, fit: ForceFit, loaded: Loaded) -> tuple[Machine, dict[str, Any], float]:
-    """The machine, the row of what it holds for the ladder, and the constant force [N] that it has no place for."""
+def _with_dynamics(found: Found, fit: ForceFit, held: _Holdable, loaded: Loaded) -> Machine:
+    """The machine with what no other record gave; friction that grows with speed and the offset go together."""
     machine, e = found.machine, fit.estimate
     if "plant" not in found.known:
         rigid = next(i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0)
@@ -247,7 +290,6 @@ def _with_dynamics(found: Found, fit: ForceFit, loaded: Loaded) -> tuple[Machine
         machine = replace(machine, plant=replace(machine.plant, modes=modes_, dead_time=delay), sources=sources)
     if "friction" not in found.known:
         machine = _with_friction(machine, fit, loaded)
-    drag, asymmetry, row, constant = _holdable(fit)
-    if drag[0] > SURE * drag[1]:
-        machine = _with_drag(machine, loaded, drag, asymmetry)
-    return machine, row, constant
+    if held.drag is not None or held.asymmetry is not None:
+        machine = _with_drag(machine, loaded, held.drag, held.asymmetry)
+    return with_offset(machine, loaded, *held.offset)

@@ -35,7 +35,8 @@ def noisy(machine: Machine) -> Machine:
 
 
 def another(machine: Machine, seed: int) -> Machine:
-    """A table like this one: modes, dead time and friction drawn anew, with three elements that data can tell apart."""
+    """A table like this one: modes, dead time, offset and friction drawn anew, with three elements that data can tell
+    apart."""
     draw = np.random.default_rng(seed)
     scatter = [(0.1, 0.05, 0.2)] * len(machine.plant.modes)
     modes = tuple(
@@ -51,7 +52,8 @@ def another(machine: Machine, seed: int) -> Machine:
     limit = np.array([2.5e-6, 12e-6, 80e-6]) * np.exp(0.15 * draw.standard_normal(3))
     force = machine.friction.coulomb_force * np.array([0.45, 0.3, 0.25]) * np.exp(0.15 * draw.standard_normal(3))
     plant = replace(machine.plant, modes=modes, dead_time=delay)
-    return replace(machine, plant=plant, friction=elements(force / limit, limit))
+    drive = replace(machine.drive, offset=machine.drive.offset + float(draw.standard_normal()))
+    return replace(machine, drive=drive, plant=plant, friction=elements(force / limit, limit))
 
 
 def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
@@ -64,8 +66,9 @@ def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
     limit = np.array(machine.friction.limit) * length
     stiffness = np.array(machine.friction.stiffness) * level / length
     plant = replace(machine.plant, modes=modes, dead_time=delay)
-    truth = np.array([mass, level, length, delay, draw.standard_normal()])
-    return replace(machine, plant=plant, friction=elements(stiffness, limit)), truth
+    drive = replace(machine.drive, offset=machine.drive.offset + float(draw.standard_normal()))
+    truth = np.array([mass, level, length, delay, drive.offset])
+    return replace(machine, drive=drive, plant=plant, friction=elements(stiffness, limit)), truth
 
 
 def excitation(machine: Machine, seed: int) -> Record:
@@ -90,8 +93,8 @@ def hysteresis(machine: Machine, seed: int) -> Record:
     return run(machine, np.asarray(path, np.float64), np.zeros(t.size), seed)
 
 
-def motions(machine: Machine, seed: int, offset: float = 0.0, nominal: Machine | None = None) -> Record:
-    """Strokes of the specification and half as long, a constant force of `offset` [N] on the table.
+def motions(machine: Machine, seed: int, nominal: Machine | None = None) -> Record:
+    """Strokes of the specification and half as long; SI.
 
     The feedforward is the nominal machine's, as a controller has it that was designed before.
     """
@@ -99,8 +102,7 @@ def motions(machine: Machine, seed: int, offset: float = 0.0, nominal: Machine |
     ts, stroke = machine.sample_time, machine.specification.stroke
     short = feeding_sequence(stroke, machine.specification.motions, 0.15, ts)
     target = np.concatenate([short, feeding_sequence(0.5 * stroke, 4, 0.15, ts), short])
-    record = simulate(machine, controller, target, seed=seed).record
-    return replace(record, command=record.command - offset)
+    return simulate(machine, controller, target, seed=seed).record
 
 
 def run(machine: Machine, reference: Array, force: Array, seed: int) -> Record:

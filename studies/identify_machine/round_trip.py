@@ -44,7 +44,7 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
         else:
             missed += 1
         moved, wanted = own_records.drawn_from(machine, own)
-        record = own_records.motions(moved, own, float(wanted[-1]), machine)
+        record = own_records.motions(moved, own, machine)
         rows["motions"].append(_errors(motion.identify(record, machine).estimate, wanted))
     return _summary(rows, tables, missed)
 

@@ -18,7 +18,7 @@ from models.machine import Machine, Provenance
 from models.record import Record
 from models.record_file import Loaded
 from studies.command import Check
-from studies.identify_machine.found import SHOWN, Found, identified, own_curve, record_of
+from studies.identify_machine.found import SHOWN, Found, identified, own_curve, record_of, with_offset
 from studies.identify_machine.friction import from_dynamics, from_hysteresis
 
 SIGMAS: Final = 3.0  # beyond which two records differ by more than their noise
@@ -149,6 +149,9 @@ def _with_motion(found: Found, fit: motion.MotionFit, loaded: Loaded) -> Machine
         for i, mode in enumerate(fit.machine.plant.modes):
             spread = abs(mode.gain) * e.deviation("mass") / e.value("mass")
             sources[f"plant.modes.{i + 1}.gain"] = identified(loaded, spread, "1/kg")
+    if "offset" not in found.known:
+        machine = with_offset(replace(machine, sources=sources), loaded, e.value("offset"), e.deviation("offset"))
+        sources = dict(machine.sources)
     if "friction" not in found.known:
         friction = fit.machine.friction
         machine = replace(machine, friction=replace(friction, damping=machine.friction.damping))

@@ -15,7 +15,8 @@ from diagnosis.experiments import menu, moved_mass, quickest
 from diagnosis.fit import weights
 from diagnosis.motions import numbered, pieces
 from diagnosis.next_experiment import along, next_experiment, showing, virtual
-from diagnosis.residual import columns
+from diagnosis.nominal import parameters
+from diagnosis.residual import Candidate, columns, look
 from diagnosis.scan import freed, judged, quadratures
 from diagnosis.where import where
 from models.controller import Controller
@@ -233,3 +234,18 @@ def test_the_schedule_is_written_as_a_record_of_references() -> None:
 def test_a_virtual_record_is_explained_by_the_nominal_machine() -> None:
     fit, _ = virtual(load(), experiments.amplitude_ladder(load(), (10e-6,)))
     assert np.mean(fit.innovations[100:] ** 2) < 1.5
+
+
+def test_an_offset_in_the_machine_file_is_known_and_the_parameter_adds_to_it() -> None:
+    table = load()
+    pulled = replace(table, drive=replace(table.drive, offset=2.0))
+    fit, record = virtual(pulled, experiments.amplitude_ladder(pulled, (10e-6,)))
+    assert record.command[0] == pytest.approx(2.0, abs=0.5)  # what the integral holds from the start
+    assert np.mean(fit.innovations[100:] ** 2) < 1.5
+    layout = parameters(table, 1)  # the same record with a file that states none
+    theta = np.zeros(layout.count)
+    theta[layout.of("amplifier_offset")] = 2.0
+    adding, nothing = (Candidate(layout, one) for one in (theta, np.zeros(layout.count)))
+    assert adding.machine.drive.offset == 2.0
+    assert np.array_equal(look(adding, [record], fit.paths)[0].innovations[100:], fit.innovations[100:])
+    assert look(nothing, [record], fit.paths)[0].force - fit.seen[0].force == pytest.approx(2.0)

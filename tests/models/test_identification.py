@@ -168,7 +168,7 @@ def test_a_record_without_friction_in_it_is_refused() -> None:
 
 def test_a_motion_fit_finds_what_was_changed() -> None:
     table, truth = own_records.drawn_from(MACHINE, 11)
-    found = motion.identify(own_records.motions(table, 11, float(truth[-1]), MACHINE), MACHINE)
+    found = motion.identify(own_records.motions(table, 11, MACHINE), MACHINE)
     assert found.estimate.values == pytest.approx(truth, rel=0.02, abs=0.05)
     assert np.all(np.abs(found.estimate.values - truth) < 4 * found.estimate.deviations)
     assert np.diag(found.estimate.correlation) == pytest.approx(np.ones(5))
@@ -180,13 +180,13 @@ def test_motions_show_the_elements_damping(seed: int) -> None:
     table, truth = own_records.drawn_from(MACHINE, seed)
     stiffness = np.array(table.friction.stiffness)
     damped = replace(table, friction=elements(stiffness, table.friction.limit, 1e-4 * stiffness))
-    found = motion.identify(own_records.motions(damped, seed, float(truth[-1]), MACHINE), MACHINE)
+    found = motion.identify(own_records.motions(damped, seed, MACHINE), MACHINE)
     assert found.damped
     assert abs(found.lag[0] - 1e-4) < 4 * found.lag[1] < 1e-4
     truth = np.append(truth[:4], [1e-4, truth[4]])
     assert np.all(np.abs(found.estimate.values - truth) < 4 * found.estimate.deviations)
     assert found.machine.friction.damping == pytest.approx(damped.friction.damping, rel=0.6)
-    plain = motion.identify(own_records.motions(table, seed, float(truth[-1]), MACHINE), MACHINE)
+    plain = motion.identify(own_records.motions(table, seed, MACHINE), MACHINE)
     assert not plain.damped
     assert abs(plain.lag[0]) < 4 * plain.lag[1] < 1e-4
     assert plain.machine.friction.damping == (0.0,) * len(stiffness)
@@ -195,9 +195,10 @@ def test_motions_show_the_elements_damping(seed: int) -> None:
 def test_what_friction_remembers_at_the_start_does_not_mislead_a_motion_fit() -> None:
     """The longest element begins full: the offset alone takes the force that stays in it, no more than is said."""
     table, truth = own_records.drawn_from(MACHINE, 11)
+    table = replace(table, drive=MACHINE.drive)
     control = MACHINE.control
     controller = Controller(MACHINE.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
-    given = own_records.motions(table, 11, 0.0, MACHINE)
+    given = own_records.motions(table, 11, MACHINE)
     strained = np.where(
         np.arange(len(table.friction.limit)) == len(table.friction.limit) - 1, -table.friction.limit[-1], 0
     )

@@ -93,12 +93,23 @@ def test_a_value_without_a_source_counts_as_assumed(tmp_path: Path) -> None:
     assert machine.sources["drive.rated_thrust"].kind == "assumed"
 
 
+def test_an_offset_that_no_file_states_is_none_and_is_not_listed(tmp_path: Path) -> None:
+    assert load().drive.offset == 0
+    assert "offset_N" not in to_json(load())["drive"]
+    stated = load(changed(tmp_path, r"\[drive\]", '[drive]\noffset = { value = "-3 N", source = "datasheet: 4" }'))
+    assert stated.drive.offset == to_json(stated)["drive"]["offset_N"] == -3
+    rows = {row.name: row.provenance.kind for row in parameters(stated)}
+    assert rows["drive.offset"] == "datasheet"
+    assert len(rows) == len(parameters(load())) + 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
         ('"800 N/mm"', '"800 kg"', r"presliding\.stiffness_1: '800 kg' is in kg, but this is a quantity in N/m"),
         ('"150 N"', '"150"', r"drive\.rated_thrust: '150' has no unit"),
         ("rated_thrust =", "rated_trust =", r"drive\.rated_trust: unknown; did you mean 'rated_thrust'\?"),
+        (r"\[drive\]", '[drive]\noffset = "150 N"', r"drive\.offset: the drive can't hold 150 N within drive\.rated"),
         (r"\[drive\]", "[driver]", r"driver: unknown; did you mean 'drive'\?"),
         ("dead_time = { value", "dead_time = { valu", r"plant\.dead_time\.valu: unknown; did you"),
         ('(38 Hz.*\ndamping = { value =) "', r'\1 "-', r"plant\.modes\.2\.damping: -0\.\d+ must be at least 0"),

@@ -41,25 +41,30 @@ def controlled(machine: Machine) -> Controller:
 
 
 def variation(index: int) -> Machine:
-    """Machines that differ in everything that a variation may: masses, damping, delay within the sample, friction."""
+    """Machines that differ in all that a variation may: masses, damping, delay within the sample, friction, offset."""
     table = load()
     scale = 1 + 0.02 * index
     modes = tuple(replace(mode, gain=mode.gain * scale) for mode in table.plant.modes)
     plant = replace(table.plant, modes=modes, dead_time=1e-3 + (index % 3) * 1e-4)
     friction = elements(np.array(table.friction.stiffness) * scale, table.friction.limit, 20.0 * (index % 2))
-    return replace(table, plant=plant, friction=friction, scale=replace(table.scale, noise=3e-8 * (index % 2)))
+    drive = replace(table.drive, offset=0.7 * (index // 2))
+    scale_ = replace(table.scale, noise=3e-8 * (index % 2))
+    return replace(table, drive=drive, plant=plant, friction=friction, scale=scale_)
 
 
 TARGET = feeding_sequence(20e-6, 2, 0.025, TS, repeats=2)
 
 
 @pytest.mark.parametrize(
-    ("dead_time", "damping"), [(1e-3, 0.0), (1.13e-3, 0.0), (1e-3, 150.0)], ids=["whole", "within a sample", "damped"]
+    ("dead_time", "damping", "offset"),
+    [(1e-3, 0.0, 0.0), (1.13e-3, 0.0, 0.0), (1e-3, 150.0, 0.0), (1e-3, 0.0, -4.0)],
+    ids=["whole", "within a sample", "damped", "offset"],
 )
-def test_second_order_against_the_oracle(dead_time: float, damping: float) -> None:
+def test_second_order_against_the_oracle(dead_time: float, damping: float, offset: float) -> None:
     table = exact_scale(load())
     friction = replace(table.friction, damping=(damping,) * 10)
-    machine = replace(table, plant=replace(table.plant, dead_time=dead_time), friction=friction)
+    drive = replace(table.drive, offset=offset)
+    machine = replace(table, drive=drive, plant=replace(table.plant, dead_time=dead_time), friction=friction)
     controller = controlled(machine)
     truth, friction_force = respond(machine, controller, TARGET)
     substeps = np.array([4, 8, 16, 32, 64])
@@ -187,6 +192,28 @@ def test_the_drive_gives_no_more_than_its_rated_thrust() -> None:
     truth, _ = respond(machine, controller, target)
     assert limited.position == pytest.approx(truth, abs=1e-9)
     assert np.max(np.abs(limited.position - free.position)) > 1e-6
+
+
+def test_an_offset_is_held_by_the_integral_and_shows_in_the_command_alone() -> None:
+    machine = exact_scale(load())
+    pulled = replace(machine, drive=replace(machine.drive, offset=-3.0))
+    controller = controlled(machine)
+    without, held = simulate(machine, controller, TARGET), simulate(pulled, controller, TARGET)
+    assert held.position == pytest.approx(without.position, abs=1e-14)
+    assert held.record.command == pytest.approx(without.record.command - 3.0, abs=1e-7)
+
+
+def test_without_an_integral_the_table_gives_way_to_an_offset() -> None:
+    """By offset / k_p where friction is too small to hold any of it."""
+    table = exact_scale(load())
+    rigid = replace(table.plant, modes=table.plant.modes[:1])
+    drive = replace(table.drive, offset=-3.0)
+    machine = replace(table, plant=rigid, friction=elements([1e-9], [1.0]), drive=drive)
+    controller = controlled(table)
+    controller = replace(controller, pid=replace(controller.pid, ki=0.0))
+    expected = 3.0 / controller.pid.kp
+    assert simulate(machine, controller, np.zeros(2000)).position[-1] == pytest.approx(expected, rel=1e-6)
+    assert respond(machine, controller, np.zeros(2000))[0][-1] == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_scale_rounds_and_its_noise_follows_the_seed() -> None:

@@ -42,7 +42,8 @@ def write(path: Path, record: Record) -> Path:
 @pytest.fixture(scope="module")
 def table() -> Machine:
     """A table unlike the default one."""
-    return own_records.another(own_records.noisy(load()), 77)
+    table = own_records.another(own_records.noisy(load()), 77)
+    return replace(table, drive=replace(table.drive, offset=0.4))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,7 @@ def records(tmp_path_factory: pytest.TempPathFactory, table: Machine) -> list[Pa
     folder = tmp_path_factory.mktemp("records")
     return [
         write(folder / "slow.csv", own_records.hysteresis(table, 1)),
-        write(folder / "moves.csv", own_records.motions(table, 2, 0.4, load())),
+        write(folder / "moves.csv", own_records.motions(table, 2, load())),
         write(folder / "sweep.csv", own_records.excitation(table, 3)),
     ]
 
@@ -92,6 +93,7 @@ def test_the_table_comes_back(folder: Path, table: Machine) -> None:
     assert found.friction.limit == pytest.approx(table.friction.limit, rel=0.1)
     rows = {(row["record"], row["name"]): row for row in read(folder, "results.json")["results"]["estimates"]}
     assert rows["motion", "offset"]["number"] == pytest.approx(0.4, abs=0.1)
+    assert found.drive.offset == rows["hysteresis", "offset"]["number"] == pytest.approx(0.4, abs=0.1)
 
 
 def test_every_identified_value_carries_hash_and_deviation(folder: Path) -> None:
@@ -159,7 +161,7 @@ def test_with_friction_that_grows_with_speed_it_goes_into_others_too(
 
 
 def test_viscous_friction_and_its_direction_are_written(tmp_path: Path, table: Machine) -> None:
-    """From strokes of 20 mm at up to 0.1 m/s, whose friction is a tenth larger forwards."""
+    """From strokes of 20 mm at up to 0.1 m/s, whose friction is a tenth larger forwards; and an offset beside it."""
     effects = catalogue.in_order([ViscousFriction(80.0), DirectionalFriction(0.1)])
     t = np.arange(round(10 / table.sample_time)) * table.sample_time
     path = 0.01 * np.sin(2 * np.pi * t * (0.5 + 0.05 * t))
@@ -170,8 +172,9 @@ def test_viscous_friction_and_its_direction_are_written(tmp_path: Path, table: M
     got = {effect.name: effect.values()[0] for effect in found.effects}
     assert got["viscous_friction"] == pytest.approx(80, rel=0.05)
     assert got["directional_friction"] == pytest.approx(0.1, rel=0.1)
-    for name in ("viscous_friction.coefficient", "directional_friction.asymmetry"):
-        assert "std " in found.sources[f"effects.{name}"].detail
+    assert found.drive.offset == pytest.approx(table.drive.offset, abs=0.1)
+    for name in ("effects.viscous_friction.coefficient", "effects.directional_friction.asymmetry", "drive.offset"):
+        assert "std " in found.sources[name].detail
 
 
 def test_the_report_is_written(folder: Path) -> None:
@@ -198,12 +201,14 @@ def test_a_measured_frequency_response_alone(tmp_path: Path, table: Machine) -> 
 
 def test_a_motion_record_alone_changes_the_nominal_machine(tmp_path: Path) -> None:
     nominal = load()
-    heavier, truth = own_records.drawn_from(own_records.noisy(nominal), 5)
-    path = write(tmp_path / "moves.csv", own_records.motions(heavier, 5, float(truth[-1]), nominal))
+    heavier, _ = own_records.drawn_from(own_records.noisy(nominal), 5)
+    path = write(tmp_path / "moves.csv", own_records.motions(heavier, 5, nominal))
     assert main(STUDY, [str(path), "--no-report", "--output", str(tmp_path / "out")]) == DONE
     found = load(tmp_path / "out" / "identified.toml")
     assert found.plant.modes[0].gain == pytest.approx(heavier.plant.modes[0].gain, rel=0.01)
     assert found.friction.coulomb_force == pytest.approx(heavier.friction.coulomb_force, rel=0.02)
+    assert found.drive.offset == pytest.approx(heavier.drive.offset, abs=0.1)
+    assert "std " in found.sources["drive.offset"].detail
 
 
 def test_without_records_it_judges_itself(tmp_path: Path) -> None:
