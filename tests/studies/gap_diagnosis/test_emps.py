@@ -1,4 +1,4 @@
-"""The measured EMPS record: its authors publish that its friction differs by direction, and the diagnosis has to say so.
+"""The measured EMPS record: its authors publish that its friction differs by direction; a diagnosis has to say so.
 
 The record has no licence and is no part of the project: without it beside the project these tests skip.
 """
