@@ -28,7 +28,7 @@ COORDINATES: Final = {
     "velocity": "The speed",
     "velocity_sign": "The sign of the speed",
     "acceleration": "The acceleration",
-    "command": "The thrust",
+    "command": "The command",
     "since_reversal": "The distance since the reversal",
     "command_change": "The change of the command from one sample to the next",
 }

@@ -96,7 +96,7 @@ def show(number: float, unit: str, digits: int = 4) -> str:
         return f"{number:.{digits}g}"
     if unit == "N/m" and abs(number) >= 1e3:
         return f"{_plain(number / 1e3, digits)} N/mm"
-    if unit in {"m", "s", "Hz", "W"} and number != 0 and math.isfinite(number):
+    if unit in {"m", "m/s", "s", "Hz", "W"} and number != 0 and math.isfinite(number):
         scale, prefix = next(((s, p) for s, p in _PREFIXES if abs(number) >= 0.9999999 * s), _PREFIXES[-1])
         return f"{_plain(number / scale, digits)} {prefix}{unit}"
     return f"{_plain(number, digits)} {unit}"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from models.quantity import show
+
+PROPER: Final = {"stribeck": "Stribeck", "dac": "DAC"}
 
 
 def filters() -> dict[str, Callable[..., Any]]:
@@ -17,6 +19,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "slowest": slowest,
         "micrometres": micrometres,
         "words": words,
+        "effect": effect,
         "literal": literal,
     }
 
@@ -60,6 +63,11 @@ def amount(parameter: Mapping[str, Any]) -> str:
 def words(name: str) -> str:
     """A dotted name as words that a table may break: "plant.dead_time" becomes "plant: dead time"."""
     return name.replace(".", ": ", 1).replace(".", " ").replace("_", " ")
+
+
+def effect(name: str) -> str:
+    """The name of an effect or of a nominal parameter in words: "dac_quantisation" becomes "DAC quantisation"."""
+    return " ".join(PROPER.get(word, word) for word in name.split("_"))
 
 
 def literal(text: str) -> str:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Drawing
 
 from reports import style
 from reports.report import Figure, Report
-from studies.wording import filters
+from studies.wording import effect, filters
 
 Results = Mapping[str, Any]
 
@@ -78,7 +78,7 @@ def tell(whole: Results) -> Report:
         "share": _share,
         "number": _number,
         "whole": _whole,
-        "name": _name,
+        "name": effect,
         "names": _names,
     }
     question = "How often is the diagnosis right when the effect is withheld?"
@@ -103,12 +103,8 @@ def _whole(number: float | None) -> str:
     return "–" if number is None else f"{number:.0f}" if abs(number) >= 10 else f"{number:.2g}"
 
 
-def _name(name: str) -> str:
-    return name.replace("_", " ")
-
-
 def _names(names: Sequence[str]) -> str:
-    return " + ".join(_name(name) for name in names) or "–"
+    return " + ".join(effect(name) for name in names) or "–"
 
 
 def _bar(ax: Axes, place: float, rate: Results, look: tuple[str, str], **more: Any) -> None:
@@ -128,7 +124,7 @@ def _rates(results: Results) -> Drawing:
         for k, method in enumerate(method for method in METHODS if method in ("diagnosis", *found["baselines"])):
             rate = (found["rates"] if method == "diagnosis" else found["baselines"][method])[key]
             if rate["tries"]:
-                label = None if method in told else _name(method)
+                label = None if method in told else effect(method)
                 told.add(method)
                 _bar(ax, row + 0.2 * (k - 1.5), rate, LOOKS[method], label=label, markersize=5 if k == 0 else 3)
     ax.set_yticks(range(len(SHOWN)), [name for _, name, _ in SHOWN])
@@ -197,8 +193,8 @@ def _confusion(results: Results) -> Drawing:
                 ax.text(
                     j, i, f"{counts[i, j]:.0f}", ha="center", va="center", color=colour, weight=weight, fontsize=7.0
                 )
-    ax.set_xticks(range(len(found["columns"])), [_name(one) for one in found["columns"]], rotation=60, ha="right")
-    ax.set_yticks(range(len(found["rows"])), [_name(one) for one in found["rows"]])
+    ax.set_xticks(range(len(found["columns"])), [effect(one) for one in found["columns"]], rotation=60, ha="right")
+    ax.set_yticks(range(len(found["rows"])), [effect(one) for one in found["rows"]])
     ax.tick_params(labelsize=6.5)
     ax.set_xlabel("answered")
     ax.grid(visible=False)

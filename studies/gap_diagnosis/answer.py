@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from models.quantity import show
+from studies.wording import effect
 
 Results = Mapping[str, Any]
 
@@ -20,14 +21,9 @@ def sentences(results: Results) -> dict[str, str]:
     }
 
 
-def words(name: str) -> str:
-    """The name of an effect or a parameter in words."""
-    return name.replace("_", " ")
-
-
 def listed(names: Sequence[str], last: str = "and") -> str:
     """Names in words, the last two joined by `last`."""
-    shown = [words(name) for name in names]
+    shown = [effect(name) for name in names]
     return f" {last} ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
@@ -67,7 +63,7 @@ def _which(results: Results) -> str:
             "at work."
         )
     rows = {row["effect"]: row for row in results["which"]}
-    shown = [f"{words(name)}{_parameters(rows.get(name))}" for name in names]
+    shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
         return f"It is {' and '.join(shown)}, or else what these records cannot tell from it: {_others(verdict)}."
     return f"It is {' and '.join(shown)}."
@@ -82,7 +78,7 @@ def _parameters(row: Results | None) -> str:
     """The fitted values in brackets; phases are left to the table."""
     if row is None or not row["parameters"]:
         return ""
-    shown = [f"{words(name)} {_value(item)}" for name, item in sorted(row["parameters"].items()) if name != "phase"]
+    shown = [f"{effect(name)} {_value(item)}" for name, item in sorted(row["parameters"].items()) if name != "phase"]
     return f" ({', '.join(shown)})"
 
 
@@ -117,10 +113,14 @@ def _how_far(verdict: Results, far: Results) -> str:
 
 
 def _from_to(before: Results, after: Results) -> str:
-    return (
-        f"from {show(before['force_N'], 'N', 3)} to {show(after['force_N'], 'N', 2)} of unknown force, from "
-        f"{show(before['position_m'], 'm', 3)} to {show(after['position_m'], 'm', 2)} of position"
-    )
+    """The gap before and after; in settling times where the records have motions that settle."""
+    parts = [
+        f"from {show(before['force_N'], 'N', 3)} to {show(after['force_N'], 'N', 2)} of unknown force",
+        f"from {show(before['position_m'], 'm', 3)} to {show(after['position_m'], 'm', 2)} of position",
+    ]
+    if None not in (before["settling_s"], after["settling_s"]):
+        parts.append(f"from {show(before['settling_s'], 's', 2)} to {show(after['settling_s'], 's', 2)} of settling")
+    return ", ".join(parts)
 
 
 def _gap(gap: Results) -> str:

@@ -6,32 +6,34 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
 from reports import style
-from studies.gap_diagnosis.answer import words
+from studies.wording import effect
 
 Results = Mapping[str, Any]
 Array = NDArray[np.float64]
 
 MOST = 12  # bars of a figure that names effects
 LIGHT = "#c9dbe8"  # a band or an area that stays light in print
+GAPS = (
+    ("force_N", 1.0, "unknown force [N]"),
+    ("position_m", 1e6, "position [µm]"),
+    ("settling_s", 1e3, "settling [ms]"),
+)
 
 
 def waterfall(whole: Results) -> Drawing:
     """Force, position and settling stage by stage, with floor and ceiling."""
     far, where = whole["results"]["how_far"], whole["results"]["where"]["details"]
     stages = far["stages"]
-    names = [words(stage["added"]) if i < 2 else f"with {words(stage['added'])}" for i, stage in enumerate(stages)]
-    figure, axes = style.subplots(1, 3, 62, sharey=True)
-    parts = (
-        ("force_N", 1.0, "unknown force [N]"),
-        ("position_m", 1e6, "position [µm]"),
-        ("settling_s", 1e3, "settling [ms]"),
-    )
+    names = _stages([stage["added"] for stage in stages])
+    known = [part for part in GAPS if any(stage[part[0]] is not None for stage in stages)]
+    figure, axes = style.subplots(1, len(known), 34 + 7 * len(stages), sharey=True)
     rows = np.arange(len(stages))[::-1]
-    for ax, (key, factor, label) in zip(axes[0], parts, strict=True):
+    for ax, (key, factor, label) in zip(axes[0], known, strict=True):
         values = [np.nan if stage[key] is None else factor * stage[key] for stage in stages]
         ax.barh(rows, np.nan_to_num(values), height=0.6, facecolor=LIGHT, edgecolor=style.BLUE)
         for row, value in zip(rows, values, strict=True):
@@ -52,6 +54,14 @@ def waterfall(whole: Results) -> Drawing:
     axes[0, 0].set_yticks(rows, names)
     axes[0, 0].legend(loc="lower right", fontsize=6.5)
     return figure
+
+
+def _stages(added: Sequence[str]) -> list[str]:
+    """The stages in words: two without an effect, then what each adds."""
+    names = [effect(name) for name in added[:2]]
+    for i, name in enumerate(added[2:], start=2):
+        names.append(f"with {'more ' * (name in added[2:i])}{effect(name)}")
+    return names
 
 
 def force(whole: Results) -> Drawing:
@@ -118,7 +128,7 @@ def maps(whole: Results) -> Drawing:
             ax.text(column, row, _percent(float(share[pick][row, column])), ha="center", va="center", fontsize=7,
                     color="white" if dark else "black")  # fmt: skip
     ax.set_yticks(range(len(used)), [table["motions"][i] for i in used])
-    ax.set_xticks(range(len(seen)), [table["phases"][i] for i in seen], rotation=30)
+    ax.set_xticks(range(len(seen)), [table["phases"][i] for i in seen], rotation=30, ha="right")
     ax.grid(visible=False)
     figure.colorbar(image, ax=ax, label="force, rms [N]")
     return figure
@@ -140,7 +150,7 @@ def coordinates(whole: Results) -> Drawing:
                 ecolor=style.BLACK, elinewidth=0.8, capsize=2)  # fmt: skip
     turning = np.array([row["turning"] for row in rows])
     ax.plot(turning, place, linestyle="none", marker="D", markersize=3.5, color=style.VERMILION, label="turning alone")
-    names = [words(row["name"]) + (f" {1e3 * row['pitch_m']:.3g} mm" if row["pitch_m"] else "") for row in rows]
+    names = [effect(row["name"]) + (f" {1e3 * row['pitch_m']:.3g} mm" if row["pitch_m"] else "") for row in rows]
     ax.set_yticks(place, [f"{name}, p = {row['p']:.2g}" for name, row in zip(names, rows, strict=True)])
     ax.set_xlim(0, 1)
     ax.set_xlabel("share of variance, motions left out")
@@ -163,7 +173,7 @@ def _curve(ax: Any, row: Results) -> None:
         ax.legend()
     if even:
         ax.set_xticks(at, [f"{knot:.2g}" for knot in knots], rotation=90)
-    ax.set_xlabel(f"{words(row['name'])} [{row['unit']}]")
+    ax.set_xlabel(f"{effect(row['name'])} [{row['unit']}]")
     ax.set_ylabel("$d$ [N]")
 
 
@@ -215,7 +225,7 @@ def gains(whole: Results) -> Drawing:
     ax.bar(0, 0, facecolor=style.SKY, edgecolor=style.BLUE, hatch="////", label="in the answer")
     ax.set_xscale("log")
     ax.set_xlim(least)
-    ax.set_yticks(place, [words(row["effect"]) for row in rows])
+    ax.set_yticks(place, [effect(row["effect"]) for row in rows])
     ax.set_xlabel("gain of chi-square on motions left out")
     ax.grid(axis="y", visible=False)
     ax.legend(loc="lower right")
@@ -223,29 +233,28 @@ def gains(whole: Results) -> Drawing:
 
 
 def confusable(whole: Results) -> Drawing:
-    """How much of each effect's mark the others can't make, along these records; what can't be told apart is marked."""
+    """By what chi-square each effect would win over each other, along these records; too little of it is marked."""
     found = whole["results"]["confusability"]
-    names = [words(name) for name in found["names"]]
-    distance = np.array([[np.inf if item is None else item for item in row] for row in found["distance"]], float)
-    near = float(np.sqrt(found["threshold"]))
+    names = [effect(name) for name in found["names"]]
+    distance = np.array([[np.nan if item is None else item for item in row] for row in found["distance"]], float)
+    square, enough = distance**2, found["threshold"]
     figure, axes = style.subplots(1, 1, 135)
     ax = axes[0, 0]
-    alone = np.diag(distance)
-    known = np.isfinite(distance) & (alone[:, None] > 0)
-    left = np.divide(distance, alone[:, None], out=np.ones_like(distance), where=known)
-    image = ax.imshow(np.clip(left, 0, 1), cmap="Greys_r", vmin=0, vmax=1, aspect="auto")
+    scale = LogNorm(0.1 * enough, 1e3 * enough, clip=True)
+    image = ax.imshow(np.maximum(square, 1e-9), cmap="Greys_r", norm=scale, aspect="auto")
     look: dict[str, Any] = {"markersize": 4, "color": style.VERMILION, "linestyle": "none"}
-    for row, column in np.argwhere(distance < near):
+    for row, column in np.argwhere(square < enough):
         if row == column:
             ax.plot(column, row, marker="o", **look)
-        elif distance[row, row] >= near:
+        elif square[row, row] >= enough:
             ax.plot(column, row, marker="x", **look)
     ax.set_yticks(range(len(names)), names, fontsize=6.5)
     ax.set_xticks(range(len(names)), names, rotation=90, fontsize=6.5)
     ax.set_ylabel("is there, at its typical size")
     ax.set_xlabel("is fitted instead, with all that is nominal")
     ax.grid(visible=False)
-    figure.colorbar(image, ax=ax, label="part of the row's mark that the column's can't make [1]")
+    bar = figure.colorbar(image, ax=ax, label="chi-square by which the row's wins over the column's", extend="both")
+    bar.ax.axhline(enough, color=style.VERMILION, linewidth=1.6)
     return figure
 
 

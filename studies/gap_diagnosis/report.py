@@ -8,7 +8,7 @@ from typing import Any
 
 from reports.report import Figure, Report
 from studies.gap_diagnosis import figures
-from studies.gap_diagnosis.answer import listed, words
+from studies.gap_diagnosis.answer import listed
 from studies.wording import filters
 
 Results = Mapping[str, Any]
@@ -29,7 +29,7 @@ def tell(whole: Results) -> Report:
     ]
     if results["next"] is not None:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
-    extra: dict[str, Callable[..., Any]] = {"listed": listed, "effect": words, "share": _share, "sized": _sized}
+    extra: dict[str, Callable[..., Any]] = {"listed": listed, "share": _share, "sized": _sized}
     title = f"Diagnosis: {whole['machine']['name']}"
     question = "Where does the real machine leave the model, which effect causes it, how far does the gap shrink?"
     tables = {name: keys for name, keys in TABLES.items() if name != "values" or _fitted(results)}
@@ -67,9 +67,10 @@ COORDINATES = (
 SPECTRA = "The force over frequency, beside what the scale's noise makes of it, and its periods over position."
 GAINS = "What the catalogue's effects gain on motions left out, beside the re-fitted model, and what counts as chance."
 CONFUSABLE = (
-    "What these records can tell apart, before anybody looks at what is left: the part of the mark of the row's "
-    "effect, at its typical size, that the column's and all that is nominal can't make. A cross: what is left of it is "
-    "below the threshold, the one can be passed off as the other. A circle on the diagonal: it does not show at all."
+    "What these records can tell apart, from their paths alone: by what chi-square the row's effect, at its typical "
+    "size, would win over the best that the column's and all that is nominal can make (on the diagonal: the nominal "
+    "values alone; white: a thousand times the threshold or more). A cross: below the threshold (the line on the "
+    "scale), the one can be passed off as the other. A circle: it does not show at all."
 )
 NEXT = "The references of the proposed experiment, `next_experiment.csv`."
 

@@ -39,6 +39,7 @@ from studies.paper_gap.explore import (
 from studies.paper_gap.pattern import COARSE, PERIODS, Pattern, errors, run, seen, sequence
 from studies.paper_gap.verdicts import NEVER, by_name, rows
 from studies.response_variation.tables import coordinates
+from studies.wording import effect
 
 Array = NDArray[np.float64]
 Tell = Callable[[float, str], None]
@@ -239,7 +240,7 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
         NEVER: "do not show it",
     }
     lines = [
-        (text, ", ".join(row["name"].replace("_", " ") for row in told if row["verdict"] == way) or "none")
+        (text, ", ".join(effect(row["name"]) for row in told if row["verdict"] == way) or "none")
         for way, text in words.items()
     ]
     first, second = (decided["experiments"][decided[place]] for place in ("first", "second"))

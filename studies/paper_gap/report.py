@@ -17,7 +17,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 from models.quantity import show
 from reports import style
 from reports.report import Figure, Report
-from studies.wording import filters, quantity
+from studies.wording import effect, filters, quantity
 
 Results = Mapping[str, Any]
 MICRO: Final = 1e6
@@ -77,7 +77,7 @@ def tell(whole: Results) -> Report:
         "motions that miss; the model does not. Which effects leave that, and which experiment would tell?"
     )
     own: dict[str, Callable[..., Any]] = {
-        "name": _name,
+        "name": effect,
         "way": WAYS.__getitem__,
         "share": _share,
         "sizes": _sizes,
@@ -87,10 +87,6 @@ def tell(whole: Results) -> Report:
         "steps": _steps,
     }
     return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), **own}, TABLES)
-
-
-def _name(name: str) -> str:
-    return name.replace("_", " ")
 
 
 def _share(ratio: float) -> str:
@@ -118,7 +114,7 @@ def _steps(values: Sequence[float]) -> str:
 
 def _together(names: Sequence[str]) -> str:
     """Names as an enumeration."""
-    said = [_name(name) for name in names]
+    said = [effect(name) for name in names]
     return said[0] if len(said) == 1 else ", ".join(said[:-1]) + f" and {said[-1]}" if said else "none"
 
 
@@ -145,7 +141,7 @@ def _family(ax: Axes, family: str, results: Results) -> None:
         _cloud(ax, results["points"][row["name"]], tolerance, "#9a9a9a", ".", None)
     for row, colour, marker in zip(rows, style.COLOURS, style.MARKERS, strict=False):
         if row in rows[:COLOURED]:
-            _cloud(ax, results["points"][row["name"]], tolerance, colour, marker, _name(row["name"]))
+            _cloud(ax, results["points"][row["name"]], tolerance, colour, marker, effect(row["name"]))
     names = {row["name"] for row in rows}
     stars = [one["seen"] for one in results["again"] if one["shows"] and one["name"] in names]
     ax.plot(*_places(stars), linestyle="none", marker="*", color=style.BLACK, markersize=6)
@@ -213,7 +209,7 @@ def _motions(ax: Axes, one: Results, wanted: Results) -> None:
     ax.plot(time, errors[0], color=style.VERMILION, linestyle="-", linewidth=1.5)
     ax.plot([], [], color=style.VERMILION, linestyle="-", label="reversal")
     ax.plot([], [], color=style.BLUE, linestyle="-", label="inching")
-    words = f"{_name(one['name'])}, {WAYS[one['way']]}" if one["name"] else "nothing added"
+    words = f"{effect(one['name'])}, {WAYS[one['way']]}" if one["name"] else "nothing added"
     ax.set_title(words, fontsize=7.5)
     ax.set_ylim(-6, 6)
     ax.set_xlim(10, time[-1])
@@ -233,7 +229,7 @@ def _decision(whole: Results) -> Drawing:
         ax.axvline(0.0, color=style.LIMIT, linewidth=0.7)
         ax.set_title(experiment["name"])
         ax.set_xlabel(_broken(f"{experiment['observables'][best]} [steps]"))
-    axes[0, 0].set_yticks(range(len(names)), [_name(name) for name in names])
+    axes[0, 0].set_yticks(range(len(names)), [effect(name) for name in names])
     axes[0, 0].invert_yaxis()
     return figure
 

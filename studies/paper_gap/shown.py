@@ -46,6 +46,7 @@ def again(tables: Sequence[Table], chosen: Chosen, pattern: Pattern, pool: Execu
             "way": one.case.way,
             "table": one.table,
             "values": dict(zip((item.name for item in one.case.candidate().ranges), one.values, strict=True)),
+            "units": {item.name: item.unit for item in one.case.candidate().ranges},
             "shows": one.shows,
             "seen": one.seen.to_json(),
             "finer": {**fine.to_json(), "shows": pattern.distance(fine) == 0.0},
