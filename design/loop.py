@@ -76,13 +76,16 @@ class Assessment:
 
 
 def pid_model(pid: PID, sample_time: float) -> control.StateSpace:
-    """C(z) from e [m] to u_fb [N]; states: I[k-1] and what d[k] owes to the past; sample_time [s]."""
+    """C(z) from e [m] to u_fb [N]; states: I[k-1], unless k_i = 0, and what d[k] owes to the past; sample_time [s]."""
     keep = pid.derivative_filter / (pid.derivative_filter + sample_time)
     slope = (1 - keep) / sample_time
     a = np.diag([1.0, keep])
     b = np.array([[pid.ki * sample_time], [(keep - 1) * slope]])
     d = pid.kp + pid.ki * sample_time + pid.kd * slope
-    return control.StateSpace(a, b, [[1.0, pid.kd]], [[d]], sample_time, inputs=["e"], outputs=["u"])
+    c = np.array([[1.0, pid.kd]])
+    if pid.ki == 0:  # an integral that never moves is no part of the loop, and its eigenvalue of 1 none of the loop's
+        a, b, c = a[1:, 1:], b[1:], c[:, 1:]
+    return control.StateSpace(a, b, c, [[d]], sample_time, inputs=["e"], outputs=["u"])
 
 
 def closed_loop(plant: control.StateSpace, pid: PID) -> control.StateSpace:
@@ -214,8 +217,10 @@ def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessme
 
 def rms(system: control.StateSpace) -> float:
     """Standard deviation of the output per that of a white input [its unit], of a stable system: its H2 norm."""
-    spread = solve_discrete_lyapunov(system.A, system.B @ system.B.T)
-    return math.sqrt(float((system.C @ spread @ system.C.T + system.D @ system.D.T)[0, 0]))
+    a, units = matrix_balance(system.A, permute=False, separate=True)  # states in units of like size, for the solver
+    b, c = system.B / units[0][:, None], system.C * units[0]
+    spread = solve_discrete_lyapunov(a, b @ b.T)
+    return math.sqrt(float((c @ spread @ c.T + system.D @ system.D.T)[0, 0]))
 
 
 def stays_below(system: control.StateSpace, bound: float) -> bool:

@@ -29,7 +29,7 @@ from design.deadbeat import (
 )
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
-from models.machine import Machine
+from models.machine import Machine, Specification
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from studies.command import Answer, BadInputError, Check, Progress, quantity
@@ -38,7 +38,7 @@ from studies.validation import Validation, agreement, linear_response, validate
 
 Array = NDArray[np.float64]
 
-SHOWN: Final = 0.1  # s of each motion that results.json keeps, for the figures
+SHOWN: Final = 4.0  # settling times of each motion that results.json keeps, for the figures
 VIBRATION_WINDOW: Final = 0.1  # s after the settling time in which the vibration left is looked at
 AGREEMENT: Final = 0.03  # relative difference up to which an outcome agrees with the published one
 RESIDUAL_LIMIT: Final = 1e-9  # of the stroke: what may remain after a deadbeat's settling time
@@ -83,8 +83,8 @@ def design(machine: Machine, options: argparse.Namespace, progress: Progress) ->
         "trade_off": trade_off,
         "sensitivity": sensitivity,
         "friction": _friction(machine, controller),
-        "without": _validation(without),
-        "with": _validation(with_rfm),
+        "without": _validation(machine.specification, without),
+        "with": _validation(machine.specification, with_rfm),
         "paper": _beside_the_paper(machine, without, with_rfm),
     }
     checks = _checks(machine, wanted, plain, proof, without, with_rfm)
@@ -243,33 +243,33 @@ def _friction(machine: Machine, controller: Controller) -> dict[str, Any]:
     """The branch behind a reversal (Fig. 3b) of the machine and of its RFM, and the published slopes beside them."""
     rfm, facts = controller.friction_compensation, machine.presliding
     assert rfm is not None
-    distance = np.linspace(0, 1.1 * max(2 * max(machine.friction.limit), 2 * facts.boundary), 400)
+    reach = 2 * max(machine.friction.limit)  # behind a reversal, where the last element slips
+    distance = np.linspace(0, 1.1 * (max(reach, 2 * facts.boundary) if reach > facts.boundary else reach), 400)
 
     def climbed(friction: Friction) -> Array:
         return branch(friction, distance)
 
-    ends = branch(machine.friction, [facts.boundary, 2 * max(machine.friction.limit)])
+    ends = branch(machine.friction, [facts.boundary, reach])
     return {
         "distance_m": distance,
         "machine_N": climbed(machine.friction),
         "rfm_N": climbed(rfm),
         "slope_1_N_per_m": float(ends[0]) / facts.boundary,
-        "slope_2_N_per_m": float(ends[1] - ends[0]) / (2 * max(machine.friction.limit) - facts.boundary)
-        if 2 * max(machine.friction.limit) > facts.boundary
-        else None,
+        "slope_2_N_per_m": float(ends[1] - ends[0]) / (reach - facts.boundary) if reach > facts.boundary else None,
         "rfm_largest_error_N": float(np.max(np.abs(climbed(rfm) - climbed(machine.friction)))),
         "elements": len(machine.friction.limit),
         "rfm": {"stiffness_N_per_m": rfm.stiffness, "limit_m": rfm.limit},
     }
 
 
-def _validation(validation: Validation) -> dict[str, Any]:
-    """Every motion's outcome, and the signals of each motion's first SHOWN seconds."""
+def _validation(wanted: Specification, validation: Validation) -> dict[str, Any]:
+    """Every motion's outcome, and the signals of each motion's first SHOWN settling times."""
     response = validation.response
     ts = response.record.sample_time
+    shown = round(min(SHOWN * wanted.settling_time, wanted.interval) / ts)
     motions = []
     for one in validation.achieved:
-        part = slice(one.motion.start, min(one.motion.stop, one.motion.start + round(SHOWN / ts)))
+        part = slice(one.motion.start, min(one.motion.stop, one.motion.start + shown))
         motions.append(
             {
                 "origin_m": one.motion.origin,
@@ -285,9 +285,9 @@ def _validation(validation: Validation) -> dict[str, Any]:
             }
         )
     return {
-        "time_s": np.arange(round(SHOWN / ts)) * ts,
+        "time_s": np.arange(shown) * ts,
         "motions": motions,
-        "dispersion_m": validation.dispersion[: round(SHOWN / ts)],
+        "dispersion_m": validation.dispersion[:shown],
         "worst_dispersion_m": validation.worst_dispersion,
         "repeats": validation.repeats,
         "repeat_error_m": validation.repeat_error,

@@ -30,8 +30,10 @@ def tell(whole: Results) -> Report:
         Figure("branch", BRANCH, ("results.friction", "machine.presliding"), _branch),
         Figure("responses", RESPONSES, ("results.without", "results.with", "machine.specification"), _responses),
         Figure("dispersion", DISPERSION, (*_DISPERSION_KEYS, "machine.specification"), _dispersion),
-        Figure("lissajous", LISSAJOUS, ("results.without", "machine.presliding"), _lissajous),
+        Figure("lissajous", LISSAJOUS, ("results.without", "results.friction", "machine.presliding"), _lissajous),
     ]
+    if not results["sensitivity"]["modes"]:  # a rigid axis
+        figures = [figure for figure in figures if figure.name != "sensitivity"]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
     tables = {name: keys for name, keys in TABLES.items() if name != "effects" or "effects" in results}
     question = "Which deadbeat feedforward suits this machine, and does it hold on the nonsmooth machine?"
@@ -130,7 +132,7 @@ def _trade_off(whole: Results) -> Drawing:
 def _sensitivity(whole: Results) -> Drawing:
     sensitivity = whole["results"]["sensitivity"]
     tolerance = whole["machine"]["specification"]["tolerance_m"]
-    figure, axes = style.subplots(1, max(len(sensitivity["modes"]), 1), 50, sharey=True)
+    figure, axes = style.subplots(1, len(sensitivity["modes"]), 50, sharey=True)
     error = 100 * np.array(sensitivity["error"])
     for ax, mode in zip(axes[0], sensitivity["modes"], strict=False):
         ax.plot(error, 1e6 * np.array(mode["plain_m"]), label="chosen design")
@@ -157,6 +159,17 @@ def _branch(whole: Results) -> Drawing:
     distance = 1e6 * np.array(friction["distance_m"])
     ax.plot(distance, friction["machine_N"], label=f"machine, N = {friction['elements']}")
     ax.plot(distance, friction["rfm_N"], label=f"RFM, N = {len(friction['rfm']['limit_m'])}")
+    style.mark_limit(ax, 2 * facts["coulomb_force_N"], "$2 T_{fc}$")
+    if friction["slope_2_N_per_m"]:  # else all elements slip within Region 1
+        _regions(ax, facts)
+    ax.set_xlabel("distance behind the reversal [µm]")
+    ax.set_ylabel("force climbed [N]")
+    ax.legend(loc="lower right")
+    return figure
+
+
+def _regions(ax: Any, facts: Results) -> None:
+    """The slopes of Region 1 and Region 2, and where one ends and the other begins."""
     corner = facts["boundary_m"] * facts["stiffness_1_N_per_m"]
     end = facts["boundary_m"] + (2 * facts["coulomb_force_N"] - corner) / facts["stiffness_2_N_per_m"]
     slopes = f"slopes {show(facts['stiffness_1_N_per_m'], 'N/m')} and {show(facts['stiffness_2_N_per_m'], 'N/m')}"
@@ -167,12 +180,7 @@ def _branch(whole: Results) -> Drawing:
         linestyle=(0, (1, 1)),
         label=slopes,
     )
-    style.mark_limit(ax, 2 * facts["coulomb_force_N"], "$2 T_{fc}$")
     style.mark_limit(ax, 1e6 * facts["boundary_m"], "Region 1 | Region 2", axis="x")
-    ax.set_xlabel("distance behind the reversal [µm]")
-    ax.set_ylabel("force climbed [N]")
-    ax.legend(loc="lower right")
-    return figure
 
 
 def _positive(case: Results) -> list[Results]:
@@ -247,10 +255,11 @@ def _lissajous(whole: Results) -> Drawing:
             label="reversal" if first else ("inching" if motion is positive[1] else None),
         )
         ax.axvline(1e6 * motion["target_m"], color=style.LIMIT, linewidth=0.6, linestyle=(0, (4, 2)))
-    for motion, key, label in (
+    slopes = (
         (positive[0], "stiffness_1_N_per_m", "$K_{e1}$"),
         (positive[-1], "stiffness_2_N_per_m", "$K_{e2}$"),
-    ):
+    )
+    for motion, key, label in slopes if whole["results"]["friction"]["slope_2_N_per_m"] else ():
         x = np.array([motion["origin_m"], motion["target_m"]])
         middle = len(motion["friction_N"]) - 1
         y = motion["friction_N"][middle] + facts[key] * (x - motion["target_m"])

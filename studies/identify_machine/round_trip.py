@@ -38,8 +38,8 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
         curve = force.identify(own_records.hysteresis(table, own), terms, pass_band=20.0)
         limit, stiffness = np.array(table.friction.limit), np.array(table.friction.stiffness)
         if len(curve.friction.limit) == limit.size:
-            last = slice(-2 * limit.size, None)
-            wanted = np.concatenate([stiffness, limit])
+            last = slice(-2 * limit.size - 1, None)
+            wanted = np.concatenate([[table.drive.offset], stiffness, limit])
             rows["hysteresis"].append((curve.estimate.values[last] - wanted) / curve.estimate.deviations[last])
         else:
             missed += 1

@@ -39,7 +39,8 @@ Array = NDArray[np.float64]
 LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # of the bound on |S|
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
 QUICK_MEMBERS: Final = 10  # every so many of an ensemble
-SHOWN: Final = 0.1  # s of the reversal in the figures
+ROOM: Final = 1.2  # of |CS| over the steepest contact stiffness, which it is at low frequencies with an integral
+SHOWN: Final = 4.0  # settling times of the reversal in the figures
 
 
 def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
@@ -53,10 +54,9 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
         raise BadInputError(f"--machine: {error}") from error
     progress(0.02, f"the present PID on {len(members)} plants")
     present = front.judged("present", machine.control.pid, members)
-    given = options.noise and quantity(options.noise, "N/m", "--noise")
-    limits = Bounds(wanted["ms"], wanted["mt"], given or max(loop.mcs.value for loop in present.loops))
+    limits = Bounds(wanted["ms"], wanted["mt"], _noise(machine, options.noise, present))
     goal = _goal(machine, options.objective)
-    problem = pose(members, goal, machine.control.pid)
+    problem = pose(members, goal, front.magnitude(machine))
     levels = sorted({*(QUICK_LEVELS if options.quick else LEVELS), wanted["ms"]})
     progress(0.05, f"tuning {len(levels)} points of the front")
     try:
@@ -125,6 +125,20 @@ def _wanted(options: argparse.Namespace) -> dict[str, Any]:
     return numbers
 
 
+def _noise(machine: Machine, asked: str | None, present: Point) -> float:
+    """The bound on |CS| [N/m]: as asked, or that of the present PID, or what an integral needs where that is more."""
+    steepest = max(slopes(machine).values())
+    if asked is None:
+        return max(ROOM * steepest, *(loop.mcs.value for loop in present.loops))
+    given = quantity(asked, "N/m", "--noise")
+    if given <= steepest:
+        raise BadInputError(
+            f"--noise {asked}: with an integral |CS| is at least the steepest contact stiffness, "
+            f"{show(steepest, 'N/m')}, at low frequencies; give more"
+        )
+    return given
+
+
 def _ensemble(options: argparse.Namespace) -> tuple[Machine, ...]:
     """The machines of the file that was given; without one those that the default machine was chosen from."""
     if options.ensemble is None and options.machine is not None:
@@ -189,19 +203,21 @@ def _costs(
         cases.append((name, replace(machine, plant=changed), *errors, noise))
 
     case("as it is")
-    case("half the dead time", replace(plant, dead_time=plant.dead_time / 2))
+    if plant.dead_time > 0:
+        case("half the dead time", replace(plant, dead_time=plant.dead_time / 2))
     for i in vibrating:
         frequency = plant.modes[i].frequency
         case(
             f"no mode at {frequency:.3g} Hz",
             replace(plant, modes=tuple(m for m in plant.modes if m is not plant.modes[i])),
         )
-    case("modes' frequencies known", mode=0.0)
+    if vibrating:
+        case("modes' frequencies known", mode=0.0)
     case("mass known", mass=0.0)
     case("twice the noise in the thrust", noise=2.0)
     rows = []
     for name, changed, mode_error, mass_error, noise in cases[: 2 if quick else None]:
-        problem = pose(family(changed, mode_error, mass_error), Goal(), machine.control.pid)
+        problem = pose(family(changed, mode_error, mass_error), Goal(), front.magnitude(machine))
         bounds = Bounds(limits.ms, front.mt_bound(limits.ms, limits.mt), limits.mcs * noise)
         row: dict[str, Any] = {"name": name}
         try:
@@ -268,8 +284,9 @@ def _limits(machine: Machine, rolling: Member, points: Sequence[Point], present:
 def _reversal(
     machine: Machine, every: Sequence[Point], validations: Sequence[Validation], which: Sequence[Point]
 ) -> dict[str, Any]:
-    """The first SHOWN seconds of the reversal with some PIDs, without compensation."""
-    count = round(SHOWN / machine.sample_time)
+    """The first SHOWN settling times of the reversal with some PIDs, without compensation."""
+    wanted = machine.specification
+    count = round(min(SHOWN * wanted.settling_time, wanted.interval) / machine.sample_time)
     curves = []
     for point in which:
         one = next(a for a in validations[every.index(point)].positive() if a.motion.reversal)

@@ -16,7 +16,7 @@ from design.pid_goal import Goal
 from design.pid_problem import Bounds, TuningError
 from models.controller import PID, Controller
 from models.machine import Machine, with_pid
-from studies.pid_tradeoff.front import mt_bound
+from studies.pid_tradeoff.front import magnitude, mt_bound
 from studies.validation import validate_many
 
 OWN: Final = "own"  # the PID that a member's own file has
@@ -50,7 +50,7 @@ def held(machine: Machine, others: Sequence[Machine], errors: tuple[float, float
     members = family(machine, *errors, others)
     bounds = replace(limits, mt=mt_bound(limits.ms, limits.mt))
     try:
-        found = tune(pose(members, Goal(), machine.control.pid), bounds, [("slow rule", start)])
+        found = tune(pose(members, Goal(), magnitude(machine)), bounds, [("slow rule", start)])
     except TuningError as error:
         return None, str(error)
     return found.pid, found.attempts[0].outcome

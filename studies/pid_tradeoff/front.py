@@ -75,6 +75,14 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     return points, log
 
 
+def magnitude(machine: Machine) -> PID:
+    """A PID whose gains are of the right size: the present one, or SIMC's where the present lacks a part."""
+    pid = machine.control.pid
+    if min(pid.kp, pid.ki, pid.kd) > 0:
+        return pid
+    return simc(machine.plant, machine.sample_time, FAST_START, pid.derivative_filter)
+
+
 def nearest(points: Sequence[Point], ms: float) -> Point:
     """The point tuned for the bound `ms` [1]; else for the next stricter one with a PID; else the first of them."""
     return next((point for point in reversed(points) if (point.bound or math.inf) <= ms), points[0])

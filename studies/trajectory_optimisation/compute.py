@@ -39,6 +39,8 @@ from studies.trajectory_optimisation.tradeoff import (
 
 Array = NDArray[np.float64]
 
+LONGEST_STROKE: Final = 10.0  # of the way on which the last element slips: beyond, history has no part in a motion
+MOST_SAMPLES: Final = 120  # of a motion: three times those of the paper's
 RESERVE: Final = 0.7  # of T_fc, kept of the rated thrust for the feedback and for tables with more friction
 
 
@@ -124,7 +126,7 @@ def _wanted(machine: Machine, options: argparse.Namespace) -> Wanted:
     ):
         if not number > 0:
             raise BadInputError(f"{name}: {show(number, unit)} is not above 0; give more")
-    left = rated - RESERVE * machine.friction.coulomb_force
+    left = rated - RESERVE * machine.friction.coulomb_force - abs(machine.drive.offset)
     if limit is not None and limit <= machine.friction.coulomb_force:
         raise BadInputError(
             f"--thrust-limit: friction alone takes {show(machine.friction.coulomb_force, 'N')} of {show(limit, 'N')}; "
@@ -140,7 +142,25 @@ def _wanted(machine: Machine, options: argparse.Namespace) -> Wanted:
             f"--settling-time: {show(aimed, 's')} is not well below the {show(specification.interval, 's')} from one "
             "motion to the next; give less"
         )
+    _check_size(machine, stroke, aimed)
     return Wanted(stroke, tolerance, aimed, Limits(left if limit is None else limit, slew))
+
+
+def _check_size(machine: Machine, stroke: float, aimed: float) -> None:
+    """Raises BadInputError for a motion in which history has no part, and for one of too many samples."""
+    reach = 2 * max(machine.friction.limit)
+    if stroke > LONGEST_STROKE * reach:
+        raise BadInputError(
+            f"--machine, --stroke: all friction elements slip within {show(reach, 'm')} of a stroke of "
+            f"{show(stroke, 'm')}, so that what they remember hardly counts; give a stroke of at most "
+            f"{show(LONGEST_STROKE * reach, 'm')}, or design this one with deadbeat_design"
+        )
+    if aimed > MOST_SAMPLES * machine.sample_time:
+        raise BadInputError(
+            f"--settling-time: {show(aimed, 's')} are {aimed / machine.sample_time:.0f} samples, the optimal control "
+            f"is made for {MOST_SAMPLES} at most; give at most {show(MOST_SAMPLES * machine.sample_time, 's')}, or "
+            "design this motion with deadbeat_design"
+        )
 
 
 def _deadbeat(machine: Machine, wanted: Wanted) -> Deadbeat:

@@ -46,6 +46,8 @@ def _pareto_row(machine: Machine, found: Trajectory, aim: Aim, design: str) -> d
 
     def square(errors: Errors) -> float:
         cases = scenario_tables(machine.plant, machine.friction, errors)
+        if not cases:  # a rigid axis has no frequency that could be wrong
+            return 0.0
         wrong = [replace(machine, plant=plant, friction=friction) for plant, friction, _ in cases]
         outcomes = judge(wrong, bare(machine), aim, given)
         return float(sum(case[2] * np.mean(one.error[:, part] ** 2) for one, case in zip(outcomes, cases, strict=True)))

@@ -53,7 +53,8 @@ OWN = {
     "pid_tradeoff": (
         (["--ms", "1"], "--ms: 1 can't be"),
         (["--ms", "two"], "--ms"),
-        (["--noise", "1 N/m", "--mode-error", "0", "--mass-error", "0"], "--ms, --mt, --noise: no PID with |S| <= 3"),
+        (["--noise", "1 N/m"], "--noise 1 N/m: with an integral |CS| is at least the steepest contact stiffness"),
+        (["--mt", "1.001", "--mode-error", "0", "--mass-error", "0"], "--ms, --mt, --noise: no PID with |S| <= 3"),
         (["--mode-error", "-0.1"], "--mode-error"),
         (["--mass-error", "0.7"], "--mass-error: 0.7 is no error any more"),
         (["--noise", "5 N"], "--noise"),
