@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from models.quantity import show
 
-PROPER: Final = {"stribeck": "Stribeck", "dac": "DAC"}
+PROPER: Final = {"stribeck": "Stribeck", "dac": "DAC", "aic": "AIC"}
 
 
 def filters() -> dict[str, Callable[..., Any]]:
