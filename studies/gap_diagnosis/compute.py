@@ -12,7 +12,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import diagnose as diagnosis_of
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, evidence
-from diagnosis.experiments import to_csv
+from diagnosis.experiments import suite, to_csv
 from diagnosis.motions import Piece
 from diagnosis.where_json import pictures
 from models.effects.base import parameters
@@ -68,6 +68,8 @@ def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) 
     adopted = [effect.name for effect in better.effects]
     results = {**_results(found, beside, given, quick=options.quick), "adopted": adopted}
     files = {"improved.toml": to_toml(better)}
+    if not options.record:
+        files["suite.csv"] = to_csv(suite(machine), machine.sample_time)
     if beside.proposal is not None:
         files["next_experiment.csv"] = to_csv(beside.proposal.schedule, given.machine.sample_time)
     summary = [

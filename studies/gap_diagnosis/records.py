@@ -103,8 +103,8 @@ def check(records: Sequence[Record], paths: Sequence[Path]) -> None:
         )
     if not any(_moves(record) for record in records):
         raise BadInputError(
-            f"{_named(paths)}: nothing moves; a diagnosis needs motions, such as the target of next_experiment.csv "
-            "that this study writes without records"
+            f"{_named(paths)}: nothing moves; a diagnosis needs motions, such as the references in suite.csv that "
+            "this study writes without records"
         )
     count = len(pieces(records))
     if count < FEWEST:

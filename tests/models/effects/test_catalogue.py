@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+import textwrap
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,32 +33,8 @@ AGREED = {
     "protocol": "controller_mismatch",
 }
 
-OWN = '''
-"""Friction that grows where the table is off its middle."""
-
-from dataclasses import dataclass
-from typing import ClassVar
-
-from models.effects.base import Effect, Numbers, X, hook, parameter
-
-
-@hook
-def _bowed(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
-    return value * (1.0 + p[0] * (now[X] / p[1]) ** 2)
-
-
-@dataclass(frozen=True)
-class BowedGuide(Effect):
-    """A guide that is bowed."""
-
-    name: ClassVar = "bowed_guide"
-    family: ClassVar = "friction"
-    equation: ClassVar = r"F(1 + a (x/l)^2)"
-    source: ClassVar = "assumed"
-    hooks: ClassVar = {"friction": _bowed}
-    part: float = parameter("1", "growth a", 0.05, 0.5, "amplitude")
-    length: float = parameter("m", "length l", 1e-5, 1e-1, "shape", above=0)
-'''
+README = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+OWN = textwrap.dedent(README[README.index('    """Friction that grows') :].partition("\n\nThe simulator")[0]) + "\n"
 
 
 def machine_file(folder: Path, effects: str) -> Path:
