@@ -28,7 +28,7 @@ TAIL: Final = 1000  # samples behind the last slip that still count
 
 
 def balanced(layout: Parameters, records: Sequence[Record]) -> Array:
-    """theta (P,) with nothing wrong, but starts that hold each record's first commands, loaded all in one direction."""
+    """theta (P,) with nothing wrong, but starts [m] that hold each record's first commands, loaded all one way."""
     theta, friction = np.zeros(layout.count), layout.machine.friction
     k, limit = np.array(friction.stiffness), np.array(friction.limit)
     rising = np.linspace(-1, 1, 2001) * limit.max()

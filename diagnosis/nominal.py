@@ -87,7 +87,7 @@ def _rows(machine: Machine, records: int, tolerance: Tolerance) -> Iterator[tupl
 
 
 def applied(layout: Parameters, theta: Array) -> Machine:
-    """The machine with theta (P,) put in, its offset added to the file's; the initial state is no part of it."""
+    """The machine with theta (P,) put in, its offset [N] added to the file's; the initial state is no part of it."""
     machine = layout.machine
     gain = np.concatenate([theta[layout.of("payload_mass")], theta[layout.of("mode_gain")]])
     order = [i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0]
@@ -121,12 +121,12 @@ def initial_state(layout: Parameters, theta: Array, record: int) -> Array:
 
 
 def bounded(layout: Parameters, theta: Array) -> Array:
-    """theta (P,) within three deviations of the priors, and the elements' displacements within their limits."""
+    """theta (P,) within three deviations of the priors, and the elements' displacements [m] within their limits."""
     return np.clip(theta, -layout.bound, layout.bound)
 
 
 def shifts(layout: Parameters, theta: Array, covariance: Array) -> Sequence[tuple[str, float, float]]:
-    """(name, size, deviation) of every group of parameters, in prior deviations, the most moved first."""
+    """(name, size, deviation) of every group of parameters, in prior deviations [1], the most moved first."""
     found = []
     for name in dict.fromkeys(layout.names):
         where = layout.of(name)

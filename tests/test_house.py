@@ -23,6 +23,9 @@ MAY_IMPORT = {
 # What carries a physical quantity in or out of a function; with one of these, a docstring gives units in brackets.
 QUANTITIES = re.compile(r"\b(float|Array|ArrayLike|NDArray)\b")
 
+# Modules whose docstrings do not all give units yet.
+UNITS_TO_COME = {f"diagnosis.{name}" for name in ("diagnose", "fit", "how_far", "kalman", "residual", "scan", "which")}
+
 
 def modules(package: str) -> Iterator[Path]:
     yield from sorted((ROOT / package).rglob("*.py"))
@@ -65,12 +68,13 @@ def test_everything_public_has_a_docstring(package: str) -> None:
     assert missing == []
 
 
-@pytest.mark.parametrize("package", ["models", "design"])
+@pytest.mark.parametrize("package", ["models", "design", "diagnosis"])
 def test_docstrings_of_functions_with_quantities_give_units(package: str) -> None:
     silent = [
         name
         for name, item in public(package)
         if inspect.isfunction(item)
+        and item.__module__ not in UNITS_TO_COME
         and QUANTITIES.search(str(inspect.signature(item)))
         and not re.search(r"\[[^\]]+\]|SI\b|coefficients", f"{inspect.getdoc(item)}")
     ]
