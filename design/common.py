@@ -5,29 +5,33 @@
                               z_h[k] = clip(z_h[k-1] + m_h[k] - m_h[k-1]),   e_h = x_h - target
 
 g (N + 1,): what is known of the friction without its history; its last is held after the motion. x_T* and u_ff are
-linear filters of the target, so the design is a Controller's n_ff and d_ff.
+linear filters of the target, so the design is a Controller's n_ff and d_ff. The first solution is IPOPT's; a warm one
+is found by Newton's method (condensed.py), and by IPOPT again only where that finds none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from design.condensed import Condensed, Decisions, Histories, at_solution, condense, outcome, solve_near
 from design.deadbeat import DesignError
 from design.lifted import Lifted, feedforward_only
 from design.ocp import Program, Solution, Solver
 from design.scenarios import Feedback, Scenario, error_of, follow_loop, guess_loop
-from design.trajectory import CONTINUATION, SMOOTH, Limits, Task, require_rest, thrust_unit
+from design.trajectory import CONTINUATION, SMOOTH, Limits, Task, require_rest, rest_conditions, thrust_unit
 from models.controller import PID, Controller
 from models.plant import Plant
 
 Array = NDArray[np.float64]
 Objective = Literal["worst_error", "dispersion"]
+
+WORST: Final = 0.1  # of a stroke: what the largest error is measured in
 
 OBJECTIVES: Final[dict[Objective, str]] = {
     "worst_error": "least largest error after the settling time, over every history",
@@ -54,7 +58,10 @@ class CommonTask:
 
 @dataclass(frozen=True)
 class CommonTrajectory:
-    """thrust (N + 1,) [N]: u_ff, the last held; position (N + 1,) [m]: x_T*; error (scenarios, window) [m]."""
+    """thrust (N + 1,) [N]: u_ff, the last held; position (N + 1,) [m]: x_T*; error (scenarios, window) [m].
+
+    starts: the scenarios' element states (N,) [m]; ratio [1] and limits: what else it was solved for.
+    """
 
     task: CommonTask
     thrust: Array
@@ -62,6 +69,8 @@ class CommonTrajectory:
     error: Array
     ratio: float
     solution: Solution
+    starts: tuple[Array, ...]
+    limits: Limits
 
     def controller(self, sample_time: float, pid: PID, reference_delay: int) -> Controller:
         """The 2DoF law whose N_ff [m/m] and D_ff [N/m] give this motion; sample time [s]."""
@@ -71,11 +80,12 @@ class CommonTrajectory:
 
 @dataclass(frozen=True)
 class BuiltCommon:
-    """A task's problem, built once."""
+    """A task's problem, built once; condensed: the same for a warm solve, None where there is none."""
 
     task: CommonTask
     lifted: Lifted
     solver: Solver
+    condensed: Condensed | None
 
 
 def build_common(task: CommonTask) -> BuiltCommon:
@@ -99,7 +109,7 @@ def build_common(task: CommonTask) -> BuiltCommon:
     feedforward = ca.vertcat(thrust, ca.repmat(thrust[n], last - n - 1, 1))
     reference = ca.vertcat(position, np.full(last - n - 1, task.stroke))
     program.require(ca.diff(ca.vertcat(0, thrust)), -slew, slew, unit)
-    worst = program.variable("worst", 0.1 * task.stroke, lower=0)
+    worst = program.variable("worst", WORST * task.stroke, lower=0)
     for i, scenario in enumerate(task.scenarios):
         error, command = follow_loop(
             program, str(i), scenario, task.feedback, task.stroke, feedforward, reference, ratio
@@ -110,10 +120,35 @@ def build_common(task: CommonTask) -> BuiltCommon:
         else:
             share = scenario.weight / (error.shape[0] * len(task.scenarios))
             program.minimise(share * 100 * ca.sumsqr(error / task.stroke))
-    program.minimise(worst / (0.1 * task.stroke))
+    program.minimise(worst / (WORST * task.stroke))
     for part in (ca.vertcat(net, 0), assist):
         program.minimise(SMOOTH * ca.sumsqr(ca.diff(ca.vertcat(0, part))) / unit**2)
-    return BuiltCommon(task, lifted, program.build())
+    return BuiltCommon(task, lifted, program.build(), _condensed(task, plain, lifted))
+
+
+def _condensed(task: CommonTask, plain: Task, lifted: Lifted) -> Condensed | None:
+    """The problem of the least largest error for a warm solve; None for other objectives and uneven scenarios."""
+    if task.objective != "worst_error" or len({len(one.friction.limit) for one in task.scenarios}) > 1:
+        return None
+    n, unit, count = task.samples, thrust_unit(plain), 2 * task.samples + 2
+    identity, after = np.eye(count), task.feedback.last - task.samples - 1
+    net, assist = np.vstack([identity[:n], np.zeros(count)]), identity[n : 2 * n + 1]
+    rows, aim = rest_conditions(plain, lifted)
+    position = lifted.on_thrust(lifted.position) @ net[:n] * unit
+    weight = np.zeros((count, count))
+    for part in (net, assist):
+        rough = np.diff(part, axis=0, prepend=0.0)
+        weight += 2 * SMOOTH * rough.T @ rough
+    decisions = Decisions(
+        rest=rows @ net[:n],
+        goal=aim / unit,
+        thrust=unit * np.vstack([net + assist, np.repeat((net + assist)[-1:], after, axis=0)]),
+        position=np.vstack([position, np.zeros((after, count))]),
+        reference=np.append(np.zeros(n + 1), np.full(after, task.stroke)),
+        weight=weight,
+        unit=WORST,
+    )
+    return condense(task.scenarios, task.feedback, decisions, task.stroke, unit)
 
 
 def solve_common(
@@ -129,28 +164,78 @@ def solve_common(
     begin: net thrust (N,) [N] of another design, or a trajectory to go on from, warm, at the last of the smoothing
     `ratios` [1]. One that did not converge comes back as it is: see `CommonTrajectory.solution`.
     """
-    task = built.task
-    states = [np.asarray(state, float) for state in starts]
+    states, bounds = tuple(np.asarray(state, float) for state in starts), limits or Limits()
+    point: Solution | dict[str, Array]
+    if isinstance(begin, CommonTrajectory):
+        near = _near(built, begin, states, bounds, ratios[-1])
+        if near is not None:
+            return near
+        point, ratios = _whole(built, begin), ratios[-1:]
+    else:
+        point = _guess(built, states, np.asarray(begin, float), np.zeros(built.task.samples + 1))
     given: dict[str, ArrayLike] = {f"start_{i}": state for i, state in enumerate(states)}
-    bounds = limits or Limits()
     given |= {"largest": bounds.thrust, "slew": bounds.slew}
-    warm = isinstance(begin, CommonTrajectory)
-    point = begin.solution if isinstance(begin, CommonTrajectory) else _guess(built, states, np.asarray(begin, float))
-    for ratio in ratios[-1:] if warm else ratios:
+    for ratio in ratios:
         point = built.solver.solve({**given, "ratio": ratio}, point)
     assert isinstance(point, Solution)
+    task, values = built.task, point.values
+    error = np.array([error_of(values, str(i), task.feedback, task.stroke) for i in range(len(task.scenarios))])
+    return _trajectory(built, point, error, ratios[-1], states, bounds)
+
+
+def _near(
+    built: BuiltCommon, begin: CommonTrajectory, states: tuple[Array, ...], limits: Limits, ratio: float
+) -> CommonTrajectory | None:
+    """The solution near `begin` at other histories; None where there is none, or the problem has no condensed form."""
+    problem, last = built.condensed, begin.solution
+    if (
+        problem is None
+        or not last.converged
+        or begin.ratio != ratio
+        or np.isfinite(min(limits.slew, begin.limits.slew))
+    ):
+        return None
+    unit, stroke = problem.thrust_unit, built.task.stroke
+    values = last.values
+    v = np.concatenate([values["net"] / unit, values["assist"] / unit, values["worst"] / (WORST * stroke)])
+    old = Histories(np.array(begin.starts), ratio, begin.limits.thrust)
+    new = Histories(np.array(states), ratio, limits.thrust)
+    point, steps = at_solution(problem, v, old), 0
+    if point is not None:
+        point, steps = solve_near(problem, point, new)
+    if point is None:
+        return None
+    v, n = point.v, built.task.samples
+    objective, error, violation = outcome(problem, v, new)
+    named = {"net": unit * v[:n], "assist": unit * v[n:-1], "worst": WORST * stroke * v[-1:]}
+    solution = Solution(named, objective, True, "Solved_By_Newton", steps, violation, last.multipliers)
+    return _trajectory(built, solution, stroke * error, ratio, states, limits)
+
+
+def _whole(built: BuiltCommon, begin: CommonTrajectory) -> Solution:
+    """The solution of `begin` with all variables of the program, of which Newton's method gives the decisions."""
+    values = begin.solution.values
+    guess = _guess(built, begin.starts, values["net"], values["assist"])
+    return replace(begin.solution, values={**guess, **values})
+
+
+def _trajectory(
+    built: BuiltCommon, point: Solution, error: Array, ratio: float, starts: tuple[Array, ...], limits: Limits
+) -> CommonTrajectory:
     net, assist = point.values["net"], point.values["assist"]
     position = built.lifted.on_thrust(built.lifted.position) @ net
-    error = np.array([error_of(point.values, str(i), task.feedback, task.stroke) for i in range(len(task.scenarios))])
-    return CommonTrajectory(task, np.append(net, 0.0) + assist, position, error, ratios[-1], point)
+    return CommonTrajectory(built.task, np.append(net, 0.0) + assist, position, error, ratio, point, starts, limits)
 
 
-def _guess(built: BuiltCommon, states: list[Array], net: Array) -> dict[str, Array]:
+def _guess(built: BuiltCommon, states: Sequence[Array], net: Array, assist: Array) -> dict[str, Array]:
+    """Values of all variables where the exact elements go under net thrust (N,) and assist (N + 1,) [N]."""
     task = built.task
     extra = task.feedback.last - task.samples
     position = built.lifted.on_thrust(built.lifted.position) @ net
-    feedforward, reference = np.append(net, np.zeros(extra)), np.append(position, np.full(extra - 1, task.stroke))
-    guess = {"net": net, "assist": np.zeros(task.samples + 1)}
+    thrust = np.append(net, 0.0) + assist
+    feedforward = np.append(thrust, np.full(extra - 1, thrust[-1]))
+    reference = np.append(position, np.full(extra - 1, task.stroke))
+    guess = {"net": net, "assist": assist}
     for i, (scenario, start) in enumerate(zip(task.scenarios, states, strict=True)):
         guess |= guess_loop(str(i), scenario, task.feedback, start, feedforward, reference)
     errors = [error_of(guess, str(i), task.feedback, task.stroke) for i in range(len(states))]

@@ -227,14 +227,20 @@ def _require_sense(task: Task) -> None:
 
 
 def require_rest(program: Program, task: Task, lifted: Lifted, net: ca.MX) -> None:
-    """The modes rest on the target after the motion; rows made orthonormal, as their reach differs by hundreds."""
+    """The modes rest on the target after the motion."""
+    rows, aim = rest_conditions(task, lifted)
+    program.require(ca.DM(rows) @ net, aim, aim, thrust_unit(task))
+
+
+def rest_conditions(task: Task, lifted: Lifted) -> tuple[Array, Array]:
+    """Rows (E, N) [1] and aims (E,) [N] on the net thrust; orthonormal, as the modes' reach differs by hundreds."""
     reach, goal = lifted.on_thrust(lifted.state), np.zeros(lifted.state.shape[0])
     goal[2 * next(j for j, mode in enumerate(task.plant.modes) if mode.frequency == 0)] = task.stroke
     orthonormal, mixing = np.linalg.qr((reach / np.linalg.norm(reach, axis=1)[:, None]).T)
-    aim = np.linalg.solve(mixing.T, goal / np.linalg.norm(reach, axis=1))
-    program.require(orthonormal.T @ net, aim, aim, thrust_unit(task))
-    if delay_split(task.plant.dead_time, task.sample_time)[1] > 0:
-        program.require(net[-1], 0, 0, thrust_unit(task))  # it acts until after the last sample
+    rows, aim = orthonormal.T, np.linalg.solve(mixing.T, goal / np.linalg.norm(reach, axis=1))
+    if delay_split(task.plant.dead_time, task.sample_time)[1] > 0:  # the last thrust acts until after the last sample
+        rows, aim = np.vstack([rows, np.eye(task.samples)[-1]]), np.append(aim, 0.0)
+    return rows, aim
 
 
 def _forces(program: Program, task: Task, lifted: Lifted, net: ca.MX, ratio: ca.MX) -> list[ca.MX]:

@@ -40,6 +40,16 @@ def law(count: int) -> ca.Function:
     return ca.Function("stop_elements", inputs, [after, ca.dot(stiffness, after)], names, ["next", "force"])
 
 
+@cache
+def tangent(count: int) -> ca.Function:
+    """CasADi function (unclipped (N,) [m], ratio [1], limit (N,) [m]) -> (clipped [m], slope [1], curvature [1/m])."""
+    y, ratio, limit = ca.SX.sym("unclipped", count), ca.SX.sym("ratio"), ca.SX.sym("limit", count)
+    ones = ca.SX.ones(count)
+    clipped = rounded_clip(y, limit, ratio * limit)
+    slope = ca.jtimes(clipped, y, ones)  # each clip knows its own argument only
+    return ca.Function("clip", [y, ratio, limit], [clipped, slope, ca.jtimes(slope, y, ones)])
+
+
 def rounded_clip(y: ca.SX, limit: ca.SX, width: ca.SX) -> ca.SX:
     """clip(y, -limit, limit) with corners rounded within `width` of the limit; any shape, SI units."""
     return y - _excess(y, limit, width) + _excess(-y, limit, width)

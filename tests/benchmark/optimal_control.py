@@ -26,7 +26,7 @@ SHARES = np.linspace(0.9, 0.99, 7)  # of the element states first solved for: ea
 class Time:
     """What was timed, its wall time [s] (of solves the median, all of which must converge) and the target [s], if any.
 
-    iterations: IPOPT's, the median; None for a build.
+    iterations: the median; None for a build. slowest [s]: of the solves.
     """
 
     name: str
@@ -34,13 +34,14 @@ class Time:
     target: float | None
     iterations: float | None
     converged: bool
+    slowest: float = 0.0
 
     def __str__(self) -> str:
         verdict = "no target"
         if self.target is not None:
             reached = self.converged and self.seconds <= self.target
             verdict = f"target {self.target:g} s: {'reached' if reached else 'MISSED'}"
-        work = "" if self.iterations is None else f"{self.iterations:g} iterations, "
+        work = "" if self.iterations is None else f"(slowest {self.slowest:.3f} s), {self.iterations:g} iterations, "
         return f"{self.name:<58}{self.seconds:8.3f} s   {work}{verdict}{'' if self.converged else ', NOT CONVERGED'}"
 
 
@@ -85,7 +86,7 @@ def _common(machine: Machine, net: designs.Array, states: designs.Array) -> Time
         f"warm solve, one trajectory for {len(states)} histories",
         0.5,
         lambda share: solve_common(built, list(share * states), found, limits, ratios=designs.COARSE).solution,
-        SHARES[::3],
+        SHARES,
     )
 
 
@@ -96,7 +97,7 @@ def _warm(name: str, target: float, solve_at: Callable[[float], Solution], share
         found.append(solve_at(float(share)))
         seconds.append(_since(begin))
     work = median(one.iterations for one in found)
-    return Time(name, median(seconds), target, work, all(one.converged for one in found))
+    return Time(name, median(seconds), target, work, all(one.converged for one in found), max(seconds))
 
 
 def _since(begin: float) -> float:
