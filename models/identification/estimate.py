@@ -54,7 +54,7 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
     for name, value, std in zip(estimate.names, estimate.values, estimate.deviations, strict=True):
         if name not in may_be_zero and not std < LOOSE * abs(value):
             said.append(
-                f"This record does not show the {name}: its standard deviation is {std / abs(value):.0%} of it."
+                f"This record does not show the {name}: its standard deviation is {100 * std / abs(value):.0f} % of it."
             )
     for group in _alike(np.abs(estimate.correlation) > ALIKE):
         names = [estimate.names[i] for i in group]

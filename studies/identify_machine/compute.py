@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -159,7 +161,15 @@ def _record(kind: str, loaded: Loaded) -> dict[str, Any]:
 def _parameter(parameter: Any) -> dict[str, Any]:
     provenance = parameter.provenance
     shown = {"name": parameter.name, "meaning": parameter.meaning, "unit": parameter.unit, "number": parameter.number}
-    return {**shown, "source": provenance.kind, "detail": provenance.detail}
+    record, _, std = provenance.detail.rpartition(", std ")
+    listed = re.match(r"\[.*\]|\S+", std) if record else None
+    return {
+        **shown,
+        "source": provenance.kind,
+        "detail": provenance.detail,
+        "record": record.removeprefix("record ").partition(" sha256 ")[0],
+        "std": None if listed is None else json.loads(listed.group()),
+    }
 
 
 def _round_trip_checks(judged: dict[str, Any], *, quick: bool) -> list[Check]:

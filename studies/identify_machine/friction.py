@@ -172,7 +172,7 @@ def from_dynamics(found: Found, loaded: Loaded) -> Found:
     rows.append(held.row)
     slip, spread = fit.slip_force()
     shown = {**_force(fit), "ladder": rows, "published": _reproduced(record), "slip_N": slip, "slip_std_N": spread,
-             "half_s": half, "offset_N": held.offset[0]}  # fmt: skip
+             "half_s": half, "offset_N": held.offset[0], "over_speed": _over_speed(fit)}  # fmt: skip
     said = (_on_offset(held), _on_damping(fit))
     found = found.having("dynamics", shown, fit.estimate, said)
     source = "second half of the record, not fitted"
@@ -188,12 +188,13 @@ def from_dynamics(found: Found, loaded: Loaded) -> Found:
 def _on_offset(held: _Holdable) -> str:
     """What a fast record says of a constant force."""
     value, std = held.offset
-    beside = ""
-    if held.asymmetry is not None:
-        share, way = 100 * abs(held.asymmetry[0]), "larger" if held.asymmetry[0] > 0 else "smaller"
-        beside = f" Friction is {share:.2g} % {way} forwards than the mean of both directions."
+    if held.asymmetry is None:
+        return f"A constant force of {value:.3g} N is held beside friction, with a standard deviation of {std:.2g} N."
+    share, way = 100 * abs(held.asymmetry[0]), "larger" if held.asymmetry[0] > 0 else "smaller"
     return (
-        f"Beside friction a constant force of {value:.3g} N, with a standard deviation of {std:.2g} N, is held.{beside}"
+        f"The machine file has friction by direction as a share of the force, {share:.2g} % {way} forwards than the "
+        f"mean, and beside it an offset of {value:.3g} N with a standard deviation of {std:.2g} N; the offset above is "
+        "what goes with viscous friction of its own for each direction."
     )
 
 
@@ -236,6 +237,16 @@ def _holdable(fit: ForceFit) -> _Holdable:
     ]
     row = {"model": f"what the machine file holds: {', '.join(parts)}, offset", "fitted": errors[0]}
     return _Holdable(drag, asymmetry, (float(values[0]), float(stds[0])), {**row, "held_out": errors[1]})
+
+
+def _over_speed(fit: ForceFit) -> dict[str, Any]:
+    """All that is not inertia over speed, at the samples kept: as measured and as the fit has it [N]."""
+    speed = np.gradient(fit.path, fit.time)
+    ahead, back = (fit.estimate.value(name) for name in WAYS)
+    friction = fit.rolling + np.where(speed > 0, ahead, back) * speed + fit.estimate.value("offset")
+    every = max(fit.time.size // SHOWN, 1)
+    measured = fit.measured - fit.modelled + friction
+    return {"speed_m_per_s": speed[::every], "measured_N": measured[::every], "modelled_N": friction[::every]}
 
 
 def _sure(value: float, std: float) -> tuple[float, float] | None:

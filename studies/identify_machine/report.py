@@ -26,6 +26,7 @@ def tell(whole: Results) -> Report:
         ("hysteresis", Figure("hysteresis", HYSTERESIS, ("results.hysteresis",), _hysteresis)),
         ("motion", Figure("motion", MOTION, ("results.motion",), _motion)),
         ("dynamics", Figure("dynamics", DYNAMICS, ("results.dynamics",), _dynamics)),
+        ("dynamics", Figure("friction", FRICTION, ("results.dynamics",), _friction)),
         ("round_trip", Figure("round_trip", ROUND_TRIP, ("results.round_trip",), _round_trip)),
     )
     figures = tuple(figure for part, figure in possible if part in results)
@@ -38,10 +39,12 @@ def tell(whole: Results) -> Report:
 
 TABLES = {
     "values": ("results.estimates",),
+    "written": ("results.parameters",),
     "records": ("results.records",),
     "correlation": ("results.motion.correlation",),
     "published": ("results.dynamics.published",),
     "ladder": ("results.dynamics.ladder",),
+    "correlation_dynamics": ("results.dynamics.correlation",),
     "coverage": ("results.round_trip",),
     "parameters": ("parameters",),
 }
@@ -57,6 +60,10 @@ MOTION = "Command of the motion record, and what the simulated loop with the rep
 DYNAMICS = (
     "Force of the record and of the identified model (above), and their difference (below). The model was fitted to "
     "the part left of the line; the right part only judges it."
+)
+FRICTION = (
+    "Left: all that is not inertia, over speed, measured and as the identified friction and offset give it. Right: "
+    "force climbed behind a reversal from full slip, with two standard deviations either way."
 )
 ROUND_TRIP = (
     "Errors of all identified values of the simulated tables, over their stated standard deviations: share below each "
@@ -156,9 +163,29 @@ def _dynamics(whole: Results) -> Drawing:
     axes[1, 0].plot(time, measured - modelled, linewidth=0.6, color=style.VERMILION, linestyle="-")
     axes[1, 0].set_ylabel("difference [N]")
     axes[1, 0].set_xlabel("time [s]")
-    for ax, words in ((axes[0, 0], ""), (axes[1, 0], "fitted | judged")):
-        style.mark_limit(ax, r["half_s"], words, axis="x")
+    for ax in axes[:, 0]:
+        style.mark_limit(ax, r["half_s"], "", axis="x")
+    place, box = axes[1, 0].get_xaxis_transform(), {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+    for words, by, side in (("fitted", -4, "right"), ("judged", 4, "left")):
+        axes[1, 0].annotate(
+            words, (r["half_s"], 0.03), (by, 0), place, "offset points", fontsize=7, ha=side, bbox=box
+        )  # fmt: skip
     axes[1, 0].set_xlim(time[0], time[-1])
+    return figure
+
+
+def _friction(whole: Results) -> Drawing:
+    r = whole["results"]["dynamics"]
+    over = r["over_speed"]
+    figure, axes = style.subplots(1, 2, 72)
+    ax, speed = axes[0, 0], 1e3 * np.array(over["speed_m_per_s"])
+    dots = {"linestyle": "none", "marker": "o"}
+    ax.plot(speed, over["measured_N"], color=style.SKY, markersize=1.8, label="measured", **dots)
+    ax.plot(speed, over["modelled_N"], color=style.VERMILION, markersize=1.0, label="identified", **dots)
+    ax.set_xlabel("speed [mm/s]")
+    ax.set_ylabel("friction and offset [N]")
+    _legend_above(ax)
+    _curve(axes[0, 1], r["curve"])
     return figure
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.friction import Friction, elements, follow
+from models.friction import Friction, deflections, elements, follow
 from models.identification.hysteresis import Identified, branch_of_facts, identify, prediction_error
 from models.machine import Machine
 
@@ -20,6 +20,8 @@ RESOLUTION: Final = 1e-7  # m, of the displacement
 FITTED: Final = (0, 150, -150, 150, 100, 140, -150)  # corners of the path [um]
 HELD_OUT: Final = (0, 150, -150, -60, -120, 30, -20, 80, 40, 60, -150, 150)
 MORE: Final = 0.1  # of the least held-out error: what fewer elements may have more of it
+DAMPED: Final = 3  # elements of which D_i is sought: of more, the loops tell no D_i from the others
+INTERVAL: Final = 2e-4  # s from one point of the loops to the next, where their speed counts
 FINER: Final = 7  # elements of the curve for one of the machine's
 
 
@@ -54,6 +56,7 @@ def error_against_count(
         "more": MORE,
         "elements": _parameters(found[own]),
         "facts": _of_facts(machine),
+        "damped": _of_speed(machine.friction, rng),
     }
 
 
@@ -63,6 +66,22 @@ def _of_facts(machine: Machine) -> dict[str, Any]:
     curve = branch_of_facts(facts.coulomb_force, facts.stiffness_1, facts.stiffness_2, facts.boundary)
     two = identify(*curve, 2)
     return {"limit_m": two.friction.limit, "stiffness_N_per_m": two.friction.stiffness, "rms_N": two.rms_error}
+
+
+def _of_speed(friction: Friction, rng: np.random.Generator) -> dict[str, Any]:
+    """D_i of DAMPED elements [N s/m] from the fitted loops, run so fast that each D_i of the machine acts."""
+    truth, x = _finer(friction), _path(FITTED)
+    k, limit, d = np.array(truth.stiffness), np.array(truth.limit), np.repeat(friction.damping, FINER) / FINER
+    speed = np.gradient(x, INTERVAL)
+    force = np.sum(np.clip(k * deflections(limit, x) + d * speed[:, None], -k * limit, k * limit), axis=1)
+    force += NOISE * rng.standard_normal(x.size)
+    found = identify(_read(x), force, DAMPED, velocity=speed)
+    return {
+        "speed_m_per_s": np.max(np.abs(speed)),
+        "damping_Ns_per_m": found.friction.damping,
+        "damping_std_Ns_per_m": found.damping_std,
+        "own_Ns_per_m": float(np.sum(friction.damping)),
+    }
 
 
 def _parameters(found: Identified) -> dict[str, Any]:
@@ -86,7 +105,14 @@ def _finer(friction: Friction) -> Friction:
 
 def _measured(truth: Friction, corners: tuple[int, ...], rng: np.random.Generator) -> tuple[Array, Array]:
     """Displacement as the scale reads it, and force with noise, along a path between the corners [um]."""
-    path = np.concatenate([np.linspace(a, b, 250, endpoint=False) for a, b in pairwise(corners)])
-    force, _ = follow(truth, path * 1e-6)
-    read = np.round(path * 1e-6 / RESOLUTION) * RESOLUTION
-    return read, force + NOISE * rng.standard_normal(force.size)
+    path = _path(corners)
+    force, _ = follow(truth, path)
+    return _read(path), force + NOISE * rng.standard_normal(force.size)
+
+
+def _path(corners: tuple[int, ...]) -> Array:
+    return 1e-6 * np.concatenate([np.linspace(a, b, 250, endpoint=False) for a, b in pairwise(corners)])
+
+
+def _read(path: Array) -> Array:
+    return np.asarray(np.round(path / RESOLUTION) * RESOLUTION, float)

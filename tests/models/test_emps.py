@@ -75,7 +75,7 @@ def test_it_is_cut_into_its_strokes(record: Record) -> None:
 
 
 def test_the_study_writes_a_machine_file_of_it_that_is_as_good_as_the_fit(tmp_path: File, record: Record) -> None:
-    arguments = [str(DATA), "--machine", str(MACHINE), "--no-report", "--output", str(tmp_path)]
+    arguments = [str(DATA), "--machine", str(MACHINE), "--output", str(tmp_path)]
     assert main(STUDY, arguments) == DONE
     machine = load_machine(tmp_path / "identified.toml")
     assert machine.sources["plant.modes.1.gain"].kind == "identified"
@@ -84,7 +84,13 @@ def test_the_study_writes_a_machine_file_of_it_that_is_as_good_as_the_fit(tmp_pa
     assert machine.effects[0].values()[0] == pytest.approx(203.5, rel=0.02)
     for name in ("effects.viscous_friction.coefficient", "drive.offset"):
         assert "6cf6814ae146" in machine.sources[name].detail
-    ladder = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["results"]["dynamics"]["ladder"]
+    content = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["results"]
+    ladder = content["dynamics"]["ladder"]
+    assert {file.stem for file in (tmp_path / "figures").iterdir()} == {"dynamics", "friction"}
+    rows = {row["name"]: row for row in content["parameters"]}
+    assert rows["drive.offset"]["record"].endswith("DATA_EMPS.mat")
+    assert rows["drive.offset"]["std"] == pytest.approx(0.455, abs=0.01)
+    assert len(rows["friction.limit"]["std"]) == len(rows["friction.limit"]["number"]) == 2
     fit, written = ladder[3]["held_out"], ladder[-1]["held_out"]
     assert fit < written < 1.01 * fit
     assert _held_out(machine, record) == pytest.approx(written, rel=0.05)

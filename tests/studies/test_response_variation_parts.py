@@ -17,6 +17,7 @@ from models.friction import elements
 from models.machine import Machine, load
 from models.plant import Plant, frequency_response
 from models.simulator import simulate
+from studies.response_variation import choice
 from studies.response_variation.compute import _gap
 from studies.response_variation.curves import hysteresis, plants, responses
 from studies.response_variation.mechanism import _settling
@@ -206,3 +207,15 @@ def test_the_medoid_is_the_middle_of_tables_in_a_row() -> None:
     machine = load()
     row = [replace(machine, plant=replace(machine.plant, dead_time=time * 1e-3)) for time in (1.2, 1.0, 1.1, 1.05, 1.4)]
     assert most_central(row, np.ones((5, 1))) == 2
+
+
+def test_damping_shows_in_loops_whose_speed_is_known_and_none_shows_where_there_is_none() -> None:
+    friction = load().friction
+    none = choice._of_speed(friction, np.random.default_rng(1))
+    assert none["own_Ns_per_m"] == 0
+    assert np.all(np.array(none["damping_Ns_per_m"]) < 3 * np.array(none["damping_std_Ns_per_m"]))
+    stiffness = np.array(friction.stiffness)
+    damped = choice._of_speed(elements(stiffness, friction.limit, 2e-3 * stiffness), np.random.default_rng(1))
+    assert damped["own_Ns_per_m"] == pytest.approx(2e-3 * np.sum(stiffness))
+    assert np.all(np.array(damped["damping_Ns_per_m"]) > 3 * np.array(damped["damping_std_Ns_per_m"]))
+    assert np.sum(damped["damping_Ns_per_m"]) == pytest.approx(damped["own_Ns_per_m"], rel=0.2)  # three for seventy
