@@ -13,7 +13,7 @@ from diagnosis.motions import Piece
 from diagnosis.next_experiment import Proposal, along, next_experiment, showing
 from diagnosis.where import Where, where
 from diagnosis.where import to_json as place
-from diagnosis.where_words import LEAST
+from diagnosis.where_words import LEAST, SURE
 from models.record import Record
 
 UNSHOWN: Final = 6  # effects that these records cannot show, for which an experiment is looked for
@@ -59,7 +59,7 @@ def evidence(
         proposal = next_experiment(equivalent[0] if equivalent else named, machine, seed=seed)
     elif outcome == "none_of_these":
         best = found.coordinate
-        proposal = along(best.name if best.share > LEAST else None, machine)
+        proposal = along(best.name if best.share > LEAST and best.p < SURE else None, machine)
     elif outcome == "attributed":
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
         proposal = next_experiment([*named[:1], *near], machine, seed=seed) if near else None

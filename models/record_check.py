@@ -272,7 +272,7 @@ def _shift(record: Record, pid: PID, reference_delay: int) -> Iterator[str]:
     if best != 0 and share < 0.5 and left[best] < 0.5 * left[0]:
         late = "late" if best > 0 else "early"
         yield (
-            f"A delay between channels: the command is logged {abs(best)} samples "
+            f"A delay between channels: the command is logged {abs(best)} sample{'s' * (abs(best) > 1)} "
             f"({show(abs(best) * record.sample_time, 's')}) {late} against position and reference; shift it back, "
             "or dead times come out wrong by as much."
         )

@@ -58,10 +58,13 @@ def _which(results: Results) -> str:
     if outcome == "parameters":
         return f"Nominal values are off, {listed(names)}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
-        return (
+        told = (
             "No effect of the catalogue, alone or with others, explains it within its prior range: something else is "
-            "at work."
+            "at work"
         )
+        if all(one["replays"] for one in results["where"]["details"]["controller"]):
+            return f"{told}."
+        return f"{told}; put the log or the controller right first, because what is left may be theirs."
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":

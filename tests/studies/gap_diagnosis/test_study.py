@@ -194,6 +194,30 @@ def test_a_controller_that_does_not_replay_is_named_and_the_run_goes_on(own: Mad
     assert "did not make the record" in found["answer"]["where"]
 
 
+def test_a_log_that_is_late_is_said_with_its_shift(own: Made, tmp_path: Path) -> None:
+    late = replace(own.records[0], command=np.roll(own.records[0].command, 1))
+    assert run(tmp_path, [late], own.machine) == DONE
+    found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]
+    assert "departs from sample 60 on" in found["answer"]["where"]
+    assert "with the command logged 1 sample late" in found["answer"]["where"]
+
+
+def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
+    details = {**results["where"]["details"], "controller": [{"replays": False}]}
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
+    told = sentences({**results, "verdict": verdict, "where": {**results["where"], "details": details}})
+    assert "put the log or the controller right first" in told["which"]
+
+
+def test_what_stands_in_for_a_floor_is_said_where_nothing_repeats(results: dict[str, Any]) -> None:
+    """The quick run's moves are all different."""
+    text = results["where"]["statements"][-1]
+    assert text.startswith(
+        "No motion repeats another, so there is no floor from repeats; beside a force that may follow"
+    )
+    assert results["where"]["details"]["floor"]["repeats"] is None
+
+
 def test_effects_can_be_disabled(own: Made, tmp_path: Path) -> None:
     status = run(tmp_path, own.records, own.machine, "--disable", "friction_relaxation", "--disable", "cogging")
     assert status == DONE
