@@ -97,10 +97,12 @@ def histories(machine: Machine, controller: Controller, stroke: float, given: Re
     """Element states (motions, N) [m] before each motion of the last period in the nonsmooth simulation.
 
     Those before a motion down are turned, so that all are histories of a motion up. The reversal up comes first; up and
-    down differ, as the longest elements do not slip over the whole way.
+    down differ, as the longest elements do not slip over the whole way. The scale is taken as ideal: a rounding of the
+    scale that falls otherwise on another processor must not make another design.
     """
     target = sequence(machine, stroke)
-    response = simulate(machine, controller, target, given=given)
+    exact = replace(machine, scale=replace(machine.scale, resolution=0.0, noise=0.0))
+    response = simulate(exact, controller, target, given=given)
     states = rest_states(machine.friction, response.position, target)
     turned = [one.direction * state for one, state in zip(motions(target), states, strict=True)]
     return np.array(turned[-2 * machine.specification.motions :])
