@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from design.deadbeat import DesignError
+from diagnosis.experiments import to_csv
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.machine import Machine, MachineError
@@ -23,6 +24,7 @@ from models.quantity import show
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.paper_gap import shown
 from studies.paper_gap.candidates import BOUND, FRICTION, every
+from studies.paper_gap.experiments import menu
 from studies.paper_gap.explore import (
     ALONE,
     BESIDE,
@@ -90,7 +92,18 @@ def explain(machine: Machine, options: argparse.Namespace, progress: Progress) -
         "kept": shown.kept(again, machine.published, pattern.margin / pattern.dispersion),
         "decided": decided,
     }
-    return Answer(results, _checks(results), {}, _summary(results))
+    return Answer(results, _checks(results), _references(machine, decided), _summary(results))
+
+
+def _references(machine: Machine, decided: Mapping[str, Any]) -> dict[str, str]:
+    """The two experiments as records of references for the machine's nominal design."""
+    controller, experiments = default_controller(machine), menu(machine)
+    files = {"second_experiment.csv": decided["second"], "next_experiment.csv": decided["first"]}
+    return {
+        name: to_csv(experiments[at].plan(machine, controller).schedule, machine.sample_time)
+        for name, at in files.items()
+        if name == "next_experiment.csv" or at != decided["first"]
+    }
 
 
 def _pattern(machine: Machine, options: argparse.Namespace) -> Pattern:

@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 
 from design.controller import default_controller
+from models.controller import Controller, References
 from models.machine import DEFAULT, load
+from models.record_file import read
+from models.simulator import simulate
 from studies.command import BAD_INPUT, main
 from studies.paper_gap.__main__ import STUDY
 from studies.paper_gap.candidates import every
@@ -53,6 +56,26 @@ def test_what_is_said_to_show_the_pattern_meets_its_conditions(results: Any) -> 
             and abs(one["seen"]["dispersion_m"] - pattern["dispersion"]) <= pattern["margin"] * (1 + 1e-6)
         )
         assert met == one["shows"], one["name"]
+
+
+def test_the_experiments_are_references_that_a_table_can_follow(
+    results: Any, quick_run: Callable[[str], tuple[Path, int]]
+) -> None:
+    folder, _ = quick_run("paper_gap")
+    machine = load()
+    control = machine.control
+    law = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
+    files = ["next_experiment.csv"]
+    if results["decided"]["second"] != results["decided"]["first"]:
+        files.append("second_experiment.csv")
+    assert sorted(file.name for file in folder.glob("*.csv")) == files
+    for file in files:
+        columns = read(folder / file)
+        target, position, force = (columns[name] for name in ("target_m", "reference_m", "feedforward_N"))
+        assert np.allclose(np.diff(columns["time_s"]), machine.sample_time)
+        run = simulate(machine, law, target, given=References(position, force, np.zeros(force.size)))
+        assert np.max(np.abs(run.record.command)) < machine.drive.rated_thrust
+        assert abs(run.record.position[-1] - target[-1]) < machine.specification.tolerance
 
 
 def size(name: str, values: tuple[float, ...], way: str = "alone") -> Draw:
