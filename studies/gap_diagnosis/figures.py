@@ -16,6 +16,7 @@ from studies.wording import effect
 Results = Mapping[str, Any]
 Array = NDArray[np.float64]
 
+STARTING = 60  # samples at a record's start that do not count
 MOST = 12  # bars of a figure that names effects
 LIGHT = "#c9dbe8"  # a band or an area that stays light in print
 GAPS = (
@@ -66,10 +67,9 @@ def _stages(added: Sequence[str]) -> list[str]:
 
 def force(whole: Results) -> Drawing:
     """The unknown force over each record: slow with its band, fast as its extremes, and the reference."""
-    records = whole["results"]["pictures"]["force"]
-    names = [record["name"] for record in whole["results"]["records"]]
+    records, known = whole["results"]["pictures"]["force"], whole["results"]["records"]
     figure, axes = style.subplots(2 * len(records), 1, 60 * len(records) + 10, height_ratios=[3, 1.2] * len(records))
-    for i, (one, name) in enumerate(zip(records, names, strict=True)):
+    for i, (one, record) in enumerate(zip(records, known, strict=True)):
         ax, below = axes[2 * i, 0], axes[2 * i + 1, 0]
         time, slow, band = np.array(one["time_s"]), np.array(one["slow_N"]), 1.96 * one["slow_deviation_N"]
         ax.fill_between(
@@ -78,7 +78,12 @@ def force(whole: Results) -> Drawing:
         )  # fmt: skip
         ax.fill_between(time, slow - band, slow + band, facecolor="#7fb2d6", edgecolor="none", label="slow, 95 % band")
         ax.plot(time, slow, color=style.BLUE, linewidth=0.8, linestyle="-", label="slow")
-        ax.set_title(name)
+        counts = time > STARTING * record["sample_time_s"]  # before that the states are only being found
+        ends = np.concatenate([(slow - band)[counts], (slow + band)[counts], np.array(one["fast_low_N"])[counts],
+                               np.array(one["fast_high_N"])[counts]])  # fmt: skip
+        if ends.size and np.ptp(ends) > 0:
+            ax.set_ylim(ends.min() - 0.05 * np.ptp(ends), ends.max() + 0.05 * np.ptp(ends))
+        ax.set_title(record["name"])
         ax.set_ylabel("$d$ [N]")
         ax.tick_params(labelbottom=False)
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=6.5)
@@ -119,7 +124,7 @@ def maps(whole: Results) -> Drawing:
     used, seen = np.flatnonzero(time.sum(axis=1) > 0), np.flatnonzero(time.sum(axis=0) > 0)
     pick = np.ix_(used, seen)
     shown = np.where(time[pick] > 0, size[pick], np.nan)
-    figure, axes = style.subplots(1, 1, 18 + 8 * len(used))
+    figure, axes = style.subplots(1, 1, max(18 + 8 * len(used), 40))
     ax = axes[0, 0]
     image = ax.imshow(shown, aspect="auto", cmap="Blues", vmin=0)
     for row, column in np.ndindex(shown.shape):
