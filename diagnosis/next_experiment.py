@@ -19,6 +19,7 @@ from diagnosis.experiments import Experiment, Schedule, menu, together
 from diagnosis.fit import Fit, weights
 from diagnosis.nominal import parameters
 from diagnosis.residual import WALK, Candidate, look, nominal_slopes, smooth
+from diagnosis.where_words import words
 from models.controller import Controller
 from models.effects.catalogue import every
 from models.machine import Machine
@@ -95,7 +96,7 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
     for one in menu(machine):
         if coordinate in one.coordinates:
             sentence = (
-                f"No effect of the catalogue explains what is left; it depends most on {coordinate.replace('_', ' ')}. "
+                f"No effect of the catalogue explains what is left; it depends most on {words(coordinate)}. "
                 f"Run {one.words}, twice, and read the curve of the unknown force over it."
             )
             return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))

@@ -53,7 +53,7 @@ def waterfall(whole: Results) -> Drawing:
     ceiling = where["ceiling"]["force_N"]
     axes[0, 0].axvline(ceiling, color=style.VERMILION, linestyle=(0, (1, 1.2)), linewidth=1.2, label="flexible curves")
     axes[0, 0].set_yticks(rows, names)
-    axes[0, 0].legend(loc="lower right", fontsize=6.5)
+    axes[0, 0].legend(loc="lower left", bbox_to_anchor=(-0.02, 0.98), ncols=2, fontsize=6.5)
     return figure
 
 

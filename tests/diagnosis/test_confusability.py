@@ -19,6 +19,7 @@ from diagnosis.nominal import parameters
 from diagnosis.residual import Candidate, columns, look
 from diagnosis.scan import freed, judged, quadratures
 from diagnosis.where import where
+from diagnosis.where_words import words
 from models.controller import Controller
 from models.effects.base import Effect
 from models.effects.catalogue import every
@@ -179,7 +180,7 @@ def test_every_coordinate_has_its_experiment() -> None:
     records, fit = case("cogging")
     known = pieces(records)
     for one in where(fit, records, known).by_coordinate:
-        assert one.name.replace("_", " ") in along(one.name, load()).sentence
+        assert f"depends most on {words(one.name)}." in along(one.name, load()).sentence
 
 
 def test_what_records_could_not_show_gets_the_experiment_that_shows_most_of_it(short: Confusability) -> None:
