@@ -104,8 +104,8 @@ def test_the_two_mass_benchmark_switches_at_its_exact_times(
 ) -> None:
     """Two unit masses, unit spring, |u| <= 1 on the first, both moved by 1 from rest to rest in the least time.
 
-    The benchmark of Liu and Wie, Robust time-optimal control of uncertain flexible spacecraft, J. Guidance 15 (1992), and
-    of Singh and Vadali, Robust time-optimal control: frequency domain approach, J. Guidance 17 (1994). No number is
+    The benchmark of Liu and Wie, Robust time-optimal control of uncertain flexible spacecraft, J. Guidance 15 (1992),
+    and of Singh and Vadali, Robust time-optimal control: frequency domain approach, J. Guidance 17 (1994). No number is
     quoted from their tables, which were not at hand. What is checked are their conditions: the zeros of the sum of
     delays cancel all poles, which `exact_switches` solves without the package, and the adjoint proves the switches
     optimal. Singh and Vadali's robust control has each zero twice; the second case has two beside the mode's frequency,
