@@ -6,7 +6,8 @@ With r the excitation, u the command and x the position, S_ab their cross spectr
 
 which is free of the bias that S_xu / S_uu has under feedback, as r is independent of the noise (Ljung, System
 Identification, 13.5; Pintelon and Schoukens, 2.6). A periodic excitation is averaged over its periods, without leakage;
-any other over Hann windows. Frequencies f [Hz]; M periods or windows.
+a random one over Hann windows. A sweep has to repeat: windows would see each frequency once. Frequencies f [Hz]; M
+periods or windows.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below are not looked at
+LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks into them
+ONCE: Final = 0.5  # of a line's power in a single window: a sweep went by there
 NEIGHBOURS: Final = 4  # lines on each side over which the noise's power is averaged
 
 
@@ -62,7 +65,7 @@ def period(signal: Array) -> int | None:
 def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     """P from a record that is excited through its feedforward; see the module's head.
 
-    windows: for an excitation that is not periodic. Raises ValueError for a record without an excitation.
+    windows: for a random excitation. Raises ValueError for a record without an excitation, or of one sweep.
     """
     excitation = record.feedforward
     if np.ptp(excitation) == 0:
@@ -71,18 +74,20 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     signals = (excitation, record.command, record.position)
     if length is None:
         r, u, x = _windows(signals, windows)
+        _check_no_sweep(r)
         count = 0.6 * r.shape[0]  # windows that overlap by half are not independent
-        size = 2 * (r.shape[1] - 1)
+        size, lowest = 2 * (r.shape[1] - 1), LOWEST
         first, last = 0, record.position.size
     else:
         first, last = _stretch(excitation, length)
         r, u, x = _periods([signal[first:last] for signal in signals], length)
-        count, size = float(r.shape[0]), length
+        count, size, lowest = float(r.shape[0]), length, 1
     if r.shape[0] < 2:
         raise ValueError("the excitation repeats less than three times; record more periods of it")
     frequency = np.fft.rfftfreq(size, record.sample_time)
     power = np.mean(np.abs(r) ** 2, axis=0)
-    used = (power > WEAKEST**2 * np.max(power[1:])) & (frequency > 0) & (frequency < 0.45 / record.sample_time)
+    used = (power > WEAKEST**2 * np.max(power[1:])) & (frequency < 0.45 / record.sample_time)
+    used[:lowest] = False
     r, u, x, power = r[:, used], u[:, used], x[:, used], power[used]
     cross_x, cross_u = np.mean(x * np.conj(r), axis=0), np.mean(u * np.conj(r), axis=0)
     response = cross_x / cross_u
@@ -91,6 +96,15 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     coherence = np.abs(cross_x) ** 2 / (np.mean(np.abs(x) ** 2, axis=0) * power)
     rolling = _rolling(record.position[first:last], record.sample_time)
     return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling)
+
+
+def _check_no_sweep(excitation: Complex) -> None:
+    """Raises ValueError for spectra (M, f) of an excitation that is at each frequency for part of the time only."""
+    power = np.abs(excitation) ** 2
+    total = np.sum(power, axis=0)
+    strong = total > WEAKEST**2 * np.max(total)
+    if np.median(np.max(power[:, strong], axis=0) / total[strong]) > ONCE:
+        raise ValueError("the excitation is a sweep that does not repeat; record it three times or more in a row")
 
 
 def _stretch(excitation: Array, length: int) -> tuple[int, int]:

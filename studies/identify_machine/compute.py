@@ -30,6 +30,7 @@ from studies.identify_machine.steps import STEPS
 Array = NDArray[np.float64]
 
 SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
+STRAIGHT: Final = 0.01  # of the way: by so much a reference of one speed may depart from a straight line
 QUICK_TABLES: Final = 3
 
 
@@ -124,13 +125,20 @@ def recognised(machine: Machine, loaded: Loaded) -> str:
     steps = np.count_nonzero(np.diff(record.target))
     if 0 < steps < record.target.size / 20:
         return "motion"
-    if np.ptp(record.feedforward) > 0 and period(record.feedforward) is not None:
+    if np.ptp(record.feedforward) > 0 and (_straight(record) or period(record.feedforward) is not None):
         return "excitation"
     rigid = next(mode for mode in machine.plant.modes if mode.frequency == 0)
     width = max(round(0.05 / record.sample_time), 3)
     smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
     inertia = np.diff(smooth, 2) / record.sample_time**2 / rigid.gain
     return "hysteresis" if np.std(inertia) < SLOW * np.std(record.command) else "dynamics"
+
+
+def _straight(record: Record) -> bool:
+    """Whether the reference stands still or moves at one speed, so that the feedforward is no motion's."""
+    line = np.linspace(record.reference[0], record.reference[-1], record.reference.size)
+    away = float(np.max(np.abs(record.reference - line)))
+    return away <= STRAIGHT * max(float(np.ptp(record.reference)), float(np.ptp(record.position)))
 
 
 def _own(machine: Machine, seed: int) -> list[tuple[str, Loaded]]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import chirp
 
 from models.controller import Controller, References
 from models.friction import branch, elements
@@ -94,6 +95,26 @@ def test_an_excitation_that_is_not_periodic_is_taken_over_windows() -> None:
     truth = modes.model(MACHINE.plant, found.frequency, MACHINE.sample_time)
     assert np.median(np.abs(found.response / truth - 1)[inside]) < 0.1
     assert 0.3 < np.mean(np.abs(found.response - truth)[inside] ** 2 / found.variance[inside]) < 3
+    fit = modes.fit(found)
+    assert fit.plant.modes[0].gain == pytest.approx(MACHINE.plant.modes[0].gain, rel=0.01)
+    assert [mode.frequency for mode in fit.plant.modes[1:]] == pytest.approx([38, 81], rel=0.01)
+
+
+def _swept(times: int) -> Record:
+    """A sweep of 2 s from 4 to 400 Hz, `times` in a row, while the axis rolls."""
+    ts = MACHINE.sample_time
+    sweep = 6 * chirp(np.arange(round(2 / ts)) * ts, 4, 2, 400, method="logarithmic")
+    force_ = np.concatenate([np.zeros(round(1 / ts)), np.tile(sweep, times)])
+    return own_records.run(MACHINE, own_records.SPEED * ts * np.arange(force_.size, dtype=float), force_, 1)
+
+
+def test_a_sweep_that_repeats_shows_the_plant_and_one_alone_is_refused() -> None:
+    fit = modes.fit(response.measured(_swept(5)))
+    truth = true_modes(MACHINE)
+    assert fit.estimate.values.size == truth.size
+    assert np.all(np.abs(fit.estimate.values - truth) < 4 * fit.estimate.deviations)
+    with pytest.raises(ValueError, match="sweep that does not repeat; record it three times or more"):
+        response.measured(_swept(1))
 
 
 def test_the_period_of_an_excitation() -> None:

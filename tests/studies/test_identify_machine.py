@@ -19,10 +19,12 @@ from models.identification import modes
 from models.machine import DEFAULT, Machine, load, parameters
 from models.machine_file import to_toml
 from models.record import Record
+from models.record_file import Loaded
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, Study, main
 from studies.deadbeat_design.__main__ import STUDY as DESIGN
 from studies.identify_machine import own_records
 from studies.identify_machine.__main__ import STUDY
+from studies.identify_machine.compute import recognised
 from studies.identify_machine.found import own_curve
 from studies.pid_tradeoff.__main__ import STUDY as TRADE_OFF
 
@@ -83,6 +85,16 @@ def test_each_record_is_recognised(folder: Path) -> None:
     assert records == {"slow.csv": "hysteresis", "moves.csv": "motion", "sweep.csv": "excitation"}
 
 
+def test_an_excitation_that_does_not_repeat_is_recognised_by_the_straight_reference() -> None:
+    table, size = load(), 8000
+    wave = np.concatenate([np.zeros(2000), 5 * np.random.default_rng(1).standard_normal(size)])
+    reference = own_records.SPEED * table.sample_time * np.arange(wave.size, dtype=float)
+    record = own_records.run(table, reference, wave, 1)
+    assert recognised(table, Loaded("random", "", record, (), ())) == "excitation"
+    slow = own_records.hysteresis(table, 1)
+    assert recognised(table, Loaded("slow", "", replace(slow, feedforward=0.1 * slow.command), (), ())) == "hysteresis"
+
+
 def test_the_table_comes_back(folder: Path, table: Machine) -> None:
     found = load(folder / "identified.toml")
     truth, got = table.plant, found.plant
@@ -139,7 +151,7 @@ def test_the_identified_machine_goes_into_the_next_study(folder: Path, tmp_path:
 def test_the_example_of_the_readme_runs(tmp_path: Path, records: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """On a nominal file and records of the names there."""
     readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    identify, design = re.findall(r"-m studies\.(identify_machine .+|deadbeat_design --machine reports/.+)", readme)
+    identify, design = re.findall(r"-m studies\.(identify_machine .+|deadbeat_design --machine reports/out/identify_machine.+)", readme)
     monkeypatch.chdir(records[0].parent)
     (records[0].parent / "my_axis.toml").write_text(DEFAULT.read_text(encoding="utf-8"), encoding="utf-8")
     arguments = shlex.split(identify)[1:]
