@@ -151,7 +151,9 @@ def test_the_identified_machine_goes_into_the_next_study(folder: Path, tmp_path:
 def test_the_example_of_the_readme_runs(tmp_path: Path, records: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """On a nominal file and records of the names there."""
     readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    identify, design = re.findall(r"-m studies\.(identify_machine .+|deadbeat_design --machine reports/out/identify_machine.+)", readme)
+    identify, design = re.findall(
+        r"-m studies\.(identify_machine .+|deadbeat_design --machine reports/out/identify_machine.+)", readme
+    )
     monkeypatch.chdir(records[0].parent)
     (records[0].parent / "my_axis.toml").write_text(DEFAULT.read_text(encoding="utf-8"), encoding="utf-8")
     arguments = shlex.split(identify)[1:]
