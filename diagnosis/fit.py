@@ -178,7 +178,7 @@ def _linearised(
     walk: float,
 ) -> Fit:
     e = np.concatenate([one.innovations for one in seen]) * weight
-    slopes = nominal_slopes(candidate, records, paths, seen, walk) * weight[:, None]
+    slopes = nominal_slopes(candidate, records, seen, walk) * weight[:, None]
     own = slopes_of(candidate, records, paths, seen, walk) * weight[:, None]
     return Fit(candidate, tuple(paths), tuple(seen), e, slopes, own, _cost(candidate, seen, weight), walk)
 

@@ -57,10 +57,10 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
     now = initial_state(layout, candidate.theta, index)
     starts = np.linspace(-1, 1, GRID)[:, None] * limit
     base = deflections(limit, points, now)
-    changed = np.stack([deflections(limit, points, start) - base for start in starts], axis=1)  # (n M, GRID, N)
-    apart = np.flatnonzero(np.any(changed != 0, axis=(1, 2)))
+    changed = np.stack([(deflections(limit, points, start) - base).T for start in starts])  # (GRID, N, n M)
+    apart = np.flatnonzero(np.any(changed != 0, axis=(0, 1)))
     n = min((apart[-1] // SUBSTEPS if apart.size else 0) + TAIL, record.position.size)
-    force = -(changed * k).reshape(-1, SUBSTEPS, GRID * limit.size)[:n]
+    force = -(changed[:, :, : n * SUBSTEPS] * k[:, None]).reshape(GRID * limit.size, n, SUBSTEPS)
     model = predictor(
         machine.plant, record.sample_time, walk=fitted.walk, noise=noise(machine), shaken=candidate.shaken
     )

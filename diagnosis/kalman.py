@@ -25,6 +25,7 @@ from models.plant import Plant, state_space, transition
 Array = NDArray[np.float64]
 
 SUBSTEPS: Final = 2  # of a sample interval; the force within one counts as constant
+BLOCK: Final = 8  # samples that a filter of many columns takes at once
 JITTER: Final = 0.08  # [N] a sample: white, for what friction on a smoothed position leaves; clean tables like it best
 
 
@@ -120,13 +121,52 @@ def innovations(model: Predictor, force: Array, reading: Array, start: Array) ->
 
 
 def responses(model: Predictor, force: Array, reading: Array | None = None) -> Array:
-    """What forces (n, M, k) [N], added to the net force, and additions (n, k) [m] to the reading change of the
-    innovations: (n, k) [m]; all of them side by side."""
-    n, _, count = force.shape
-    given = np.zeros((1, count)) if reading is None else np.ascontiguousarray(reading)
-    e = np.empty((n, count))
-    _respond(model.closed, model.A @ model.gain, model.B, model.C, np.ascontiguousarray(force), given, e)
-    return e
+    """What k forces (k, n, M) [N], added to the net force, and additions (k, n) [m] to the reading change of the
+    innovations: (n, k) [m], a column's samples next to each other.
+
+    BLOCK samples at once: what a block's input does within it is one product with all blocks of all columns, so that
+    only the state at the head of each block is left to a recursion.
+    """
+    count, n, parts = force.shape
+    blocks, size = -(-n // BLOCK), model.C.size
+    within, kept, onto, behind = _block(model, model.B)
+    given = _blocked(force.reshape(count, n * parts), blocks, BLOCK * parts)
+    e, entering = given @ within.T, given @ onto.T
+    if reading is not None:
+        own, _, more, _ = _block(model, (model.A @ model.gain)[:, None])
+        given = _blocked(np.asarray(reading), blocks, BLOCK)
+        e += given @ (own + np.eye(BLOCK)).T
+        entering += given @ more.T
+    heads = np.empty((count, blocks, size))
+    _heads(behind, entering.reshape(count, blocks, size), heads)
+    e += heads.reshape(-1, size) @ kept.T
+    return np.asarray(e.reshape(count, blocks * BLOCK)[:, :n].T)
+
+
+def _block(model: Predictor, entry: Array) -> tuple[Array, Array, Array, Array]:
+    """Of BLOCK samples, entry (S, m) being the way of m inputs a sample into the state: what they make of the block's
+    innovations (BLOCK, BLOCK m) and of the state behind it (S, BLOCK m), and what the state before it makes of both
+    (BLOCK, S), (S, S), in the order innovations by input, by state, state by input, by state."""
+    parts, closed = entry.shape[1], model.closed
+    within, kept = np.zeros((BLOCK, BLOCK * parts)), np.empty((BLOCK, model.C.size))
+    onto, power = np.empty((model.C.size, BLOCK * parts)), np.eye(model.C.size)
+    for k in range(BLOCK):
+        kept[k] = -model.C @ power
+        power = closed @ power
+    reached = entry
+    for j in range(BLOCK):  # j samples after the input
+        onto[:, (BLOCK - 1 - j) * parts : (BLOCK - j) * parts] = reached
+        for k in range(j + 1, BLOCK):
+            within[k, (k - j - 1) * parts : (k - j) * parts] = -model.C @ reached
+        reached = closed @ reached
+    return within, kept, onto, power
+
+
+def _blocked(signals: Array, blocks: int, length: int) -> Array:
+    """Signals (k, n) as rows (k blocks, length), with zeros behind the last."""
+    short = blocks * length - signals.shape[1]
+    whole = np.pad(signals, ((0, 0), (0, short))) if short else signals
+    return whole.reshape(-1, length)
 
 
 def adjoint(model: Predictor, e: Array) -> tuple[Array, Array]:
@@ -163,27 +203,17 @@ def _predict(closed: Array, enter: Array, C: Array, given: Array, reading: Array
 
 
 @compiled
-def _respond(closed: Array, enter: Array, B: Array, C: Array, force: Array, reading: Array, e: Array) -> None:
-    """As `_predict` from rest for every column; the columns lie next to each other, so they share vector registers."""
-    size, parts, count = C.size, force.shape[1], force.shape[2]
-    now, ahead, read = np.zeros((size, count)), np.empty((size, count)), reading.shape[0] > 1
-    for k in range(force.shape[0]):
-        for c in range(count):
-            e[k, c] = reading[k, c] if read else 0.0
-        for i in range(size):
-            row, into = now[i], ahead[i]
-            for c in range(count):
-                e[k, c] -= C[i] * row[c]
-                into[c] = enter[i] * reading[k, c] if read else 0.0
-            for s in range(parts):
-                push, gain = force[k, s], B[i, s]
-                for c in range(count):
-                    into[c] += gain * push[c]
-            for j in range(size):
-                other, gain = now[j], closed[i, j]
-                for c in range(count):
-                    into[c] += gain * other[c]
-        now, ahead = ahead, now
+def _heads(behind: Array, entering: Array, heads: Array) -> None:
+    """heads[c, b + 1] = behind heads[c, b] + entering[c, b], from rest."""
+    count, blocks, size = heads.shape
+    for c in range(count):
+        heads[c, 0, :] = 0.0
+        for b in range(blocks - 1):
+            for i in range(size):
+                total = entering[c, b, i]
+                for j in range(size):
+                    total += behind[i, j] * heads[c, b, j]
+                heads[c, b + 1, i] = total
 
 
 @compiled

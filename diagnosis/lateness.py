@@ -76,8 +76,8 @@ def repeats(found: Sequence[Piece]) -> list[list[Piece]]:
 
 def mark(model: Predictor) -> Array:
     """What a force of 1 N over the first sample leaves in the whitened innovations: (REACH,) [1]."""
-    pulse = np.zeros((REACH, SUBSTEPS, 1))
-    pulse[0] = 1.0
+    pulse = np.zeros((1, REACH, SUBSTEPS))
+    pulse[0, 0] = 1.0
     return np.asarray(responses(model, pulse)[:, 0] / model.deviation)
 
 

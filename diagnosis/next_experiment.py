@@ -152,6 +152,6 @@ def virtual(machine: Machine, planned: Schedule, seed: int = 0) -> tuple[Fit, Re
     paths = smooth(candidate, [record])
     seen = look(candidate, [record], paths)
     weight = weights([record])
-    slopes = nominal_slopes(candidate, [record], paths, seen) * weight[:, None]
+    slopes = nominal_slopes(candidate, [record], seen) * weight[:, None]
     e = seen[0].innovations * weight
     return Fit(candidate, paths, seen, e, slopes, np.zeros((e.size, 0)), float(e @ e), WALK), record

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from diagnosis.fit import fit
@@ -98,9 +99,12 @@ def null(
         )
     gains: dict[str, list[float]] = {}
     variance = []
-    for seed in range(draws):
-        say(f"simulating the null, {seed + 1} of {draws}")
-        found, spread = _draw(layout, records, seed)
+    drawn = Parallel(n_jobs=-1, require="sharedmem", return_as="generator")(
+        delayed(_draw)(layout, records, seed) for seed in range(draws)
+    )
+    say(f"simulating the null, 1 of {draws}")
+    for done, (found, spread) in enumerate(drawn, 1):
+        say(f"simulating the null, {min(done + 1, draws)} of {draws}")
         variance.append(spread)
         for name, gain in found.items():
             gains.setdefault(name, []).append(gain)

@@ -17,9 +17,9 @@ from scipy.signal import lfilter
 
 from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innovations, predictor, responses, smoothed
 from diagnosis.nominal import Parameters, applied, initial_state
+from models.compiled import compiled
 from models.effects.base import Effect
-from models.effects.kernel import Path, Replayed, replay
-from models.friction import deflections
+from models.effects.kernel import Path, Replayed, replay, rubs
 from models.machine import Machine
 from models.plant import Mode
 from models.record import Record
@@ -60,11 +60,12 @@ class Smoothed:
 @dataclass(frozen=True)
 class Seen:
     """A record as a candidate explains it: whitened innovations (n,), net force (n, M) [N], what acts along the path,
-    and the innovations' deviation over that of the reading's noise [1], by which they were divided."""
+    that path, and the innovations' deviation over that of the reading's noise [1], by which they were divided."""
 
     innovations: Array
     force: Array
     acts: Replayed
+    path: Path
     deviation: float
 
 
@@ -161,16 +162,18 @@ def look_at(
     candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, smooth_path: Smoothed
 ) -> Seen:
     """`look` at the record of this index, by a predictor of the machine with theta put in."""
-    acts = _acts(candidate, machine, record, index, smooth_path.path)
+    path = smooth_path.path
+    acts = _acts(candidate, machine, record, index, path)
     differs = acts.reading - smooth_path.added
     if np.any(differs != 0):  # the path was smoothed from a reading that had other errors
         acts = _acts(candidate, machine, record, index, shifted(smooth_path, differs))
     force = _net(machine, acts)
+from models.compiled import compiled
     reading = record.position - acts.reading - _vibration(candidate, force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0] = reading[0]
     e = innovations(model, force, reading, start) / model.deviation
-    return Seen(e, force, acts, model.deviation / noise(machine))
+    return Seen(e, force, acts, path, model.deviation / noise(machine))
 
 
 def shifted(seen: Smoothed, differs: Array) -> Path:
@@ -185,7 +188,11 @@ def shifted(seen: Smoothed, differs: Array) -> Path:
     )  # fmt: skip
 
 
-def _acts(candidate: Candidate, machine: Machine, record: Record, index: int, path: Path) -> Replayed:
+def _acts(
+    candidate: Candidate, machine: Machine, record: Record, index: int, path: Path, known: Seen | None = None
+) -> Replayed:
+    """What acts along a path; known: of a candidate with the same friction, along the same path."""
+    bare = known is not None and not any(rubs(effect) for effect in candidate.effects)
     return replay(
         machine.friction,
         candidate.effects,
@@ -194,6 +201,7 @@ def _acts(candidate: Candidate, machine: Machine, record: Record, index: int, pa
         state=initial_state(candidate.layout, candidate.theta, index),
         thrust_limit=machine.drive.rated_thrust,
         start=held(record),
+        rubbing=known.acts.friction if known is not None and bare else None,
     )
 
 
@@ -222,17 +230,15 @@ def modal(mode: Mode, force: Array, sample_time: float) -> Array:
     return np.asarray(lfilter([1.0], [1.0, -trace, determinant], entering))
 
 
-def nominal_slopes(
-    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], seen: Sequence[Seen], walk: float = WALK
-) -> Array:
+def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequence[Seen], walk: float = WALK) -> Array:
     """How the whitened innovations of all records, one after another (n,), change with theta: (n, P)."""
     machine, layout = candidate.machine, candidate.layout
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
     parts = []
-    for i, (record, path) in enumerate(zip(records, paths, strict=True)):
-        slopes = np.zeros((record.position.size, layout.count))
+    for i, record in enumerate(records):
+        slopes = np.zeros((layout.count, record.position.size)).T  # a column's samples next to each other
         _plant_slopes(candidate, record, seen[i], model, slopes)
-        _force_slopes(candidate, machine, record, i, path, seen[i], model, slopes)
+        _force_slopes(candidate, machine, record, i, seen[i], model, slopes)
         parts.append(slopes)
     return np.concatenate(parts)
 
@@ -259,36 +265,47 @@ def _force_slopes(
     machine: Machine,
     record: Record,
     index: int,
-    path: Smoothed,
     seen: Seen,
     model: Predictor,
     slopes: Array,
 ) -> None:
     """Of what acts as a force; that of the friction is the elements' own, without effects on it: a fair slope."""
-    layout, shape = candidate.layout, seen.force.shape
-    k, limit = np.array(machine.friction.stiffness), np.array(machine.friction.limit)
-    points, z0 = path.path.position.ravel(), initial_state(layout, candidate.theta, index)
-    z = deflections(limit, points, z0)
-    inward = np.where(z0 > 0, -1e-3, 1e-3) * limit
-    by_start = (deflections(limit, points, z0 + inward) - z) / inward
-    by_limit = (deflections(limit * 1.001, points, z0) - z) / 1e-3
+    layout, n = candidate.layout, record.position.size
+    limit, z0 = np.array(machine.friction.limit), initial_state(layout, candidate.theta, index)
     late = replay(
-        machine.friction, candidate.effects, path.path, machine.plant.dead_time + 1e-6,
-        state=z0, thrust_limit=machine.drive.rated_thrust, start=held(record),
+        machine.friction, [effect for effect in candidate.effects if not rubs(effect)], seen.path,
+        machine.plant.dead_time + 1e-6, state=z0, thrust_limit=machine.drive.rated_thrust, start=held(record),
+        rubbing=seen.acts.friction,
     )  # fmt: skip
-    own = layout.of("initial_friction_state").reshape(layout.records, -1)[index]
-    columns = {
-        int(layout.of("dead_time")[0]): (late.thrust - seen.acts.thrust) / 1e-6,
-        int(layout.of("amplifier_offset")[0]): -np.ones(shape),
-        int(layout.of("friction_level")[0]): -seen.acts.friction,
-    }
-    for i, (stiffness, limits, start) in enumerate(
-        zip(layout.of("presliding_stiffness"), layout.of("presliding_limit"), own, strict=True)
-    ):
-        columns[int(stiffness)] = -(k[i] * z[:, i]).reshape(shape)
-        columns[int(limits)] = -(k[i] * by_limit[:, i]).reshape(shape)
-        columns[int(start)] = -(k[i] * by_start[:, i]).reshape(shape)
-    slopes[:, list(columns)] = responses(model, np.stack(list(columns.values()), axis=2)) / model.deviation
+    starts = layout.of("initial_friction_state").reshape(layout.records, -1)[index]
+    names = ("dead_time", "amplifier_offset", "friction_level", "presliding_stiffness", "presliding_limit")
+    order = np.concatenate([*(layout.of(name) for name in names), starts])
+    force = np.empty((order.size, n, SUBSTEPS))
+    force[0] = (late.thrust - seen.acts.thrust) / 1e-6
+    force[1], force[2] = -1.0, -seen.acts.friction
+    elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
+    _element_slopes(seen.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
+    slopes[:, order] = responses(model, force) / model.deviation
+
+
+@compiled
+def _element_slopes(points: Array, elements: Array, slopes: Array) -> None:
+    """Of each element's force: by the logarithm of its stiffness, of its limit, and by its start; (3, N, points).
+
+    elements (3, N): factor of the displacement [N/m], limit [m], displacement at the first point [m].
+    """
+    for i in range(elements.shape[1]):
+        factor, limit, z = elements[0, i], elements[1, i], elements[2, i]
+        by_limit, by_start = 0.0, 1.0
+        for k in range(points.size):
+            if k > 0:
+                z += points[k] - points[k - 1]
+            if abs(z) > limit:
+                z = limit if z > 0.0 else -limit
+                by_limit, by_start = z, 0.0
+            slopes[0, i, k] = factor * z
+            slopes[1, i, k] = factor * by_limit
+            slopes[2, i, k] = factor * by_start
 
 
 def columns(
@@ -309,7 +326,7 @@ def columns(
             _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, path, seen[i])
             for trial in trials
         ]
-        force, reading = (np.stack(signal, axis=-1) for signal in zip(*found, strict=True))
+        force, reading = (np.stack(signal) for signal in zip(*found, strict=True))
         parts.append(responses(model, force, -reading if np.any(reading) else None) / model.deviation)
     return np.concatenate(parts)
 
@@ -318,7 +335,8 @@ def _differences(
     other: Candidate, candidate: Candidate, machine: Machine, record: Record, index: int, path: Smoothed, seen: Seen
 ) -> tuple[Array, Array]:
     """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
-    acts = _acts(other, machine, record, index, path.path)
+    bare = not any(rubs(effect) for effect in candidate.effects)
+    acts = _acts(other, machine, record, index, seen.path, seen if bare else None)
     differs = acts.reading - seen.acts.reading
     if np.any(differs != 0):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))

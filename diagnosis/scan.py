@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
@@ -83,8 +84,11 @@ def scan(
         if name not in left_out and name not in UNSEEN:
             trials += grid(kind, fitted, records, own)
     found: dict[str, Finding] = {}
-    for batch in _batched(trials):
-        for finding in _findings(batch, fitted, records, own):
+    each = Parallel(n_jobs=-1, require="sharedmem")(
+        delayed(_findings)(batch, fitted, records, own) for batch in _batched(trials)
+    )
+    for findings in each:
+        for finding in findings:
             name = finding.effect.name
             if name not in found or finding.held_out > found[name].held_out:
                 found[name] = finding
@@ -96,16 +100,17 @@ def _batched(trials: Sequence[Effect]) -> Iterator[tuple[Effect, ...]]:
         yield tuple(trials[i : i + BATCH])
 
 
-def _findings(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[Finding]:
+def _findings(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> list[Finding]:
     variants = [variant for effect in batch for variant in quadratures(effect)]
     added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
     weight = weights(records)[:, None]
     whole = own(columns(fitted.candidate, added, records, fitted.paths, fitted.seen, fitted.walk) * weight)
-    begin = 0
+    found, begin = [], 0
     for effect in batch:
         count = len(quadratures(effect))
-        yield judged(effect, whole[:, begin : begin + count], own)
+        found.append(judged(effect, whole[:, begin : begin + count], own))
         begin += count
+    return found
 
 
 def judged(effect: Effect, given: Array, own: Freed) -> Finding:
@@ -137,12 +142,14 @@ def _possible(effect: Effect, factor: Array) -> bool:
 def by_segment(given: Array, own: Freed) -> tuple[Array, Array]:
     """Gram matrices (segments, k, k) of columns (n, k) and their products (segments, k) with the innovations."""
     count, k = own.fold.size, given.shape[1]
-    ends = np.concatenate([[0], np.flatnonzero(np.diff(own.segment)) + 1])
-    products = (given[:, :, None] * given[:, None, :]).reshape(-1, k * k)
+    begin = np.concatenate([[0], np.flatnonzero(np.diff(own.segment)) + 1])
+    number = own.segment[begin]
     grams, slopes = np.zeros((count, k, k)), np.zeros((count, k))
-    number = own.segment[ends]
-    np.add.at(grams, number, np.add.reduceat(products, ends).reshape(-1, k, k))
-    np.add.at(slopes, number, np.add.reduceat(given * own.e[:, None], ends))
+    for i in range(k):
+        np.add.at(slopes[:, i], number, np.add.reduceat(given[:, i] * own.e, begin))
+        for j in range(i + 1):
+            np.add.at(grams[:, i, j], number, np.add.reduceat(given[:, i] * given[:, j], begin))
+            grams[:, j, i] = grams[:, i, j]
     return grams, slopes
 
 

@@ -94,7 +94,7 @@ def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
     for i, record in enumerate(records):
         here = basis[begin : begin + record.position.size]
         begin += record.position.size
-        force = np.repeat(here[:, None, :], fitted.seen[i].force.shape[1], axis=1)
+        force = np.repeat(here.T[:, :, None], fitted.seen[i].force.shape[1], axis=2)
         parts.append(responses(model, force) / model.deviation)
     return np.concatenate(parts)
 
@@ -106,8 +106,8 @@ def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
     for i, record in enumerate(records):
         here = PROBE * basis[begin : begin + record.position.size]
         begin += record.position.size
-        force = np.stack([_friction_change(fitted, record, i, added) for added in here.T], axis=-1)
-        parts.append(responses(model, force, -here) / model.deviation)
+        force = np.stack([_friction_change(fitted, record, i, added) for added in here.T])
+        parts.append(responses(model, force, -here.T) / model.deviation)
     return np.concatenate(parts)
 
 

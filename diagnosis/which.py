@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from diagnosis.fit import Fit, fit
@@ -100,7 +101,9 @@ def search_effects(
         if not strong:
             return tuple(steps)
         say(f"fitting {', '.join(finding.effect.name for finding in strong)} with all that is nominal")
-        fits = [_with(here.fitted, finding.effect, records) for finding in strong]
+        fits = Parallel(n_jobs=-1, require="sharedmem")(
+            delayed(_with)(here.fitted, finding.effect, records) for finding in strong
+        )
         best = min(fits, key=lambda fitted: fitted.cost)
         gained = here.fitted.cost - best.cost
         names = {effect.name for effect in best.candidate.effects}

@@ -13,9 +13,10 @@ Kernel = TypeVar("Kernel", bound=Callable[..., object])
 def compiled(kernel: Kernel) -> Kernel:
     """Numba's compilation, cached on disk, in IEEE arithmetic: no reassociation, no contraction to fused operations.
 
-    So the compiled kernel equals the uncompiled one, `kernel.py_func`, bit for bit, which a test asserts.
+    So the compiled kernel equals the uncompiled one, `kernel.py_func`, bit for bit, which a test asserts. It lets other
+    threads of Python run meanwhile.
     """
-    return cast(Kernel, numba.njit(cache=True, error_model="numpy", fastmath=False)(kernel))
+    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(kernel))
 
 
 def inlined(kernel: Kernel) -> Kernel:

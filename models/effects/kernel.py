@@ -60,12 +60,17 @@ def replay(
     state: ArrayLike | None = None,
     thrust_limit: float = math.inf,
     start: float | None = None,
+    rubbing: Array | None = None,
 ) -> Replayed:
     """Friction and effects along a path, without plant and controller; effects in the catalogue's order.
 
     dead_time [s], of which a substep in which the thrust changes takes its share. state: the elements' displacements
     (N,) [m] before the path, default 0. thrust_limit [N]. start [N]: the command before the first, default that one.
+    rubbing (n, M) [N]: the friction, where it is known from an earlier call; then no element moves. Raises ValueError
+    for effects on the friction beside it.
     """
+    if rubbing is not None and any(rubs(effect) for effect in effects):
+        raise ValueError("rubbing: a friction that effects act on can't be known before; leave it out")
     course = _Course(path.sample_time, *(np.ascontiguousarray(signal, float) for signal in _signals(path)))
     n, parts = course.position.shape
     contact = _contact(friction, state)
@@ -78,8 +83,15 @@ def replay(
     length = path.sample_time / parts
     share = np.clip(rest / length - np.arange(parts), 0.0, 1.0)  # of a substep that passes before the thrust changes
     acting[0] = share * sent[:-1, None] + (1.0 - share) * sent[1:, None]
-    _along(course, np.array([friction.limit, friction.damping]), hooks, contact, acting)
+    if rubbing is not None:
+        acting[1] = rubbing
+    _along(course, np.array([friction.limit, friction.damping]), hooks, contact, acting, rubbing is None)
     return Replayed(acting[0], acting[1], acting[2], reading, contact[0])
+
+
+def rubs(effect: Effect) -> bool:
+    """Whether an effect acts on the friction or on what its contacts see."""
+    return not {"path", "limit", "friction"}.isdisjoint(effect.hooks)
 
 
 class _Course(NamedTuple):
@@ -116,9 +128,9 @@ def _sampled(course: _Course, hooks: Hooks, contact: Array, reading: Array) -> A
 
 
 @compiled
-def _along(course: _Course, elements: Array, hooks: Hooks, contact: Array, acting: Array) -> None:
+def _along(course: _Course, elements: Array, hooks: Hooks, contact: Array, acting: Array, rubbing: bool) -> None:
     """What acts every substep; elements: see `rubbed`. acting (3, n, M): thrust, as it comes from the drive, friction
-    and external force, which are written to.
+    and external force, which are written to; the friction only if `rubbing`.
     """
     position, speed, now = course.position, course.speed, np.zeros(8)
     n, parts = position.shape
@@ -131,7 +143,8 @@ def _along(course: _Course, elements: Array, hooks: Hooks, contact: Array, actin
             now[U], now[MOVED] = thrust, middle - at
             acting[0, k, j] = act(THRUST, thrust, hooks, now, contact)
             acting[2, k, j] = act(FORCE, 0.0, hooks, now, contact)
-            seen, acting[1, k, j] = rubbed(middle, seen, elements, hooks, now, contact)
+            if rubbing:
+                seen, acting[1, k, j] = rubbed(middle, seen, elements, hooks, now, contact)
             at = middle
 
 
