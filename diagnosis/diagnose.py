@@ -28,6 +28,7 @@ from diagnosis.scan import Finding, freed
 from diagnosis.which import MOST, Step, refit, search_effects
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
+from models.effects.catalogue import in_order
 from models.machine import Machine
 from models.record import Record
 from models.record_check import replay
@@ -104,7 +105,7 @@ def diagnose(
     say = progress or (lambda _share, _text: None)
     layout = parameters(machine, len(records))
     say(0.02, "re-fitting what is nominal")
-    nominal = refit(layout, records)
+    nominal = refit(layout, records, in_order(machine.effects))
     found = pieces(records)
     segment = numbered(found, records)
     say(0.2, "thresholds: the same search where nothing is missing")
@@ -291,7 +292,7 @@ def _as_delivered(nominal: Fit) -> Any:
     layout = nominal.candidate.layout
     start = np.array(layout.names) == "initial_friction_state"
     theta = np.where(start, nominal.candidate.theta, 0.0)
-    return replace(nominal.candidate, theta=theta)
+    return replace(nominal.candidate, theta=theta, effects=in_order(nominal.candidate.layout.machine.effects))
 
 
 def _which(

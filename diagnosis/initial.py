@@ -1,12 +1,13 @@
 """The friction's displacement at the start of a record, searched: whether an element ever slips is no smooth question.
 
 An element's force depends on its start only until it first slips; elements do not act on each other. So the response to
-every start on a grid is computed once, and the best combination found by exchanging one element's start at a time,
+every start on a grid is computed once, and the best combination found by exchanging the starts of two elements at a time,
 theta's other entries adapted each time.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -24,6 +25,7 @@ from models.record import Record
 Array = NDArray[np.float64]
 
 GRID: Final = 9  # starts of an element, from limit to limit
+ROUNDS: Final = 20  # through all pairs of elements
 TAIL: Final = 1000  # samples behind the last slip that still count
 
 
@@ -79,16 +81,18 @@ def _best(columns: Array, basis: Array, e: Array, elements: int) -> list[int]:
     along, onto = basis.T @ columns, basis.T @ e
     gram = columns.T @ columns - along.T @ np.linalg.solve(normal, along)
     slope = columns.T @ e - along.T @ np.linalg.solve(normal, onto)
-    chosen, columns_of = [-1] * elements, np.arange(columns.shape[1]).reshape(GRID, elements)
-    for _ in range(20):
-        changed = False
-        for i in range(elements):
-            rest = [columns_of[choice, j] for j, choice in enumerate(chosen) if j != i and choice >= 0]
-            own = columns_of[:, i]
-            gains = 2 * slope[own] + np.diag(gram)[own] + 2 * gram[np.ix_(own, rest)].sum(axis=1)
-            best = int(np.argmin(gains))
-            choice = best if gains[best] < -1e-9 else -1
-            changed, chosen[i] = changed or choice != chosen[i], choice
-        if not changed:
+    entry = np.vstack([np.full(elements, -1), np.arange(columns.shape[1]).reshape(GRID, elements)])  # -1: stays
+    chosen, alone, pairs = np.zeros(elements, int), np.pad(2 * slope + np.diag(gram), (0, 1)), np.pad(gram, (0, 1))
+    for _ in range(ROUNDS):
+        before = chosen.copy()
+        for i, j in itertools.combinations(range(elements), 2):
+            rest = [entry[choice, m] for m, choice in enumerate(chosen) if m not in (i, j)]
+            first, second = (
+                alone[own] + 2 * pairs[np.ix_(own, rest)].sum(axis=1) for own in (entry[:, i], entry[:, j])
+            )
+            both = first[:, None] + second + 2 * pairs[np.ix_(entry[:, i], entry[:, j])]
+            if both.min() < both[chosen[i], chosen[j]] - 1e-9:
+                chosen[i], chosen[j] = np.unravel_index(np.argmin(both), both.shape)
+        if np.array_equal(before, chosen):
             break
-    return chosen
+    return [int(choice) - 1 for choice in chosen]

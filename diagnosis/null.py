@@ -24,6 +24,7 @@ from diagnosis.nominal import Parameters, bounded, initial_state
 from diagnosis.residual import STARTING, Candidate
 from diagnosis.scan import freed, scan
 from models.controller import Controller, References
+from models.effects.catalogue import in_order
 from models.machine import Machine, to_json
 from models.record import Record
 from models.simulator import simulate
@@ -120,7 +121,7 @@ def null(
 def _draw(layout: Parameters, records: Sequence[Record], seed: int) -> tuple[dict[str, float], tuple[float, ...]]:
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
-    truth = Candidate(layout, theta)
+    truth = Candidate(layout, theta, in_order(layout.machine.effects))
     made = [simulated(truth, record, i, 1000 * seed + i) for i, record in enumerate(records)]
     fitted = fit(truth, made, iterations=3, walk=WALK_OF_SCAN)
     own = freed(fitted, numbered(pieces(made), made))
