@@ -23,6 +23,7 @@ from diagnosis.how_far import Gap, HowFar, closure, energy, gap, held_out, mirro
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import Null, null
+from diagnosis.orders import Orders, added, in_all_orders
 from diagnosis.residual import noise, smooth
 from diagnosis.scan import Finding, freed
 from diagnosis.which import MOST, Step, refit, search_effects
@@ -65,7 +66,8 @@ class Named:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that was found: the outcome, the names, the stages of the search, what is left, how far the gap shrinks."""
+    """All that was found: the outcome, the names, the stages of the search, what is left, how far the gap shrinks, the
+    effects' shares of it over all orders of addition [1]."""
 
     outcome: str
     effects: tuple[str, ...]
@@ -73,6 +75,7 @@ class Diagnosis:
     unexplained: float
     which: tuple[Named, ...]
     how_far: HowFar
+    shares: Mapping[str, float]
     steps: tuple[Step, ...]
     pieces: tuple[Piece, ...]
     records: tuple[Record, ...]
@@ -120,20 +123,21 @@ def diagnose(
         disabled,
         lambda text: say(0.7, text),
     )
+    orders = in_all_orders(steps, records, thresholds.thresholds)
     say(0.9, "how far the gap shrinks")
-    return _concluded(layout, records, steps, found, thresholds, seed, disabled)
+    return _concluded(layout, records, orders, found, thresholds, seed, disabled)
 
 
 def _concluded(
     layout: Parameters,
     records: Sequence[Record],
-    steps: tuple[Step, ...],
+    orders: Orders,
     found: tuple[Piece, ...],
     thresholds: Null,
     seed: int,
     disabled: Collection[str],
 ) -> Diagnosis:
-    segment = numbered(found, records)
+    segment, steps = numbered(found, records), orders.steps
     far, excess = _how_far(steps, records, segment, seed)
     names = _names(steps)
     jittered = steps[-1].lateness.gain > LATE and "timing_jitter" not in disabled
@@ -152,7 +156,9 @@ def _concluded(
     if outcome == PARAMETERS:
         names = _wrong(steps[0].fitted)
     unexplained = 0.0 if outcome in {PARAMETERS, NOTHING} else float(np.clip(1 - far.closure, 0.0, 1.0))
-    return Diagnosis(outcome, names, rivals, unexplained, which, far, steps, found, tuple(records), thresholds)
+    return Diagnosis(
+        outcome, names, rivals, unexplained, which, far, orders.shares, steps, found, tuple(records), thresholds
+    )
 
 
 def _rivals(steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
@@ -173,12 +179,8 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
     """The effects of the final model, strongest first: by what each gained when it was added."""
     gains: dict[str, float] = {}
     for before, after in pairwise(steps):
-        was = [effect.name for effect in before.fitted.candidate.effects]
-        new = [effect.name for effect in after.fitted.candidate.effects]
-        for name in was:
-            new.remove(name)
-        added = new[0] if new else "floor_vibration"
-        gains[added] = gains.get(added, 0.0) + before.fitted.cost - after.fitted.cost
+        name = added(before, after)
+        gains[name] = gains.get(name, 0.0) + before.fitted.cost - after.fitted.cost
     return tuple(sorted(gains, key=lambda name: -gains[name]))
 
 
@@ -263,10 +265,7 @@ def _how_far(
     stages: list[tuple[str, Gap]] = [("as delivered", gap(delivered, records, smooth(delivered, records)))]
     stages.append(("re-fitted", gap(first.candidate, records, first.paths)))
     for before, after in pairwise(steps):
-        was, now = (_names_in(step) for step in (before, after))
-        for name in was:
-            now.remove(name)
-        stages.append((now[0], gap(after.fitted.candidate, records, after.fitted.paths)))
+        stages.append((added(before, after), gap(after.fitted.candidate, records, after.fitted.paths)))
     floor = gap(final.candidate, made[0], smooth(final.candidate, made[0]))
     own = freed(final, segment)
     weight = weights(records)
@@ -276,11 +275,6 @@ def _how_far(
     closed, interval = closure(before_all, left, least, segment)
     fitted = squares(final.seen, final.candidate.machine) * weight
     return HowFar(tuple(stages), floor, closed, interval), float(fitted.sum() / least.sum() - 1)
-
-
-def _names_in(step: Step) -> list[str]:
-    candidate = step.fitted.candidate
-    return [*(effect.name for effect in candidate.effects), *("floor_vibration" for _ in candidate.shaken)]
 
 
 def _deviations(fitted: Fit) -> Array:
@@ -381,7 +375,7 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
             "unexplained_fraction": found.unexplained,
         },
         "which": [_row(named) for named in found.which],
-        "how_far": found.how_far.to_json(),
+        "how_far": found.how_far.to_json() | {"shares": dict(found.shares)},
     }
 
 

@@ -19,7 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 from diagnosis.fit import Fit, own_spread, weights
 from diagnosis.kalman import predictor, smoothed
 from diagnosis.null import simulated
-from diagnosis.residual import Candidate, Smoothed, look, noise, smooth
+from diagnosis.residual import STARTING, Candidate, Smoothed, look, noise, smooth
 from diagnosis.scan import FOLDS, Freed
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -146,10 +146,10 @@ def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothe
         start = np.zeros(model.C.size)
         start[0] = record.position[0]
         states = smoothed(model, seen.force, record.position - seen.acts.reading, start)
-        unknown = states[:, 2 * len(machine.plant.modes)]
+        unknown = states[STARTING:, 2 * len(machine.plant.modes)]
         d.append(unknown - unknown.mean())  # a constant is an offset of the amplifier, and costs nothing
         made = simulated(quiet(candidate), record, i, 0)
-        apart.append(made.position - record.position)
+        apart.append((made.position - record.position)[STARTING:])
         late += _late(record, made, machine)
     return Gap(_size(d), _size(apart), float(np.mean(late)) if late else None)
 

@@ -1,8 +1,8 @@
 """The friction's displacement at the start of a record, searched: whether an element ever slips is no smooth question.
 
 An element's force depends on its start only until it first slips; elements do not act on each other. So the response to
-every start on a grid is computed once, and the best combination found by exchanging the starts of two elements at a time,
-theta's other entries adapted each time.
+every start on a grid is computed once, and the best combination found by exchanging the starts of two elements at a
+time, theta's other entries adapted each time.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Forwards: of the effects that gain more on held-out motions than any did where nothing was wrong, the most promising are
 fitted with everything else and the best is kept; then all are looked at again, because one effect can hide another.
-Backwards: an effect that the others make useless is taken out. A class of effects may have two members (two time
-constants) before a second class is looked for.
+What the effects make of each other is looked at in the end (orders.py). A class of effects may have two members (two
+time constants) before a second class is looked for.
 """
 
 from __future__ import annotations
@@ -156,10 +156,3 @@ def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floor: float
 def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
     candidate = replace(fitted.candidate, effects=in_order((*fitted.candidate.effects, effect)))
     return fit(candidate, records, paths=fitted.paths, iterations=8, walk=fitted.walk)
-
-
-def without(fitted: Fit, index: int, records: Sequence[Record]) -> Fit:
-    """The fit with the effect of this index taken out, everything else fitted again."""
-    effects = fitted.candidate.effects
-    candidate = replace(fitted.candidate, effects=(*effects[:index], *effects[index + 1 :]))
-    return fit(candidate, records, paths=fitted.paths, iterations=4, walk=fitted.walk)

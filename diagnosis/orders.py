@@ -1,0 +1,116 @@
+"""Several effects together: which of them the others make useless, and what each one takes off over all orders.
+
+Effects can hide one another, so what one gains depends on which are in the model before it. Every subset of the names
+is fitted with everything else; an effect's share is the mean over the orders of addition (L. S. Shapley, A value for
+n-person games, 1953) of what it takes off.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from joblib import Parallel, delayed
+
+from diagnosis.fit import Fit, fit
+from diagnosis.null import LEAST
+from diagnosis.which import FORM, Step
+from models.record import Record
+
+Names = frozenset[str]
+SHAKEN = "floor_vibration"
+
+
+@dataclass(frozen=True)
+class Orders:
+    """The stages of the search without what proved useless, and each name's share of what all take off together [1]."""
+
+    steps: tuple[Step, ...]
+    shares: Mapping[str, float]
+
+
+def added(before: Step, after: Step) -> str:
+    """The name of the effect that is in a stage and was not in the one before."""
+    was, now = ([effect.name for effect in step.fitted.candidate.effects] for step in (before, after))
+    for name in was:
+        now.remove(name)
+    return now[0] if now else SHAKEN
+
+
+def in_all_orders(steps: Sequence[Step], records: Sequence[Record], thresholds: Mapping[str, float]) -> Orders:
+    """The search's stages, an effect that the others make useless taken out; thresholds in chi-square by name."""
+    names = list(dict.fromkeys(added(before, after) for before, after in pairwise(steps)))
+    if len(names) < 2:
+        return Orders(tuple(steps), dict.fromkeys(names, 1.0))
+    fits = _fits(steps, names, records)
+    kept = frozenset(names)
+    while len(kept) > 1:
+        worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
+        gained = fits[frozenset()].cost - fits[kept].cost
+        least = min(kept, key=lambda name: (worth[name] - thresholds.get(name, LEAST), name))
+        if worth[least] >= max(thresholds.get(least, LEAST), FORM * gained):
+            break
+        kept -= {least}
+    ordered = [name for name in names if name in kept]
+    shares = _shares({subset: fitted.cost for subset, fitted in fits.items()}, ordered)
+    if len(ordered) == len(names):
+        return Orders(tuple(steps), shares)
+    return Orders((steps[0], *_stages(fits, ordered, steps[-1])), shares)
+
+
+def _fits(steps: Sequence[Step], names: Sequence[str], records: Sequence[Record]) -> dict[Names, Fit]:
+    """The model with each subset of the names in it; those that the search came through are its own."""
+    known = {frozenset(): steps[0].fitted, frozenset(names): steps[-1].fitted}
+    own: set[str] = set()
+    for i in range(1, len(steps) - 1):
+        own.add(added(steps[i - 1], steps[i]))
+        if not any(added(*later) in own for later in pairwise(steps[i:])):  # no second member of a class comes later
+            known[frozenset(own)] = steps[i].fitted
+    left = [subset for subset in _subsets(names) if subset not in known]
+    found = Parallel(n_jobs=-1, require="sharedmem")(
+        delayed(_with_only)(steps[-1].fitted, set(names) - subset, records) for subset in left
+    )
+    return known | dict(zip(left, found, strict=True))
+
+
+def _subsets(names: Sequence[str]) -> Iterator[Names]:
+    for size in range(len(names) + 1):
+        yield from map(frozenset, itertools.combinations(names, size))
+
+
+def _with_only(final: Fit, out: Collection[str], records: Sequence[Record]) -> Fit:
+    """The final model fitted again without the effects of some names; those of the machine file stay."""
+    candidate, machine = final.candidate, final.candidate.layout.machine
+    stays = [effect.name for effect in machine.effects]
+    effects = []
+    for effect in candidate.effects:
+        if effect.name in stays:
+            stays.remove(effect.name)
+        elif effect.name in out:
+            continue
+        effects.append(effect)
+    shaken = () if SHAKEN in out else candidate.shaken
+    fewer = replace(candidate, effects=tuple(effects), shaken=shaken)
+    return fit(fewer, records, paths=final.paths, iterations=6, walk=final.walk)
+
+
+def _stages(fits: Mapping[Names, Fit], ordered: Sequence[str], last: Step) -> Iterator[Step]:
+    """The stages of an addition in this order; what the search would look at next is that of its end."""
+    for count in range(1, len(ordered) + 1):
+        yield replace(last, fitted=fits[frozenset(ordered[:count])], rivals=())
+
+
+def _shares(costs: Mapping[Names, float], names: Sequence[str]) -> dict[str, float]:
+    """Shapley's values of the gains, over their sum [1]."""
+    whole, count = costs[frozenset()] - costs[frozenset(names)], len(names)
+    found = {}
+    for name in names:
+        mean = 0.0
+        for before in _subsets([other for other in names if other != name]):
+            weight = math.factorial(len(before)) * math.factorial(count - len(before) - 1) / math.factorial(count)
+            mean += weight * (costs[before] - costs[before | {name}])
+        found[name] = mean / whole
+    return found
