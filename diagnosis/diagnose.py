@@ -201,7 +201,7 @@ def _bent(steps: Sequence[Step]) -> bool:
 
 
 def shifted(fitted: Fit) -> float:
-    """Chi-square of the nominal parameters' shifts together, the starts of the records left out."""
+    """Chi-square [1] of the nominal parameters' shifts together, the starts of the records left out."""
     where, inverse = _settled(fitted)
     moved = fitted.candidate.theta[where]
     return float(moved @ inverse @ moved)

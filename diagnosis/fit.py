@@ -108,7 +108,8 @@ def own_spread(effects: Sequence[Effect]) -> Array:
 def slopes_of(
     candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], seen: Sequence[Seen], walk: float = WALK
 ) -> Array:
-    """How the innovations (n,) change with the coordinates of the effects, in their order: (n, Q)."""
+    """How the innovations (n,) change with the coordinates of the effects, in their order: (n, Q)
+    [1/SI and 1 for logarithms]."""
     trials, steps = [], []
     for i, effect in enumerate(candidate.effects):
         here, small = coordinates(effect), difference_steps(effect)
@@ -150,7 +151,7 @@ def fit(
     iterations: int = 8,
     walk: float = WALK,
 ) -> Fit:
-    """The candidate fitted, from where it stands."""
+    """The candidate fitted, from where it stands; walk: of the unknown force [N a sample]."""
     weight = weights(records)
     known = tuple(paths) if paths else smooth(candidate, records)
     seen = look(candidate, records, known, walk)

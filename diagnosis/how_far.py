@@ -102,7 +102,7 @@ def squares(seen: Sequence[Any], machine: Machine) -> Array:
 
 
 def held_out(fitted: Fit, own: Freed) -> Array:
-    """Innovations (n,), whitened, each with the effects' coordinates fitted without the motions of its own fold."""
+    """Innovations (n,), whitened [1], each with the effects' coordinates fitted without the motions of its own fold."""
     if fitted.own.shape[1] == 0:
         return fitted.innovations
     layout = fitted.candidate.layout

@@ -59,7 +59,7 @@ class Predictor:
 
 
 def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
-    """(A (S, S), B (S, M), C (S,)) of the module's head; the plant's dead time is left to the force."""
+    """(A (S, S), B (S, M), C (S,)) of the module's head; the plant's dead time is left to the force; SI."""
     system = state_space(plant)
     n = system.nstates
     phi, gamma = transition(system, sample_time / SUBSTEPS)
@@ -171,14 +171,16 @@ def _blocked(signals: Array, blocks: int, length: int) -> Array:
 
 def adjoint(model: Predictor, e: Array) -> tuple[Array, Array]:
     """(g (n, M), g_y (n,)): the inner product of e (n,) with the response to any force f is sum g f, to any reading
-    r it is sum g_y r. So a thousand candidates are compared with e without filtering any of them."""
+    r it is sum g_y r. So a thousand candidates are compared with e without filtering any of them.
+    g [1/N] and g_y [1/m], both times e's unit."""
     mu = np.empty((e.size, model.C.size))
     _adjoint(np.ascontiguousarray(model.closed.T), model.C, e, mu)
     return mu @ model.B, e + mu @ (model.A @ model.gain)
 
 
 def smoothed(model: Predictor, force: Array, reading: Array, start: Array) -> Array:
-    """States (n, S) from all of the record: past and future (Rauch, Tung and Striebel 1965)."""
+    """States (n, S) from all of the record: past and future (Rauch, Tung and Striebel 1965); force (n, M)
+    [N], reading (n,) [m], start (S,)."""
     states = np.empty((reading.size, model.C.size))
     _smooth(model.A, model.gain, model.C, model.back, force @ model.B.T, reading, start, states)
     return states

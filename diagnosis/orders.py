@@ -41,7 +41,7 @@ def added(before: Step, after: Step) -> str:
 
 
 def in_all_orders(steps: Sequence[Step], records: Sequence[Record], thresholds: Mapping[str, float]) -> Orders:
-    """The search's stages, an effect that the others make useless taken out; thresholds in chi-square by name."""
+    """The search's stages, an effect that the others make useless taken out; thresholds of chi-square by name [1]."""
     names = list(dict.fromkeys(added(before, after) for before, after in pairwise(steps)))
     if len(names) < 2:
         return Orders(tuple(steps), dict.fromkeys(names, 1.0))
@@ -55,10 +55,10 @@ def in_all_orders(steps: Sequence[Step], records: Sequence[Record], thresholds: 
             break
         kept -= {least}
     ordered = [name for name in names if name in kept]
-    shares = _shares({subset: fitted.cost for subset, fitted in fits.items()}, ordered)
+    shared = shares({subset: fitted.cost for subset, fitted in fits.items()}, ordered)
     if len(ordered) == len(names):
-        return Orders(tuple(steps), shares)
-    return Orders((steps[0], *_stages(fits, ordered, steps[-1])), shares)
+        return Orders(tuple(steps), shared)
+    return Orders((steps[0], *_stages(fits, ordered, steps[-1])), shared)
 
 
 def _fits(steps: Sequence[Step], names: Sequence[str], records: Sequence[Record]) -> dict[Names, Fit]:
@@ -103,8 +103,8 @@ def _stages(fits: Mapping[Names, Fit], ordered: Sequence[str], last: Step) -> It
         yield replace(last, fitted=fits[frozenset(ordered[:count])], rivals=())
 
 
-def _shares(costs: Mapping[Names, float], names: Sequence[str]) -> dict[str, float]:
-    """Shapley's values of the gains, over their sum [1]."""
+def shares(costs: Mapping[Names, float], names: Sequence[str]) -> dict[str, float]:
+    """Shapley's values of what each name takes off the cost, over their sum [1]; costs of every subset of the names."""
     whole, count = costs[frozenset()] - costs[frozenset(names)], len(names)
     found = {}
     for name in names:

@@ -149,7 +149,8 @@ def _path(states: Array, count: int, record: Record, vibration: Array) -> Path:
 def look(
     candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], walk: float = WALK
 ) -> tuple[Seen, ...]:
-    """What the candidate leaves of every record, its friction and effects evaluated along `paths`."""
+    """What the candidate leaves of every record, its friction and effects evaluated along `paths`;
+    walk: of the unknown force [N a sample]."""
     machine = candidate.machine
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
     return tuple(
@@ -166,9 +167,9 @@ def look_at(
     acts = _acts(candidate, machine, record, index, path)
     differs = acts.reading - smooth_path.added
     if np.any(differs != 0):  # the path was smoothed from a reading that had other errors
-        acts = _acts(candidate, machine, record, index, shifted(smooth_path, differs))
+        path = shifted(smooth_path, differs)
+        acts = _acts(candidate, machine, record, index, path)
     force = _net(machine, acts)
-from models.compiled import compiled
     reading = record.position - acts.reading - _vibration(candidate, force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0] = reading[0]
@@ -231,7 +232,7 @@ def modal(mode: Mode, force: Array, sample_time: float) -> Array:
 
 
 def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequence[Seen], walk: float = WALK) -> Array:
-    """How the whitened innovations of all records, one after another (n,), change with theta: (n, P)."""
+    """How the whitened innovations of all records, one after another (n,), change with theta: (n, P) [1]."""
     machine, layout = candidate.machine, candidate.layout
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
     parts = []
@@ -317,7 +318,7 @@ def columns(
     walk: float = WALK,
 ) -> Array:
     """By how much the whitened innovations of all records, one after another, differ with each of the `trials` in place
-    of the candidate's effects, to first order: (n, trials)."""
+    of the candidate's effects, to first order: (n, trials) [1]."""
     machine = candidate.machine
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
     parts = []

@@ -59,7 +59,7 @@ class Freed:
 
 
 def freed(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> Freed:
-    """The innovations of a fit, freed; segment (n,): the number of the motion that each sample belongs to."""
+    """The innovations of a fit, freed [1]; segment (n,): the number of the motion that each sample belongs to."""
     candidate = fitted.candidate
     layout, theta = candidate.layout, candidate.theta
     free = np.where(np.abs(theta) < 0.98 * layout.bound, layout.deviation, 0.0)  # what stands at its bound stays there
@@ -114,7 +114,7 @@ def _findings(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], o
 
 
 def judged(effect: Effect, given: Array, own: Freed) -> Finding:
-    """The effect's amplitude by least squares, and its gains; given (n, k): its freed columns."""
+    """The effect's amplitude by least squares, and its gains [1]; given (n, k): its freed columns."""
     grams, slopes = by_segment(given, own)
     ridge = 1e-9 * np.trace(grams.sum(axis=0)) * np.eye(given.shape[1]) + np.eye(given.shape[1]) * 1e-12
     total, slope = grams.sum(axis=0) + ridge, slopes.sum(axis=0)
@@ -140,7 +140,8 @@ def _possible(effect: Effect, factor: Array) -> bool:
 
 
 def by_segment(given: Array, own: Freed) -> tuple[Array, Array]:
-    """Gram matrices (segments, k, k) of columns (n, k) and their products (segments, k) with the innovations."""
+    """Gram matrices (segments, k, k) of columns (n, k) and their products (segments, k) with the
+    innovations; all [1]."""
     count, k = own.fold.size, given.shape[1]
     begin = np.concatenate([[0], np.flatnonzero(np.diff(own.segment)) + 1])
     number = own.segment[begin]
@@ -207,7 +208,8 @@ def _points(name: str, low: float, high: float) -> Array:
 
 
 def adjoints(fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[tuple[Record, Array, Array]]:
-    """For each record what any force (n,) and any reading (n,) would have in common with the innovations."""
+    """For each record what any force (n,) and any reading (n,) would have in common with the innovations
+    [1/N], [1/m]."""
     machine = fitted.candidate.machine
     model = predictor(
         machine.plant, records[0].sample_time, walk=fitted.walk, noise=noise(machine), shaken=fitted.candidate.shaken

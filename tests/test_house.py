@@ -23,10 +23,8 @@ MAY_IMPORT = {
 # What carries a physical quantity in or out of a function; with one of these, a docstring gives units in brackets.
 QUANTITIES = re.compile(r"\b(float|Array|ArrayLike|NDArray)\b")
 
+
 # Modules whose docstrings do not all give units yet.
-UNITS_TO_COME = {f"diagnosis.{name}" for name in ("diagnose", "fit", "how_far", "kalman", "residual", "scan", "which")}
-
-
 def modules(package: str) -> Iterator[Path]:
     yield from sorted((ROOT / package).rglob("*.py"))
 
@@ -74,7 +72,6 @@ def test_docstrings_of_functions_with_quantities_give_units(package: str) -> Non
         name
         for name, item in public(package)
         if inspect.isfunction(item)
-        and item.__module__ not in UNITS_TO_COME
         and QUANTITIES.search(str(inspect.signature(item)))
         and not re.search(r"\[[^\]]+\]|SI\b|coefficients", f"{inspect.getdoc(item)}")
     ]
