@@ -132,6 +132,7 @@ def test_the_report_is_there_with_its_figures(quick: Path) -> None:
 
 def test_the_improved_machine_can_be_loaded_and_has_the_named_effects(quick: Path, results: dict[str, Any]) -> None:
     machine = load(quick / "improved.toml")
+    assert machine.sources["drive.offset"].kind == "identified"
     if results["verdict"]["outcome"] in {"attributed", "ambiguous"}:
         assert {effect.name for effect in machine.effects} == set(results["verdict"]["effects"])
     for name, effect in ((effect.name, effect) for effect in machine.effects):
