@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from design.deadbeat import synthesise
+from design.history import compensate, shape
 from design.trajectory import Limits
 from models.controller import Controller, load
 from models.machine import load as load_machine
@@ -20,7 +21,15 @@ from models.settling import dispersion, settling_time
 from models.simulator import simulate
 from studies.command import CHECK_MISSED, DONE, main
 from studies.trajectory_optimisation.__main__ import STUDY
-from studies.trajectory_optimisation.designs import Wanted, history_aware, motion_of, quickest, rest_time
+from studies.trajectory_optimisation.designs import (
+    Wanted,
+    bare,
+    histories,
+    history_aware,
+    motion_of,
+    quickest,
+    rest_time,
+)
 from studies.trajectory_optimisation.judge import RANGE, Aim, judge, perturbed, sequence
 
 
@@ -111,6 +120,19 @@ def test_tables_are_seeded_within_their_ranges_and_side_by_side_equal_alone() ->
     aim = Aim(1e-6, 0.5e-6, 20e-3)
     few = [replace(table, specification=replace(table.specification, interval=0.1)) for table in some[:3]]
     assert judge(few, law, aim)[1].settling == judge(few[1:2], law, aim)[0].settling
+
+
+def test_histories_change_with_a_rounding_as_little_as_it_is() -> None:
+    """What another processor rounds otherwise must not make another design: no step of the scale, 1e-7 m, in it."""
+    machine = load_machine()
+    thrust = synthesise(machine.plant, machine.sample_time, 20e-3, 20e-6).thrust
+    target = sequence(machine, 20e-6)
+    states = []
+    for change in (0.0, 1e-7, -1e-7):
+        motion = shape(machine.plant, machine.sample_time, thrust * (1 + change), 20e-6)
+        states.append(histories(machine, bare(machine), 20e-6, compensate(motion, machine.friction, target)))
+    assert np.max(np.abs(states[1] - states[0])) < 1e-10
+    assert np.max(np.abs(states[2] - states[0])) < 1e-10
 
 
 @pytest.mark.parametrize("dead_time", [0.52e-3, 0.95e-3, 1.0e-3, 1.3e-3])
