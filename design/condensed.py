@@ -9,7 +9,7 @@ so that first and second derivatives of y, which is u_h over its unit and e_h ov
 samples. A warm solve begins from the conditions that hold with equality at a solution nearby: Newton's method on them,
 each step without the one whose multiplier has the wrong sign and with those that are missed. Where the curvature along
 the conditions is negative its sign is turned, so that a step goes down. What it returns is a minimum for certain: all
-conditions hold, every multiplier has its sign, the curvature is positive.
+conditions hold within HOLDS, every multiplier has its sign, the curvature is positive.
 """
 
 from __future__ import annotations
