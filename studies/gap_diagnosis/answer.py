@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from models.quantity import show
 from studies.wording import effect
 
 Results = Mapping[str, Any]
+
+UNNAMED: Final = 2  # stages without an effect: as delivered, and re-fitted
 
 
 def sentences(results: Results) -> dict[str, str]:
@@ -101,6 +103,11 @@ def _how_far(verdict: Results, far: Results) -> str:
         moved = _from_to(far["gap_as_delivered"], far["gap_refitted"])
         return f"The re-fit takes it {moved}; the floor is {_gap(floor)}."
     low, high = far["closure_interval"]
+    if verdict["outcome"] == "none_of_these" and len(far["stages"]) <= UNNAMED:
+        return (
+            f"No effect gains enough to be tried; the re-fitted model leaves {_gap(far['gap_refitted'])} of position, "
+            f"its floor is {_gap(floor)}."
+        )
     if verdict["outcome"] == "none_of_these":
         return (
             f"The best that the catalogue can do closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "

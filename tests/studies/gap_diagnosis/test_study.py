@@ -151,7 +151,9 @@ def test_the_improved_machine_goes_into_a_design(quick: Path, tmp_path: Path) ->
     assert set(machine.get("effects", {})) == named
 
 
-@pytest.mark.xfail(strict=True, reason="the diagnosis leaves out the effects of the machine file")
+@pytest.mark.xfail(
+    strict=True, reason="of so short a record the floor scatters by more than the excess that is allowed"
+)
 def test_the_improved_machine_leaves_nothing_to_name(own: Made, quick: Path, tmp_path: Path) -> None:
     assert run(tmp_path, own.records, load(quick / "improved.toml")) == DONE
     found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]
@@ -208,6 +210,14 @@ def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, 
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
     told = sentences({**results, "verdict": verdict, "where": {**results["where"], "details": details}})
     assert "put the log or the controller right first" in told["which"]
+
+
+def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]) -> None:
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
+    far = {**results["how_far"], "stages": results["how_far"]["stages"][:2]}
+    told = sentences({**results, "verdict": verdict, "how_far": far})
+    assert told["how_far"].startswith("No effect gains enough to be tried")
+    assert "%" not in told["how_far"]
 
 
 def test_what_stands_in_for_a_floor_is_said_where_nothing_repeats(results: dict[str, Any]) -> None:
