@@ -84,8 +84,8 @@ def search_effects(
 ) -> tuple[Step, ...]:
     """The stages of the search: the nominal re-fit first, then with one effect more each time.
 
-    floor: chi-square [1] that a complete model leaves. An effect that takes off a few per cent of what is above it names
-    nothing.
+    floor: chi-square [1] that a complete model leaves. An effect that takes off a few per cent of what is above it
+    names nothing.
     """
     steps = [_step(nominal, records, segment, left_out)]
     while True:
