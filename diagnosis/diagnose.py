@@ -2,7 +2,7 @@
 
 attributed            effects explain what is left, and nothing like them does it as well
 ambiguous             several do it as well: a set of names
-none_of_these         something is left that no effect of the catalogue explains
+none_of_these         something is left that no effect of the catalogue explains; in part, some may
 parameters            a re-fit of what is nominal explains it
 nothing_to_explain    the machine as delivered explains it
 """
@@ -19,20 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.fit import Fit, at, at_bounds, coordinates, own_spread, weights
-from diagnosis.how_far import Gap, HowFar, closure, energy, gap, held_out, mirrored, squares
+from diagnosis.how_far import Gap, HowFar, closure, gap, held_out, left_of, mirrored, signal
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import Null, null
 from diagnosis.orders import Orders, added, in_all_orders
 from diagnosis.residual import noise, smooth
 from diagnosis.scan import Finding, freed
+from diagnosis.where_controller import replayed
 from diagnosis.which import MOST, Step, refit, search_effects
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
 from models.machine import Machine
 from models.record import Record
-from models.record_check import replay
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -41,14 +41,14 @@ ATTRIBUTED, AMBIGUOUS, NONE, NOTHING, PARAMETERS = (
     *("attributed", "ambiguous", "none_of_these", "nothing_to_explain", "parameters"),
 )
 HALF: Final = 0.5  # of the gap that effects must close to be named: a wrong name closes less
-LATE: Final = 60.0  # chi-square from which on commands are late now and then
-EXCESS: Final = 0.013  # of the floor's energy by which what is left may exceed it before something is missing
+LATE: Final = 120.0  # chi-square from which on commands are late now and then
+EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the floor before something is missing
 ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
 SHIFTED: Final = 60.0  # chi-square of the nominal parameters' shifts from which on they are wrong
 SURE: Final = 0.97  # probability of a name far above its threshold
 DOUBT: Final = 0.3  # by which it is less just above it
 MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
-DEPARTS: Final = 1e-3  # of the feedback's size by which the logged command may depart from the law
+SHRINKS: Final = 0.9  # of the unknown force before it that a part of an explanation may leave
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,12 @@ class Named:
 @dataclass(frozen=True)
 class Diagnosis:
     """All that was found: the outcome, the names, the stages of the search, what is left, how far the gap shrinks, the
-    effects' shares of it over all orders of addition [1]."""
+    effects' shares of it over all orders of addition [1]. partly: effects that take off a part of what is left, where
+    none explains it."""
 
     outcome: str
     effects: tuple[str, ...]
+    partly: tuple[str, ...]
     equivalent: tuple[tuple[str, ...], ...]
     unexplained: float
     which: tuple[Named, ...]
@@ -141,12 +143,16 @@ def _concluded(
     far, excess = _how_far(steps, records, segment, seed)
     names = _names(steps)
     jittered = steps[-1].lateness.gain > LATE and "timing_jitter" not in disabled
-    departs = departure(records, layout.machine) > DEPARTS and "controller_mismatch" not in disabled
+    departs = any(not replayed(layout.machine, record).replays for record in records)
     if jittered:
         names = (*names, "timing_jitter")
-    if departs:
-        names = ("controller_mismatch", *names)
     outcome = _outcome(steps, names, far, excess)
+    if departs and "controller_mismatch" not in disabled:  # seen in the log itself, whatever else is left
+        names, outcome = ("controller_mismatch", *(names if outcome == ATTRIBUTED else ())), ATTRIBUTED
+    if outcome == NONE and len(steps) > 1:
+        steps = steps[: 1 + _shrinking(far)]
+        far, _ = _how_far(steps, records, segment, seed)
+    partly = _names(steps) if outcome == NONE else ()
     rivals = _rivals(steps) if outcome == ATTRIBUTED else ()
     if rivals:
         outcome = AMBIGUOUS
@@ -155,10 +161,18 @@ def _concluded(
         names = ()
     if outcome == PARAMETERS:
         names = _wrong(steps[0].fitted)
+    shares = {name: share for name, share in orders.shares.items() if name in (*names, *partly)}
     unexplained = 0.0 if outcome in {PARAMETERS, NOTHING} else float(np.clip(1 - far.closure, 0.0, 1.0))
     return Diagnosis(
-        outcome, names, rivals, unexplained, which, far, orders.shares, steps, found, tuple(records), thresholds
+        outcome, names, partly, rivals, unexplained, which, far, shares, steps, found, tuple(records), thresholds
     )
+
+
+def _shrinking(far: HowFar) -> int:
+    """How many of the effects, in their order, shrink the unknown force one after another."""
+    forces = [stage.force for _, stage in far.stages[1:]]
+    shrinks = [after < SHRINKS * before for before, after in pairwise(forces)]
+    return shrinks.index(False) if False in shrinks else len(shrinks)
 
 
 def _rivals(steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
@@ -240,25 +254,11 @@ def _wrong(fitted: Fit) -> tuple[str, ...]:
     )
 
 
-def departure(records: Sequence[Record], machine: Machine) -> float:
-    """How far the logged commands are from the law of the logged error, of the feedback's size [1].
-
-    A constant (the integral's start) and the first samples (the derivative filter's) are not in a record.
-    """
-    most = 0.0
-    for record in records:
-        law = replay(record, machine.control.pid, machine.control.reference_delay)
-        apart = (record.command - law)[60:]
-        feedback = (record.command - record.feedforward)[60:]
-        size = float(np.std(np.diff(feedback)))
-        most = max(most, float(np.std(apart - np.median(apart))) / max(size, 1e-12))
-    return most
-
-
 def _how_far(
     steps: Sequence[Step], records: Sequence[Record], segment: NDArray[np.int64], seed: int
 ) -> tuple[HowFar, float]:
-    """The gaps of all stages and the closure; and by how much what is left exceeds the floor, of its energy [1]."""
+    """The gaps of all stages and the closure; and by how much what is left exceeds the floor, in deviations of
+    their noise [1]."""
     first, final = steps[0].fitted, steps[-1].fitted
     delivered = _as_delivered(first)
     made = [mirrored(final.candidate, records, seed + 500 + 10 * i) for i in range(MIRRORS)]
@@ -269,12 +269,13 @@ def _how_far(
     floor = gap(final.candidate, made[0], smooth(final.candidate, made[0]))
     own = freed(final, segment)
     weight = weights(records)
-    left = (held_out(final, own) * _deviations(final) * noise(final.candidate.machine)) ** 2 * weight
-    before_all = squares(first.seen, first.candidate.machine) * weight
-    least = np.mean([energy(final.candidate, one, final.walk) for one in made], axis=0)
-    closed, interval = closure(before_all, left, least, segment)
-    fitted = squares(final.seen, final.candidate.machine) * weight
-    return HowFar(tuple(stages), floor, closed, interval), float(fitted.sum() / least.sum() - 1)
+    left = held_out(final, own) * _deviations(final) * noise(final.candidate.machine) * weight
+    least = [left_of(final.candidate, one, final.walk) for one in made]
+    closed, interval = closure(signal(first.seen, first.candidate.machine) * weight, left, least, segment)
+    fitted = signal(final.seen, final.candidate.machine) * weight
+    excess = float(fitted @ fitted / np.mean([one @ one for one in least]) - 1)
+    spread = np.sqrt(2 / np.count_nonzero(weight) * (1 + 1 / MIRRORS))  # of a ratio of white noises
+    return HowFar(tuple(stages), floor, closed, interval), excess / float(spread)
 
 
 def _deviations(fitted: Fit) -> Array:
@@ -371,6 +372,7 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
         "verdict": {
             "outcome": found.outcome,
             "effects": list(found.effects),
+            "partly": list(found.partly),
             "equivalent": [list(group) for group in found.equivalent],
             "unexplained_fraction": found.unexplained,
         },

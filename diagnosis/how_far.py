@@ -3,7 +3,8 @@
 The closure C = (G_refit^2 - G_effect^2) / (G_refit^2 - G_floor^2) compares the innovations of the re-fitted nominal
 machine with those of the model with the effects, on motions on which the effects' parameters were not fitted. The floor
 is what the same method leaves of a record that this very model made, simulated: quantisation, noise and what the method
-itself neglects are in it.
+itself neglects are in it. All three are weighted over frequency by the share of the gap in what the re-fit leaves
+(N. Wiener's filter): the floor's noise is another in the simulation, and elsewhere would only blur the difference.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 from diagnosis.fit import Fit, own_spread, weights
 from diagnosis.kalman import predictor, smoothed
 from diagnosis.null import simulated
-from diagnosis.residual import STARTING, Candidate, Smoothed, look, noise, smooth
+from diagnosis.residual import STARTING, Candidate, Seen, Smoothed, look, noise, smooth
 from diagnosis.scan import FOLDS, Freed
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 
 SEEN_BY: Final = 0.05  # [N a sample] of the walk with which the unknown force is told in newtons
 BOOTSTRAP: Final = 1000
+BANDS: Final = 40  # of frequency, equally wide on a logarithmic scale
+LEAST_SHARE: Final = 1e-3  # that a band counts at least
 
 
 @dataclass(frozen=True)
@@ -87,18 +90,18 @@ def mirrored(
     return tuple(simulated(whole, record, i, seed + i) for i, record in enumerate(records))
 
 
-def energy(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
-    """Squared innovations (n,) [m^2] of all records, one after another, seen through the candidate itself."""
+def left_of(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
+    """Innovations (n,) [m] of all records, one after another, seen through the candidate itself."""
     paths: tuple[Smoothed, ...] | None = None
     for _ in range(passes):
         paths = smooth(candidate, records, paths)
     assert paths is not None
-    return squares(look(candidate, records, paths, walk), candidate.machine) * weights(records)
+    return signal(look(candidate, records, paths, walk), candidate.machine) * weights(records)
 
 
-def squares(seen: Sequence[Any], machine: Machine) -> Array:
-    """Squared innovations (n,) [m^2] of all records."""
-    return np.concatenate([(one.innovations * one.deviation * noise(machine)) ** 2 for one in seen])
+def signal(seen: Sequence[Seen], machine: Machine) -> Array:
+    """Innovations (n,) [m] of all records."""
+    return np.concatenate([one.innovations * one.deviation * noise(machine) for one in seen])
 
 
 def held_out(fitted: Fit, own: Freed) -> Array:
@@ -120,14 +123,33 @@ def held_out(fitted: Fit, own: Freed) -> Array:
     return e
 
 
-def closure(before: Array, after: Array, floor: Array, segment: NDArray[np.int64]) -> tuple[float, tuple[float, float]]:
-    """The closure and its 95 % interval by a bootstrap over motions; energies (n,) [m^2], the motion of each sample."""
-    count = int(segment.max()) + 1
-    sums = np.stack([np.bincount(segment, signal, count) for signal in (before, after, floor)])
+def closure(
+    before: Array, after: Array, floors: Sequence[Array], segment: NDArray[np.int64]
+) -> tuple[float, tuple[float, float]]:
+    """The closure and its 95 % interval by a bootstrap over motions; innovations (n,) [m], each sample's motion."""
+    count, share = int(segment.max()) + 1, gap_share(before, floors)
+    energies = [weighted(one, share) ** 2 for one in (before, after)]
+    energies.append(np.mean([weighted(floor, share) ** 2 for floor in floors], axis=0))
+    sums = np.stack([np.bincount(segment, energy, count) for energy in energies])
     draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAP, count))
     drawn = sums[:, draws].sum(axis=2)
     low, high = np.quantile(_closed(drawn), [0.025, 0.975])
     return float(_closed(sums.sum(axis=1))), (float(low), float(high))
+
+
+def gap_share(before: Array, floors: Sequence[Array]) -> Array:
+    """The share (n // 2 + 1,) [1] of what the re-fit leaves (n,) [m] that the floors have not, by frequency."""
+    power = np.abs(np.fft.rfft(before)) ** 2
+    least = np.mean([np.abs(np.fft.rfft(floor)) ** 2 for floor in floors], axis=0)
+    edges = np.unique(np.geomspace(1, power.size, BANDS + 1).astype(int))
+    band = np.clip(np.searchsorted(edges, np.arange(power.size), side="right") - 1, 0, None)
+    gap, all_of_it = (np.bincount(band, one) for one in (power - least, power))
+    return np.clip(gap / np.maximum(all_of_it, 1e-300), LEAST_SHARE, 1.0)[band]
+
+
+def weighted(innovations: Array, share: Array) -> Array:
+    """Innovations (n,) [m] with each frequency's energy times its share (n // 2 + 1,) [1]."""
+    return np.asarray(np.fft.irfft(np.fft.rfft(innovations) * np.sqrt(share), innovations.size))
 
 
 def _closed(sums: Array) -> Array:

@@ -64,6 +64,14 @@ def _which(results: Results) -> str:
             "No effect of the catalogue, alone or with others, explains it within its prior range: something else is "
             "at work"
         )
+        if verdict["partly"]:
+            before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
+            rows = {row["effect"]: row for row in results["which"]}
+            shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
+            told += (
+                f". In part it is {' and '.join(shown)}: with it, {show(after, 'N', 3)} (rms) of unknown force are "
+                f"left of {show(before, 'N', 3)}"
+            )
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return f"{told}."
         return f"{told}; put the log or the controller right first, because what is left may be theirs."
