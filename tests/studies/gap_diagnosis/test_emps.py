@@ -36,13 +36,11 @@ def test_its_controller_replays_but_for_the_noise_of_the_log(results: dict[str, 
     assert 0.1 < one["rms_N"] < 0.2
 
 
-@pytest.mark.xfail(
-    strict=True, reason="it goes into the model first, but closes a fifth of the gap, and a name takes a half"
-)
-def test_friction_that_differs_by_direction_is_named(results: dict[str, Any]) -> None:
-    assert DIRECTIONAL in results["verdict"]["effects"]
-    assert "controller_mismatch" not in results["verdict"]["effects"]
-    assert "viscous_friction" not in results["verdict"]["effects"], "the machine file has it"
+def test_friction_that_differs_by_direction_is_named_as_what_it_is_in_part(results: dict[str, Any]) -> None:
+    """The published gain, of 4.08 to 3.11 % of the force, itself leaves more than half of the gap open."""
+    verdict = results["verdict"]
+    assert (verdict["outcome"], verdict["effects"], verdict["partly"]) == ("none_of_these", [], [DIRECTIONAL])
+    assert "In part it is directional friction" in results["answer"]["which"]
 
 
 def test_friction_that_differs_by_direction_is_the_first_effect_to_go_into_the_model(results: dict[str, Any]) -> None:

@@ -151,9 +151,6 @@ def test_the_improved_machine_goes_into_a_design(quick: Path, tmp_path: Path) ->
     assert set(machine.get("effects", {})) == named
 
 
-@pytest.mark.xfail(
-    strict=True, reason="of so short a record the floor scatters by more than the excess that is allowed"
-)
 def test_the_improved_machine_leaves_nothing_to_name(own: Made, quick: Path, tmp_path: Path) -> None:
     assert run(tmp_path, own.records, load(quick / "improved.toml")) == DONE
     found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]
