@@ -23,11 +23,11 @@ from diagnosis.how_far import Gap, HowFar, closure, gap, held_out, left_of, mirr
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import Null, null
-from diagnosis.orders import Orders, added, in_all_orders
+from diagnosis.orders import SHAKEN, Orders, added, in_all_orders
 from diagnosis.residual import noise, smooth
 from diagnosis.scan import Finding, freed
 from diagnosis.where_controller import replayed
-from diagnosis.which import MOST, Step, refit, search_effects
+from diagnosis.which import LINE, MOST, Step, refit, search_effects
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
@@ -40,13 +40,16 @@ Progress = Callable[[float, str], None]
 ATTRIBUTED, AMBIGUOUS, NONE, NOTHING, PARAMETERS = (
     *("attributed", "ambiguous", "none_of_these", "nothing_to_explain", "parameters"),
 )
-HALF: Final = 0.5  # of the gap that effects must close to be named: a wrong name closes less
+HALF: Final = 0.5  # of the gap that one effect must close to be named: a wrong name closes less
+SEVERAL: Final = 0.75  # of the gap that more than one must close: two wrong names close more than one
 LATE: Final = 120.0  # chi-square from which on commands are late now and then
 EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the floor before something is missing
 ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
 SHIFTED: Final = 60.0  # chi-square of the nominal parameters' shifts from which on they are wrong
 SURE: Final = 0.97  # probability of a name far above its threshold
-DOUBT: Final = 0.3  # by which it is less just above it
+DOUBT: Final = 0.15  # by which it is less just above it
+NEAR: Final = 0.6  # probability of what just stays below its threshold
+PARTLY: Final = 0.08  # probability of what passes it and yet leaves too much unexplained for a name
 MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
 SHRINKS: Final = 0.9  # of the unknown force before it that a part of an explanation may leave
 
@@ -200,7 +203,8 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
 
 def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float) -> str:
     """Named where the effects close the gap or nothing significant is left; else something that has no name here."""
-    if names and (len(steps) == 1 or far.closure >= HALF or excess < EXCESS) and not _bent(steps):
+    enough = HALF if len(names) < 2 else SEVERAL
+    if names and (len(steps) == 1 or far.closure >= enough or excess < EXCESS) and not _bent(steps):
         return ATTRIBUTED
     if names or excess > EXCESS:
         return NONE
@@ -307,31 +311,34 @@ def _which(
     inside = {effect.name: (effect, std) for effect, std in zip(final.candidate.effects, stds, strict=True)}
     for name, finding in best.items():
         effect, std = inside.get(name, (finding.effect, {}))
-        gain = max(first[name].held_out if name in first else 0.0, finding.held_out)
-        limit = limits.get(name, 12.0)
-        named = name in names
-        odds = probability(name, gain / limit, names, rivals)
-        rows.append(Named(effect, name, std, gain, limit, odds, named and far.closure > HALF))
+        gain, limit = max(first[name].held_out if name in first else 0.0, finding.held_out), limits.get(name, 12.0)
+        if name == SHAKEN and name in names and not std:  # a random force: no law of time repeats it
+            gain, limit = max(step.shaking.gain for step in steps), max(limit, LINE)
+        rows.append(Named(effect, name, std, gain, limit, 0.0, name in names and far.closure > HALF))
     for name in names:
         if name not in best and name in {"timing_jitter", "controller_mismatch"}:
             late = steps[-1].lateness
             gain = late.gain if name == "timing_jitter" else float("inf")
-            odds = probability(name, gain / LATE, names, rivals)
-            rows.append(Named(None, name, {"lateness": late.size}, gain, LATE, odds, True))
-    return tuple(sorted(rows, key=lambda row: (row.name not in names, -row.gain)))
+            rows.append(Named(None, name, {"lateness": late.size}, gain, LATE, 0.0, True))
+    rows.sort(key=lambda row: (row.name not in names, -row.gain))
+    return tuple(replace(row, probability=probability(row, i, names, rivals)) for i, row in enumerate(rows))
 
 
-def probability(name: str, gain: float, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
-    """How likely it is that this effect is in the machine [1]; gain: of chi-square over its threshold [1].
+def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
+    """How likely it is that this effect is in the machine [1]; place: in the list, the best first.
 
-    SURE and DOUBT were read off development cases (another seed than any trial's): how often a name was right, of those
-    far above their threshold and of those just above it. Effects that explain alike share the probability.
+    SURE, DOUBT, NEAR and PARTLY were read off development cases (other seeds than any trial's): how often a name was
+    right far above its threshold and just above it, and how often the first on the list was in the machine where it
+    stayed below its threshold, or where nothing was named though it passed it. Effects that explain alike share the
+    probability.
     """
-    among = next((group for group in rivals if name in group), None)
-    if name not in names and among is None:
+    over = row.gain / row.threshold
+    among = next((group for group in rivals if row.name in group), None)
+    if row.name in names or among is not None:
+        return (SURE - DOUBT * float(np.exp(-over / 3))) / (len(among) if among else 1)
+    if names or place > 0:
         return (1 - SURE) / 20
-    clear = SURE - DOUBT * float(np.exp(-gain / 3))
-    return clear / (len(among) if among else 1)
+    return PARTLY if over > 1 else NEAR * max(over, 0.0) ** 3
 
 
 def deviations_of(fitted: Fit) -> list[dict[str, float]]:

@@ -17,7 +17,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from diagnosis.fit import Fit, own_spread, weights
+from diagnosis.fit import FINE, Fit, own_spread, weights
 from diagnosis.kalman import adjoint, predictor
 from diagnosis.residual import columns, noise
 from models.effects.base import Effect, parameters
@@ -177,7 +177,7 @@ def sized(effect: Effect, factor: Array) -> Effect:
     for item in items:
         if item.role == "amplitude":
             changed[item.name] = getattr(effect, item.name) * float(factor[0])
-        elif item.role == "width":
+        elif item.role == "width" and effect.name not in FINE:
             changed[item.name] = getattr(effect, item.name) * float(np.clip(factor[0], 0.3, 3.0))
     return replace(effect, **changed)
 
@@ -186,22 +186,20 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed)
     """The effect at the points of its grid: shapes and widths spaced by logarithm, periods from spectra."""
     typical = kind.typical()
     spectra = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
-    if kind.name in spectra:
-        item = next(item for item in parameters(kind) if item.role in {"shape", "width"})
-        return [
-            replace(typical, **{item.name: period})
-            for period in spectra[kind.name](item.low, item.high, fitted, records, own)
-        ]
-    axes = []
+    spectrum, axes = spectra.get(kind.name), []  # for the first of the shapes
     for item in parameters(kind):
         if item.role in {"shape", "width"}:
             points = _points(item.name, item.low, item.high)
+            if spectrum:
+                points, spectrum = np.array(spectrum(item.low, item.high, fitted, records, own)), None
             axes.append([(item.name, point) for point in points])
     return [replace(typical, **dict(point)) for point in itertools.product(*axes)]
 
 
 def _points(name: str, low: float, high: float) -> Array:
-    many = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2, "reload": 2}.get(name, POINTS)
+    many = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2, "reload": 2, "rise": 2}.get(
+        name, POINTS
+    )
     if name in {"length", "pitch"}:
         return np.asarray(1 / np.linspace(1 / high, 1 / low, many))
     return np.geomspace(low, high, many)

@@ -159,16 +159,24 @@ class AmplifierDeadband(Effect):
 
 @hook
 def _stepped(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value if p[0] == 0.0 else math.floor(value / p[0] + 0.5) * p[0]
+    if p[0] == 0.0:
+        return value
+    if p[1] > 0.5:
+        return (math.floor(value / p[0]) + 0.5) * p[0]
+    return math.floor(value / p[0] + 0.5) * p[0]
 
 
 @dataclass(frozen=True)
 class DacQuantisation(Effect):
-    """The command is put out in steps."""
+    """The command is put out in steps: one of them at zero, or a jump there."""
 
     name: ClassVar = "dac_quantisation"
     family: ClassVar = "motor"
-    equation: ClassVar = r"q\lfloor u/q+1/2\rfloor"
-    source: ClassVar = "Widrow and Kollár 2008, Quantization noise; sizes assumed"
+    equation: ClassVar = (
+        r"q\lfloor u/q+\tfrac12\rfloor\ (r\le\tfrac12)\ \text{or}\ "
+        r"q\left(\lfloor u/q\rfloor+\tfrac12\right)\ (r>\tfrac12)"
+    )
+    source: ClassVar = "Widrow and Kollár 2008, Quantization noise (mid-tread and mid-rise); sizes assumed"
     hooks: ClassVar = {"command": _stepped}
     step: float = parameter("N", "step q", 1e-2, 1e-1, "width", at_least=0)
+    rise: float = parameter("1", "r: whether it jumps at zero (above 1/2) or not", 0.25, 1.0, "shape", above=0)

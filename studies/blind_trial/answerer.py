@@ -1,7 +1,7 @@
 """The answerer's process: a case a line in, an answer a line out; it can't open the key nor the sealer's code.
 
 Reads lines of JSON on stdin: first {"forbidden"}, then for each case {"records", "nominal", "disabled", "seed",
-"diagnosis", "baselines", "cache"}; writes one line of JSON a case on stdout.
+"diagnosis", "baselines", "evidence", "cache"}; writes one line of JSON a case on stdout.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
     begin = time.perf_counter()
     found = diagnosis.diagnose(machine, records, **given)
     whole = diagnosis.to_json(found)
-    if task["diagnosis"] == "diagnosis.diagnose":
+    if task["diagnosis"] == "diagnosis.diagnose" and task.get("evidence", True):
         whole = _with_evidence(found, whole, task["disabled"])
     seconds = time.perf_counter() - begin
     answered = {part: whole.get(part) for part in ("verdict", "where", "which", "how_far")} | {"seconds": seconds}

@@ -28,7 +28,7 @@ class Conditions:
     """How cases are answered.
 
     forbidden: files that no answerer may open; diagnosis: the module that diagnoses; baselines: whether they answer
-    too; cache: a folder for what cases of one schedule share; program: what tells this program from another (empty:
+    too; evidence: whether the answer says where the gap lies and what to run next; cache: a folder for what cases of one schedule share; program: what tells this program from another (empty:
     the sources of models and diagnosis).
     """
 
@@ -36,6 +36,7 @@ class Conditions:
     forbidden: tuple[Path, ...] = ()
     diagnosis: str = DIAGNOSIS
     baselines: bool = False
+    evidence: bool = True
     cache: Path | None = None
     program: str = ""
 
@@ -52,6 +53,7 @@ def answer_case(case: Case, conditions: Conditions) -> dict[str, Any]:
         "seed": conditions.seed,
         "diagnosis": conditions.diagnosis,
         "baselines": conditions.baselines,
+        "evidence": conditions.evidence,
         "cache": None if conditions.cache is None else str(conditions.cache.resolve()),
     }
     return ask(task, tuple(str(file.resolve()) for file in (*conditions.forbidden, SEALER_FOLDER)))
@@ -59,7 +61,8 @@ def answer_case(case: Case, conditions: Conditions) -> dict[str, Any]:
 
 def fingerprint(case: Case, conditions: Conditions) -> str:
     """SHA-256 over what an answer follows from: the case, the seed, and the program that diagnoses."""
-    made = [case.fingerprint(), str(conditions.seed), conditions.diagnosis, str(conditions.baselines)]
+    made = [case.fingerprint(), str(conditions.seed), conditions.diagnosis]
+    made += [str(conditions.baselines), str(conditions.evidence)]
     made.append(conditions.program or program())
     return hashlib.sha256(" ".join(made).encode()).hexdigest()
 

@@ -137,7 +137,7 @@ def _again(
     """Closure found on a second measurement, with the interval stated from the first, where both name the effect."""
     if trial.again is None:
         return {"count": 0, "inside": merit.Rate(0, 0).plain(), "pairs": []}
-    once = replace(conditions, forbidden=trial.forbidden[:-1], baselines=False)
+    once = replace(conditions, forbidden=trial.forbidden[:-1], baselines=False, evidence=False)
     second = answer_all(trial.again, output / "sealed" / "answers_again.json", once, lambda *_: None, scheduler)
     pairs: list[dict[str, Any]] = []
     for case, one in second.items():
