@@ -203,8 +203,8 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
 
 def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float) -> str:
     """Named where the effects close the gap or nothing significant is left; else something that has no name here."""
-    enough = HALF if len(names) < 2 else SEVERAL
-    if names and (len(steps) == 1 or far.closure >= enough or excess < EXCESS) and not _bent(steps):
+    enough = far.closure >= HALF or excess < EXCESS if len(names) < 2 else far.closure >= SEVERAL
+    if names and (len(steps) == 1 or enough) and not _bent(steps):
         return ATTRIBUTED
     if names or excess > EXCESS:
         return NONE

@@ -28,7 +28,8 @@ class Conditions:
     """How cases are answered.
 
     forbidden: files that no answerer may open; diagnosis: the module that diagnoses; baselines: whether they answer
-    too; evidence: whether the answer says where the gap lies and what to run next; cache: a folder for what cases of one schedule share; program: what tells this program from another (empty:
+    too; evidence: whether the answer says where the gap lies and what to run next; cache: a folder for what cases of
+    one schedule share; program: what tells this program from another (empty:
     the sources of models and diagnosis).
     """
 
