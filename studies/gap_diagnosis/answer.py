@@ -118,7 +118,7 @@ def _how_far(verdict: Results, far: Results) -> str:
         )
     if verdict["outcome"] == "none_of_these":
         return (
-            f"The best that the catalogue can do closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "
+            f"What goes into the model closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "
             f"{100 * high:.0f} %) of what separates the re-fitted model from its floor on motions left out, too little "
             f"for a name; the re-fitted model leaves {_gap(far['gap_refitted'])} of position, its floor is "
             f"{_gap(floor)}."

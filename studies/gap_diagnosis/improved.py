@@ -27,13 +27,12 @@ def improved(found: Diagnosis, records: Sequence[str]) -> Machine:
     candidate = with_sines(taken.candidate)
     detail = ", ".join(records)
     sources = {**nominal.sources, **dict(_refitted(nominal, candidate.machine, detail))}
-    if found.outcome in ADOPTED:
+    if candidate.effects:
         sources |= dict(_effects(candidate.effects, taken.candidate.effects, deviations_of(taken), detail))
-    effects = candidate.effects if found.outcome in ADOPTED else nominal.effects
     for field in fields(Presliding):  # they follow from the elements, which have moved
         sources[f"presliding.{field.name}"] = Provenance("derived", "from the friction elements")
     return replace(
-        candidate.machine, name=f"{nominal.name}, improved", effects=effects, published=None, sources=sources
+        candidate.machine, name=f"{nominal.name}, improved", effects=candidate.effects, published=None, sources=sources
     )
 
 

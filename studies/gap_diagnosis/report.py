@@ -88,5 +88,5 @@ def _sized(item: Results) -> str:
 
 def _fitted(results: Results) -> list[Results]:
     """The rows of the effects in the answer that have fitted values."""
-    names = results["verdict"]["effects"]
+    names = results["verdict"]["effects"] + results["verdict"]["partly"]
     return [row for row in results["which"] if row["effect"] in names and row["parameters"]]
