@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 from pathlib import Path
 
@@ -29,6 +31,30 @@ def test_the_figures_of_the_table_are_computed_ones() -> None:
     )
     for (name, _, here, _), value in zip(rows, computed, strict=True):
         assert float(here) == pytest.approx(value, abs=0.006 if value < 10 else 0.01), name
+
+
+def test_the_trial_that_it_quotes_is_the_one_that_is_kept() -> None:
+    """Every figure with its target, those that miss it too; and the kept run is one of a clean source tree."""
+    folder = ROOT / "reports" / "trial"
+    kept = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["outputs"]["results.json"] == hashlib.sha256((folder / "results.json").read_bytes()).hexdigest()
+    assert kept["results"]["cases"] >= 300
+    assert f"{kept['results']['cases']} cases of seed {kept['results']['seed']}" in README
+    rows = re.findall(r"^\| ([^|`]+) \| ([^|]+) \| ([≤≥] [^|]+) \| (holds|MISSED) \|$", README, re.MULTILINE)
+    told = {name: (value, target, verdict) for name, value, target, verdict in rows}
+    guards = 4
+    assert all(check["holds"] for check in kept["checks"][:guards])
+    assert len(told) == len(kept["checks"]) - guards
+    for check in kept["checks"][guards:]:
+        unit = "" if check["unit"] == "1" else f" {check['unit']}"
+        sense = {"<=": "≤", ">=": "≥"}[check["sense"]]
+        verdict = "holds" if check["holds"] else "MISSED"
+        assert told[check["name"]] == (
+            f"{check['value']:.3g}{unit}",
+            f"{sense} {check['limit']:g}{unit}",
+            verdict,
+        )
 
 
 def test_the_error_that_it_shows_is_the_one_that_is_printed() -> None:
