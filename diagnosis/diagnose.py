@@ -150,10 +150,13 @@ def _concluded(
     if jittered:
         names = (*names, "timing_jitter")
     outcome = _outcome(steps, names, far, excess)
+    stays = len(steps) if outcome == ATTRIBUTED else 1 + _shrinking(far)
     if departs and "controller_mismatch" not in disabled:  # seen in the log itself, whatever else is left
-        names, outcome = ("controller_mismatch", *(names if outcome == ATTRIBUTED else ())), ATTRIBUTED
-    if outcome == NONE and len(steps) > 1:
-        steps = steps[: 1 + _shrinking(far)]
+        if outcome != ATTRIBUTED:
+            names, stays = (), 1
+        names, outcome = ("controller_mismatch", *names), ATTRIBUTED
+    if stays < len(steps):
+        steps = steps[:stays]
         far, _ = _how_far(steps, records, segment, seed)
     partly = _names(steps) if outcome == NONE else ()
     rivals = _rivals(steps) if outcome == ATTRIBUTED else ()
