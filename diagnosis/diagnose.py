@@ -142,14 +142,9 @@ def _concluded(
     seed: int,
     disabled: Collection[str],
 ) -> Diagnosis:
-    segment, steps = numbered(found, records), orders.steps
-    far, excess = _how_far(steps, records, segment, seed)
-    names = _names(steps)
-    jittered = steps[-1].lateness.gain > LATE and "timing_jitter" not in disabled
+    segment = numbered(found, records)
+    steps, names, far, outcome = _adequate(orders.steps, records, segment, seed, disabled)
     departs = any(not replayed(layout.machine, record).replays for record in records)
-    if jittered:
-        names = (*names, "timing_jitter")
-    outcome = _outcome(steps, names, far, excess)
     stays = len(steps) if outcome == ATTRIBUTED else 1 + _shrinking(far)
     if departs and "controller_mismatch" not in disabled:  # seen in the log itself, whatever else is left
         if outcome != ATTRIBUTED:
@@ -167,11 +162,29 @@ def _concluded(
         names = ()
     if outcome == PARAMETERS:
         names = _wrong(steps[0].fitted)
-    shares = {name: share for name, share in orders.shares.items() if name in (*names, *partly)}
+    kept = {name: share for name, share in orders.shares.items() if name in (*names, *partly)}
+    shares = {name: share / sum(kept.values()) for name, share in kept.items()}
     unexplained = 0.0 if outcome in {PARAMETERS, NOTHING} else float(np.clip(1 - far.closure, 0.0, 1.0))
     return Diagnosis(
         outcome, names, partly, rivals, unexplained, which, far, shares, steps, found, tuple(records), thresholds
     )
+
+
+def _adequate(
+    steps: tuple[Step, ...], records: Sequence[Record], segment: NDArray[np.int64], seed: int, disabled: Collection[str]
+) -> tuple[tuple[Step, ...], tuple[str, ...], HowFar, str]:
+    """As many stages of the search as explain enough together, their names, gaps and outcome; all if none do."""
+    looked = []
+    for count in range(len(steps), min(len(steps), 2) - 1, -1):
+        stages = steps[:count]
+        far, excess = _how_far(stages, records, segment, seed)
+        names = _names(stages)
+        if steps[-1].lateness.gain > LATE and "timing_jitter" not in disabled:
+            names = (*names, "timing_jitter")
+        looked.append((stages, names, far, _outcome(stages, names, far, excess)))
+        if looked[-1][-1] != NONE:
+            return looked[-1]
+    return looked[0]
 
 
 def _shrinking(far: HowFar) -> int:

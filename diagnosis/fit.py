@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from diagnosis.nominal import bounded
 from diagnosis.residual import STARTING, WALK, Candidate, Seen, Smoothed, columns, look, nominal_slopes, smooth
-from models.effects.base import Effect, parameters
+from models.effects.base import Effect, Parameter, parameters
 from models.record import Record
 
 Array = NDArray[np.float64]
 
 ROOM: Final = 1.5  # by which a shape or a width may leave its prior range
+SMALL: Final = 20.0  # by which a width may be below its prior range: that is a small effect, and no other law
 STRIDE: Final = 0.7  # the most that a step moves the logarithm of a shape or a width
 START_STRIDE: Final = 1.0  # the most that a step moves an element's start, in prior deviations
 DAMPED: Final = 1e5  # damping beyond which no step is tried
@@ -87,8 +88,13 @@ def at(effect: Effect, where: Array) -> Effect:
         rest = where[len(amplitudes) :]
     shapes = [item for item in items if item.role in {"shape", "width"}]
     for item, number in zip(shapes, rest, strict=True):
-        changed[item.name] = float(np.clip(np.exp(number), item.low / ROOM, item.high * ROOM))
+        changed[item.name] = float(np.clip(np.exp(number), *_within(item)))
     return replace(effect, **changed)
+
+
+def _within(item: Parameter) -> tuple[float, float]:
+    """Where a shape or a width may go [SI]."""
+    return item.low / (SMALL if item.role == "width" else ROOM), item.high * ROOM
 
 
 def spread(effect: Effect) -> Array:
@@ -126,8 +132,8 @@ def at_bounds(effect: Effect) -> bool:
     """Whether a shape or a width stands where the fit may go no further, so that the law is bent to something else."""
     for item in parameters(type(effect)):
         number = getattr(effect, item.name)
-        room = item.low / ROOM * 1.02, item.high * ROOM / 1.02
-        if item.role in {"shape", "width"} and not room[0] < number < room[1]:
+        low, high = _within(item)
+        if item.role in {"shape", "width"} and not low * 1.02 < number < high / 1.02:
             return True
     return False
 
