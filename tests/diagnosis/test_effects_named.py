@@ -10,11 +10,13 @@ from diagnosis.fit import fit
 from diagnosis.initial import balanced, search
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import parameters
+from diagnosis.null import LEAST, SAFETY
 from diagnosis.residual import Candidate
-from diagnosis.scan import UNSEEN, freed, scan
+from diagnosis.scan import UNSEEN, Finding, freed, scan
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import every
+from models.record import Record
 from tests.diagnosis.tables import recorded, short, table
 
 SEVERITIES = (0.5, 1.0, 2.0)  # of the typical amplitude or width
@@ -37,17 +39,30 @@ def _sized(name: str, factor: float) -> Effect:
     return replace(effect, **sizes)
 
 
+def _scanned(records: tuple[Record, ...]) -> list[Finding]:
+    layout = parameters(MACHINE, 1)
+    start = fit(Candidate(layout, balanced(layout, records)), records, iterations=3, walk=1e-2)
+    fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=4e-3)
+    return scan(fitted, records, freed(fitted, numbered(pieces(records), records)))
+
+
+@pytest.fixture(scope="module")
+def by_chance() -> dict[str, float]:
+    """The most that each effect gains on tables without any: a sine of place fits the scale's rounding, too."""
+    most: dict[str, float] = {}
+    for seed in range(20, 25):
+        for finding in _scanned(recorded(MACHINE, PLAN, [], seed=seed)):
+            most[finding.effect.name] = max(most.get(finding.effect.name, 0.0), finding.held_out)
+    return most
+
+
 @pytest.mark.parametrize("name", [name for name in every() if name not in UNSEEN])
-def test_the_effect_that_is_in_the_table_is_the_strongest_finding(name: str) -> None:
+def test_the_effect_that_is_in_the_table_is_the_strongest_finding(name: str, by_chance: dict[str, float]) -> None:
     first = []
     for seed, severity in enumerate(SEVERITIES):
-        records = recorded(MACHINE, PLAN, [_sized(name, severity)], seed=10 + seed)
-        layout = parameters(MACHINE, 1)
-        start = fit(Candidate(layout, balanced(layout, records)), records, iterations=3, walk=1e-2)
-        fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=4e-3)
-        findings = scan(fitted, records, freed(fitted, numbered(pieces(records), records)))
-        if findings[0].held_out > 20:
-            first.append(findings[0].effect.name)
+        best = _scanned(recorded(MACHINE, PLAN, [_sized(name, severity)], seed=10 + seed))[0]
+        if best.held_out > max(LEAST, SAFETY * by_chance[best.effect.name]):
+            first.append(best.effect.name)
     assert first, "no severity is seen at all"
     assert set(first) <= {name, *ALIKE.get(name, ())}
     assert name in first
