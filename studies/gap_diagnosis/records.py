@@ -13,7 +13,6 @@ import numpy as np
 
 from diagnosis.experiments import moved_mass
 from diagnosis.motions import pieces
-from models.columns import Columns
 from models.effects import catalogue
 from models.machine import Machine
 from models.quantity import show
@@ -21,6 +20,7 @@ from models.record import Record
 from models.record_check import RecordError, derivative_of_error, quantisation
 from models.record_file import Loaded, load
 from studies.command import BadInputError
+from studies.record_columns import columns_of
 
 SHORTEST: Final = 1000  # samples of all records together
 FEWEST: Final = 6  # motions: some have to be left out to judge what was fitted on the others
@@ -33,7 +33,7 @@ SHOWN: Final = 0.8  # of a command's variance that inertia has to explain for a 
 
 def loaded(machine: Machine, options: argparse.Namespace) -> tuple[Loaded, ...]:
     """The records that were given. Raises BadInputError for one that can't be read or diagnosed."""
-    columns, control = _columns(machine, options.column), machine.control
+    columns, control = columns_of(machine, options.column), machine.control
     found = []
     for path in options.record:
         try:
@@ -58,20 +58,6 @@ def loaded(machine: Machine, options: argparse.Namespace) -> tuple[Loaded, ...]:
         found.append(one)
     check([one.content for one in found if isinstance(one.content, Record)], options.record)
     return tuple(found)
-
-
-def _columns(machine: Machine, entries: Sequence[str]) -> Columns:
-    """The machine file's mapping with --column's entries put in. Raises BadInputError."""
-    changes = {}
-    for entry in entries:
-        signal, _, text = entry.partition("=")
-        if signal not in Columns.__dataclass_fields__:
-            raise BadInputError(f"--column {entry}: {signal!r} is no signal; known: {', '.join(vars(Columns()))}")
-        changes[signal] = text
-    try:
-        return replace(machine.record or Columns(), **changes)
-    except ValueError as error:
-        raise BadInputError(f"--column {error}") from error
 
 
 def disabled(names: Sequence[str]) -> tuple[str, ...]:

@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.columns import Columns
 from models.identification.force_fit import SURE
 from models.identification.response import FrequencyResponse, period
 from models.machine import Machine, parameters
@@ -26,6 +25,7 @@ from studies.identify_machine import own_records, round_trip
 from studies.identify_machine.__main__ import KINDS
 from studies.identify_machine.found import Found
 from studies.identify_machine.steps import STEPS
+from studies.record_columns import columns_of
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def _bare(machine: Machine) -> Machine:
 
 
 def _loaded(machine: Machine, options: argparse.Namespace, progress: Progress) -> list[tuple[str, Loaded]]:
-    columns = _columns(machine, options.column)
+    columns = columns_of(machine, options.column)
     kinds = options.kinds.split(",") if options.kinds else ["auto"] * len(options.record)
     if len(kinds) != len(options.record) or not set(kinds) <= set(KINDS):
         raise BadInputError(f"--kinds {options.kinds}: give one of {', '.join(KINDS)} for each of the records")
@@ -101,20 +101,6 @@ def _loaded(machine: Machine, options: argparse.Namespace, progress: Progress) -
             raise BadInputError(str(error)) from error
         found.append((recognised(machine, loaded) if kind == "auto" else kind, loaded))
     return found
-
-
-def _columns(machine: Machine, entries: list[str]) -> Columns:
-    """The machine file's mapping with --column's entries put in. Raises BadInputError."""
-    changes = {}
-    for entry in entries:
-        signal, _, text = entry.partition("=")
-        if signal not in Columns.__dataclass_fields__:
-            raise BadInputError(f"--column {entry}: {signal!r} is no signal; known: {', '.join(vars(Columns()))}")
-        changes[signal] = text
-    try:
-        return replace(machine.record or Columns(), **changes)
-    except ValueError as error:
-        raise BadInputError(f"--column {error}") from error
 
 
 def recognised(machine: Machine, loaded: Loaded) -> str:
