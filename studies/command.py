@@ -156,7 +156,7 @@ def parser_of(study: Study) -> argparse.ArgumentParser:
         "--output", type=_folder, metavar="FOLDER", help=f"where results go (default: reports/out/{study.name})"
     )
     parser.add_argument("--quick", action="store_true", help="coarser curves, for a smoke test; the report says so")
-    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="of all that is random (default: 0)")
+    parser.add_argument("--seed", type=whole(0), default=0, metavar="N", help="of all that is random (default: 0)")
     parser.add_argument("--no-report", action="store_true", help="write no report, only results.json and the like")
     return parser
 
@@ -167,10 +167,16 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
-    return int(text)
+def whole(low: int, high: int | None = None) -> Callable[[str], int]:
+    """The type of an option that takes a whole number [1] from low on, or to high."""
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or int(text) < low or (high is not None and int(text) > high):
+            span = f"from {low} on" if high is None else f"from {low} to {high}"
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number {span}")
+        return int(text)
+
+    return read
 
 
 def quantity(text: str, unit: str, option: str) -> float:

@@ -6,14 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from studies.command import Study, main
+from studies.command import Study, main, whole
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of this study beyond those of all."""
     parser.add_argument(
         "--tables",
-        type=_count,
+        type=whole(1),
         metavar="N",
         help="tables of the set, spread ones, that the effects are put into; the time grows with it "
         "(default: 12; quick: 3; all there are: 60)",
@@ -31,12 +31,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; "
         "only the machine itself where --machine is given)",
     )
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 on")
-    return int(text)
 
 
 STUDY = Study(

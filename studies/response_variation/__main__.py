@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from studies.command import Study, main
+from studies.command import Study, main, whole
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -25,14 +25,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "ensemble.toml and most_central.toml are written beside the results",
     )
     parser.add_argument(
-        "--members", type=_count, default=60, metavar="N", help="tables that --search keeps, 2 to 160 (default: 60)"
+        "--members",
+        type=whole(2, 160),
+        default=60,
+        metavar="N",
+        help="tables that --search keeps, 2 to 160 (default: 60)",
     )
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or not 2 <= int(text) <= 160:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 2 to 160")
-    return int(text)
 
 
 STUDY = Study(

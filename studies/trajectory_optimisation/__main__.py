@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from studies.command import Study, main
+from studies.command import Study, main, whole
 
 OBJECTIVES = ("sensitivity", "peak_thrust", "energy", "thrust_difference")
 COMMON_OBJECTIVES = ("worst_error", "dispersion")
@@ -52,17 +52,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--tables",
-        type=_count,
+        type=whole(1),
         default=None,
         metavar="N",
         help="perturbed tables to judge on (default: 200; quick: 12)",
     )
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 on")
-    return int(text)
 
 
 STUDY = Study(
