@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.fit import Fit, at, at_bounds, coordinates, own_spread, weights
-from diagnosis.how_far import Gap, HowFar, closure, gap, held_out, left_of, mirrored, signal
+from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import Null, null
@@ -27,10 +27,11 @@ from diagnosis.orders import SHAKEN, Orders, added, in_all_orders
 from diagnosis.residual import noise, smooth
 from diagnosis.scan import Finding, freed
 from diagnosis.where_controller import replayed
-from diagnosis.which import LINE, MOST, Step, refit, search_effects
+from diagnosis.which import LINE, MOST, Step, refit_within, search_effects
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
+from models.effects.motor import TimingJitter
 from models.machine import Machine
 from models.record import Record
 
@@ -41,15 +42,20 @@ ATTRIBUTED, AMBIGUOUS, NONE, NOTHING, PARAMETERS = (
     *("attributed", "ambiguous", "none_of_these", "nothing_to_explain", "parameters"),
 )
 HALF: Final = 0.5  # of the gap that one effect must close to be named: a wrong name closes less
+LITTLE: Final = 0.25  # of the gap that an effect may close where nothing more is missing: noise hides how much it is
 SEVERAL: Final = 0.75  # of the gap that more than one must close: two wrong names close more than one
-LATE: Final = 120.0  # chi-square from which on commands are late now and then
-EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the floor before something is missing
+LATE: Final = 49.0  # chi-square from which on commands are late now and then
+EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the floor where an effect explains enough
+MISSING: Final = 3.0  # and from which on something is missing where none does
 ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
 SHIFTED: Final = 60.0  # chi-square of the nominal parameters' shifts from which on they are wrong
-SURE: Final = 0.97  # probability of a name far above its threshold
+SURE: Final = 0.96  # probability of a name far above its threshold
 DOUBT: Final = 0.15  # by which it is less just above it
-NEAR: Final = 0.6  # probability of what just stays below its threshold
-PARTLY: Final = 0.08  # probability of what passes it and yet leaves too much unexplained for a name
+NEAR: Final = 0.35  # probability of what just stays below its threshold
+PARTLY: Final = 0.25  # probability of what passes it and yet leaves too much unexplained for a name
+STRANGER: Final = 0.1  # the same far above it, where something real would have explained more
+FAR: Final = 10.0  # thresholds
+MANY: Final = 0.02  # part of the commands that are late where what they add is simulated
 MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
 SHRINKS: Final = 0.9  # of the unknown force before it that a part of an explanation may leave
 
@@ -111,24 +117,24 @@ def diagnose(
     cache: a folder in which the null's thresholds are kept for other records of the same schedule.
     """
     say = progress or (lambda _share, _text: None)
-    layout = parameters(machine, len(records))
     say(0.02, "re-fitting what is nominal")
-    nominal = refit(layout, records, in_order(machine.effects))
+    nominal = refit_within(machine, records)
+    layout = nominal.candidate.layout
     found = pieces(records)
     segment = numbered(found, records)
     say(0.2, "thresholds: the same search where nothing is missing")
-    thresholds = null(layout, records, cache=cache, say=lambda text: say(0.2, text))
+    thresholds = null(parameters(machine, len(records)), records, cache=cache, say=lambda text: say(0.2, text))
     say(0.5, "every effect of the catalogue against what is left")
     steps = search_effects(
         nominal,
         records,
         segment,
         thresholds.thresholds,
-        thresholds.floor(records),
+        thresholds.floors(records),
         disabled,
         lambda text: say(0.7, text),
     )
-    orders = in_all_orders(steps, records, thresholds.thresholds)
+    orders = in_all_orders(steps, records, thresholds.thresholds, thresholds.floors(records))
     say(0.9, "how far the gap shrinks")
     return _concluded(layout, records, orders, found, thresholds, seed, disabled)
 
@@ -179,12 +185,17 @@ def _adequate(
         stages = steps[:count]
         far, excess = _how_far(stages, records, segment, seed)
         names = _names(stages)
-        if steps[-1].lateness.gain > LATE and "timing_jitter" not in disabled:
+        if _late(steps[-1]) and "timing_jitter" not in disabled:
             names = (*names, "timing_jitter")
         looked.append((stages, names, far, _outcome(stages, names, far, excess)))
         if looked[-1][-1] != NONE:
             return looked[-1]
     return looked[0]
+
+
+def _late(step: Step) -> bool:
+    """Whether commands are late now and then."""
+    return step.lateness.gain > LATE
 
 
 def _shrinking(far: HowFar) -> int:
@@ -219,10 +230,13 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
 
 def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float) -> str:
     """Named where the effects close the gap or nothing significant is left; else something that has no name here."""
-    enough = far.closure >= HALF or excess < EXCESS if len(names) < 2 else far.closure >= SEVERAL
-    if names and (len(steps) == 1 or enough) and not _bent(steps):
+    if len(names) < 2:
+        enough = far.closure >= HALF or (excess < EXCESS and far.interval[1] >= LITTLE)
+    else:
+        enough = far.closure >= SEVERAL
+    if names and enough and not _bent(steps):
         return ATTRIBUTED
-    if names or excess > EXCESS:
+    if names or excess > MISSING:
         return NONE
     return PARAMETERS if shifted(steps[0].fitted) > SHIFTED else NOTHING
 
@@ -231,7 +245,7 @@ def _bent(steps: Sequence[Step]) -> bool:
     """Whether the effect that gained the most had to leave its prior range for it."""
     names = _names(steps)
     first = [effect for effect in steps[-1].fitted.candidate.effects if names and effect.name == names[0]]
-    return bool(first) and all(at_bounds(effect) for effect in first)
+    return bool(first) and at_bounds(max(first, key=lambda effect: abs(float(effect.values()[0]))))
 
 
 def shifted(fitted: Fit) -> float:
@@ -288,12 +302,18 @@ def _how_far(
         stages.append((added(before, after), gap(after.fitted.candidate, records, after.fitted.paths)))
     floor = gap(final.candidate, made[0], smooth(final.candidate, made[0]))
     own = freed(final, segment)
-    weight = weights(records)
+    weight, late = weights(records), list[Late]()
     left = held_out(final, own) * _deviations(final) * noise(final.candidate.machine) * weight
     least = [left_of(final.candidate, one, final.walk) for one in made]
-    closed, interval = closure(signal(first.seen, first.candidate.machine) * weight, left, least, segment)
+    if _late(steps[-1]):
+        part = (steps[-1].lateness.size / records[0].sample_time) ** 2
+        many = TimingJitter(max(part, MANY))
+        again = [mirrored(final.candidate, records, seed + 500 + 10 * i, [many]) for i in range(MIRRORS)]
+        late = [Late(left_of(final.candidate, one, final.walk), part / many.part) for one in again]
+    closed, interval = closure(signal(first.seen, first.candidate.machine) * weight, left, least, segment, late)
     fitted = signal(final.seen, final.candidate.machine) * weight
-    excess = float(fitted @ fitted / np.mean([one @ one for one in least]) - 1)
+    more = np.mean([one.energy(floor) for one, floor in zip(late, least, strict=True)]) if late else 0.0
+    excess = float(fitted @ fitted / (np.mean([one @ one for one in least]) + more) - 1)
     spread = np.sqrt(2 / np.count_nonzero(weight) * (1 + 1 / MIRRORS))  # of a ratio of white noises
     return HowFar(tuple(stages), floor, closed, interval), excess / float(spread)
 
@@ -343,10 +363,9 @@ def _which(
 def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
     """How likely it is that this effect is in the machine [1]; place: in the list, the best first.
 
-    SURE, DOUBT, NEAR and PARTLY were read off development cases (other seeds than any trial's): how often a name was
-    right far above its threshold and just above it, and how often the first on the list was in the machine where it
-    stayed below its threshold, or where nothing was named though it passed it. Effects that explain alike share the
-    probability.
+    The constants were read off development cases (other seeds than any trial's): how often a name was right far above
+    its threshold and just above it, and how often the first on the list was in the machine where it stayed below its
+    threshold, or where nothing was named though it passed it. Effects that explain alike share the probability.
     """
     over = row.gain / row.threshold
     among = next((group for group in rivals if row.name in group), None)
@@ -354,7 +373,9 @@ def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[S
         return (SURE - DOUBT * float(np.exp(-over / 3))) / (len(among) if among else 1)
     if names or place > 0:
         return (1 - SURE) / 20
-    return PARTLY if over > 1 else NEAR * max(over, 0.0) ** 3
+    if over > 1:
+        return STRANGER if over > FAR else PARTLY
+    return NEAR * max(over, 0.0) ** 3
 
 
 def deviations_of(fitted: Fit) -> list[dict[str, float]]:

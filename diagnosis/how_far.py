@@ -75,6 +75,19 @@ class HowFar:
         }
 
 
+@dataclass(frozen=True)
+class Late:
+    """Innovations (n,) [m] of a record with commands that are late now and then, and the part [1] of what these add
+    that the true ones add: so few are late that a simulation needs more of them for a mean."""
+
+    innovations: Array
+    part: float
+
+    def energy(self, floor: Array) -> float:
+        """What the late commands add to the sum of squares of the floor (n,) [m^2]."""
+        return self.part * float(self.innovations @ self.innovations - floor @ floor)
+
+
 def with_sines(candidate: Candidate) -> Candidate:
     """The candidate with a sine of equal power in the place of each random force, as a simulation can have it."""
     sines = [FloorVibration(2**0.5 * one.level, one.frequency, 0.0) for one in candidate.shaken]
@@ -124,12 +137,18 @@ def held_out(fitted: Fit, own: Freed) -> Array:
 
 
 def closure(
-    before: Array, after: Array, floors: Sequence[Array], segment: NDArray[np.int64]
+    before: Array, after: Array, floors: Sequence[Array], segment: NDArray[np.int64], late: Sequence[Late] = ()
 ) -> tuple[float, tuple[float, float]]:
-    """The closure and its 95 % interval by a bootstrap over motions; innovations (n,) [m], each sample's motion."""
+    """The closure and its 95 % interval by a bootstrap over motions; innovations (n,) [m], each sample's motion.
+
+    late: what commands that are late at random add to the floors; that is explained, though no model takes it off.
+    """
     count, share = int(segment.max()) + 1, gap_share(before, floors)
     energies = [weighted(one, share) ** 2 for one in (before, after)]
     energies.append(np.mean([weighted(floor, share) ** 2 for floor in floors], axis=0))
+    if late:
+        more = np.mean([one.part * weighted(one.innovations, share) ** 2 for one in late], axis=0)
+        energies[1] = energies[1] - more + late[0].part * energies[2]
     sums = np.stack([np.bincount(segment, energy, count) for energy in energies])
     draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAP, count))
     drawn = sums[:, draws].sum(axis=2)

@@ -1,8 +1,10 @@
 """The friction's displacement at the start of a record, searched: whether an element ever slips is no smooth question.
 
 An element's force depends on its start only until it first slips; elements do not act on each other. So the response to
-every start on a grid is computed once, and the best combination found by exchanging the starts of two elements at a
-time, theta's other entries adapted each time.
+every start on a grid is computed once, and combinations are then compared by small algebra, theta's other entries
+adapted each time. Which combinations there are is known: the elements have seen the same moves. Displacement over limit
+is a curve from zero whose slope is 1 or -1 but where the last moves reversed (the stop operator's memory: M. Brokate,
+J. Sprekels, Hysteresis and Phase Transitions, 1996, section 2.3), so a few reversals tell all starts.
 """
 
 from __future__ import annotations
@@ -19,13 +21,17 @@ from diagnosis.fit import Fit
 from diagnosis.kalman import SUBSTEPS, predictor, responses
 from diagnosis.nominal import Parameters, initial_state
 from diagnosis.residual import Candidate, held, noise
+from models.compiled import compiled
 from models.friction import deflections
 from models.record import Record
 
 Array = NDArray[np.float64]
 
 GRID: Final = 9  # starts of an element, from limit to limit
-ROUNDS: Final = 20  # through all pairs of elements
+REVERSALS: Final = 4  # of the moves before the record that are still remembered
+BEST: Final = 8  # combinations that are refined
+ROUNDS: Final = 20  # through all pairs of slopes
+SLOPES: Final = np.linspace(-1, 1, 9)  # that are tried for each step from a limit to the next
 TAIL: Final = 1000  # samples behind the last slip that still count
 
 
@@ -41,7 +47,7 @@ def balanced(layout: Parameters, records: Sequence[Record]) -> Array:
 
 
 def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
-    """The fit's candidate with the best starts on the grid, where they leave less than its own."""
+    """The fit's candidate with the best starts that moves before the records can have left."""
     candidate, layout = fitted.candidate, fitted.candidate.layout
     theta, begin = candidate.theta.copy(), 0
     for i, record in enumerate(records):
@@ -70,29 +76,99 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
     part = slice(begin, begin + n)
     others = np.setdiff1d(np.arange(layout.count), where)
     basis = fitted.slopes[part][:, others] * layout.deviation[others]
-    chosen = _best(columns, basis, fitted.innovations[part], limit.size)
-    picked = [now[i] if choice < 0 else starts[choice, i] for i, choice in enumerate(chosen)]
-    return np.array(picked)
+    return best_starts(limit, *_normal(columns, basis, fitted.innovations[part]))
 
 
-def _best(columns: Array, basis: Array, e: Array, elements: int) -> list[int]:
-    """The grid's entry for each element, -1 for staying; columns (n, GRID N), the basis (n, B) adapts each time."""
+def _normal(columns: Array, basis: Array, e: Array) -> tuple[Array, Array]:
+    """Gram matrix and slopes of columns (n, C), to which the basis (n, B) adapts."""
     normal = basis.T @ basis + np.eye(basis.shape[1])
     along, onto = basis.T @ columns, basis.T @ e
     gram = columns.T @ columns - along.T @ np.linalg.solve(normal, along)
-    slope = columns.T @ e - along.T @ np.linalg.solve(normal, onto)
-    entry = np.vstack([np.full(elements, -1), np.arange(columns.shape[1]).reshape(GRID, elements)])  # -1: stays
-    chosen, alone, pairs = np.zeros(elements, int), np.pad(2 * slope + np.diag(gram), (0, 1)), np.pad(gram, (0, 1))
-    for _ in range(ROUNDS):
-        before = chosen.copy()
-        for i, j in itertools.combinations(range(elements), 2):
-            rest = [entry[choice, m] for m, choice in enumerate(chosen) if m not in (i, j)]
-            first, second = (
-                alone[own] + 2 * pairs[np.ix_(own, rest)].sum(axis=1) for own in (entry[:, i], entry[:, j])
-            )
-            both = first[:, None] + second + 2 * pairs[np.ix_(entry[:, i], entry[:, j])]
-            if both.min() < both[chosen[i], chosen[j]] - 1e-9:
-                chosen[i], chosen[j] = np.unravel_index(np.argmin(both), both.shape)
-        if np.array_equal(before, chosen):
+    return gram, columns.T @ e - along.T @ np.linalg.solve(normal, onto)
+
+
+def best_starts(limit: Array, gram: Array, slope: Array) -> Array:
+    """The displacements (N,) [m] that leave the least; gram (GRID N, GRID N), slope (GRID N,): see `_cost`."""
+    order = np.argsort(limit)
+    steps = np.diff(limit[order], prepend=0.0)
+    patterns = np.array(list(_patterns(limit.size)))
+    costs = np.array([_cost(slopes, steps, order, limit, gram, slope) for slopes in patterns])
+    least, chosen = np.inf, patterns[0]
+    for i in np.argsort(costs, kind="stable")[:BEST]:
+        refined = patterns[i].copy()
+        cost = _refine(refined, SLOPES, steps, order, limit, gram, slope, ROUNDS)
+        if cost < least:
+            least, chosen = cost, refined
+    return _starts(chosen, steps, order)
+
+
+def _patterns(count: int) -> list[Array]:
+    """Slopes (N,) of 1 and -1 of displacement over limit, with few reversals."""
+    found = []
+    for reversals in range(min(REVERSALS, count - 1) + 1):
+        for places in itertools.combinations(range(1, count), reversals):
+            turned = np.zeros(count)
+            turned[list(places)] = 1
+            slopes = 1.0 - 2.0 * (np.cumsum(turned) % 2)
+            found += [slopes, -slopes]
+    return found
+
+
+@compiled
+def _starts(slopes: Array, steps: Array, order: NDArray[np.int64]) -> Array:
+    """Displacements (N,) [m] from slopes (N,) over limits that are `steps` apart."""
+    z, at = np.empty(slopes.size), 0.0
+    for i in range(slopes.size):
+        at += slopes[i] * steps[i]
+        z[order[i]] = at
+    return z
+
+
+@compiled
+def _cost(slopes: Array, steps: Array, order: NDArray[np.int64], limit: Array, gram: Array, slope: Array) -> float:
+    """Chi-square beside staying; columns between those of the grid by interpolation."""
+    count = limit.size
+    z = _starts(slopes, steps, order)
+    place, part = np.empty(2 * count, np.int64), np.empty(2 * count)
+    for i in range(count):
+        at = (z[i] / limit[i] + 1.0) / 2.0 * (GRID - 1)
+        low = min(max(int(at), 0), GRID - 2)
+        place[2 * i], place[2 * i + 1] = low * count + i, (low + 1) * count + i
+        part[2 * i], part[2 * i + 1] = 1.0 - (at - low), at - low
+    total = 0.0
+    for a in range(2 * count):
+        row = 2.0 * slope[place[a]]
+        for b in range(2 * count):
+            row += part[b] * gram[place[a], place[b]]
+        total += part[a] * row
+    return total
+
+
+@compiled
+def _refine(
+    slopes: Array,
+    values: Array,
+    steps: Array,
+    order: NDArray[np.int64],
+    limit: Array,
+    gram: Array,
+    slope: Array,
+    rounds: int,
+) -> float:
+    """Exchanges two slopes at a time, in place, until nothing is gained; the cost."""
+    best = _cost(slopes, steps, order, limit, gram, slope)
+    for _ in range(rounds):
+        before = best
+        for i in range(slopes.size):
+            for j in range(i + 1, slopes.size):
+                first, second = slopes[i], slopes[j]
+                for one in values:
+                    for other in values:
+                        slopes[i], slopes[j] = one, other
+                        cost = _cost(slopes, steps, order, limit, gram, slope)
+                        if cost < best - 1e-9:
+                            best, first, second = cost, one, other
+                slopes[i], slopes[j] = first, second
+        if best > before - 1e-6:
             break
-    return [int(choice) - 1 for choice in chosen]
+    return best

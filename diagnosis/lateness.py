@@ -3,7 +3,8 @@
 A command that is late by a part of a sample acts that long in its predecessor's place: a pulse of force in proportion
 to u[k] - u[k-1]. A constant lateness is a dead time, and re-fitted; one that varies differs between motions that are
 equal otherwise. So the innovations' variance *within* groups of equal motions is regressed on what pulses in proportion
-to the command's steps would give: a law of force repeats and cancels there, noise does not know of the command.
+to the command's steps would give: a law of force repeats and cancels there, noise does not know of the command. The
+scale's rounding does: it is another while the table moves, so the share of moving goes into the regression too.
 """
 
 from __future__ import annotations
@@ -26,17 +27,18 @@ Array = NDArray[np.float64]
 
 REACH: Final = 400  # samples over which a pulse leaves its mark
 ALIKE: Final = 1e-6  # m: motions that start as near to each other as this start from one place
-USUAL: Final = 8.0  # deviations that clean tables reach, whose rounding differs in motion and at rest
 FEW: Final = 500  # samples of repeated motions
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """Root mean square of the lateness [s], its deviation [s], and what it gains of chi-square over clean tables."""
+    """Root mean square of the lateness [s], its deviation [s], what it gains of chi-square, and how much of the
+    innovations' it explains [1]."""
 
     size: float
     deviation: float
     gain: float
+    explained: float
 
 
 def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
@@ -50,18 +52,24 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
         fftconvolve(np.diff(record.command, prepend=record.command[0]) ** 2, pulse)[: record.command.size]
         for record in records
     ]
-    squares, expected = [], []
+    moves = [
+        np.minimum(np.abs(np.gradient(path.path.position.mean(axis=1))) / (machine.scale.resolution or np.inf), 1.0)
+        for path in fitted.paths
+    ]
+    squares, expected, moving = [], [], []
     for group in repeats(pieces(records)):
         e = np.stack([fitted.seen[piece.record].innovations[_part(piece)] for piece in group])
         within = (e - e.mean(axis=0)) ** 2 * len(group) / (len(group) - 1)
         squares.append(within.mean(axis=0))
         expected.append(np.mean([given[piece.record][_part(piece)] for piece in group], axis=0))
+        moving.append(np.mean([moves[piece.record][_part(piece)] for piece in group], axis=0))
     if sum(one.size for one in squares) < FEW:
-        return Lateness(0.0, float("inf"), 0.0)
-    slope, spread = _slope(np.concatenate(expected), np.concatenate(squares))
+        return Lateness(0.0, float("inf"), 0.0, 0.0)
+    slope, spread = _slope(np.concatenate(expected), np.concatenate(squares), np.concatenate(moving))
     size = ts * float(np.sqrt(max(slope, 0.0)))
     deviation = ts * 0.5 * spread / float(np.sqrt(max(slope, spread)))
-    return Lateness(size, deviation, max(slope / spread, 0.0) ** 2 - USUAL**2)
+    explained = max(slope, 0.0) * sum(float(one[STARTING:].sum()) for one in given)
+    return Lateness(size, deviation, max(slope / spread, 0.0) ** 2, explained)
 
 
 def repeats(found: Sequence[Piece]) -> list[list[Piece]]:
@@ -85,9 +93,11 @@ def _part(piece: Piece) -> slice:
     return slice(piece.start, piece.stop)
 
 
-def _slope(size: Array, square: Array) -> tuple[float, float]:
-    """Slope of the squares (n,) by their expected size, and its deviation where there is none."""
+def _slope(size: Array, square: Array, moving: Array) -> tuple[float, float]:
+    """Slope of the squares (n,) by their expected size, a constant and the share of moving (n,) [1] taken off, and its
+    deviation where there is none."""
     few = size <= np.quantile(size, 0.99)  # so that not a handful of samples decides
-    centred, square = size[few] - size[few].mean(), square[few]
-    total = float(centred @ centred)
-    return float(centred @ square) / total, float(square.mean()) / float(np.sqrt(total))
+    beside = np.stack([np.ones(np.count_nonzero(few)), moving[few]], axis=1)
+    own = size[few] - beside @ np.linalg.lstsq(beside, size[few], rcond=None)[0]
+    total = float(own @ own)
+    return float(own @ square[few]) / total, float(square[few].mean()) / float(np.sqrt(total))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,9 @@ class Tolerance:
     limit: float = value("1", "each contact's limit, of its value", above=0)
 
 
+FAR: Final = 3.0  # prior deviations that a value may be off
+FURTHER: Final = 8.0  # that one of a mode may be: a load is changed and forgotten; friction's values add up as it is
+MODES: Final = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping")
 USUAL = Tolerance(0.015, 0.055, 0.005, 0.12, 2e-5, 0.2, 0.03, 0.03, 0.03)
 
 
@@ -64,7 +68,7 @@ def parameters(machine: Machine, records: int, tolerance: Tolerance = USUAL) -> 
     rows = list(_rows(machine, records, tolerance))
     names, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
-    bound = 3 * wide
+    bound = np.where(np.isin(names, MODES), FURTHER, FAR) * wide
     start = np.array(names) == "initial_friction_state"
     bound[start] = np.tile(machine.friction.limit, records)
     return Parameters(machine, records, names, wide, bound)
@@ -121,7 +125,7 @@ def initial_state(layout: Parameters, theta: Array, record: int) -> Array:
 
 
 def bounded(layout: Parameters, theta: Array) -> Array:
-    """theta (P,) within three deviations of the priors, and the elements' displacements [m] within their limits."""
+    """theta (P,) within its bounds, and the elements' displacements [m] within their limits."""
     return np.clip(theta, -layout.bound, layout.bound)
 
 

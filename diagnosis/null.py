@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 DRAWS: Final = 8
 SETTLING: Final = 0.5  # s at rest before the record
 LEAST: Final = 20.0  # chi-square that any effect has to gain
-SAFETY: Final = 1.5  # of the largest gain among the draws
+SAFETY: Final = 2.0  # of the largest gain among the draws
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,9 @@ class Null:
         """What each effect has to gain of chi-square on held-out motions to be taken seriously."""
         return {name: max(LEAST, SAFETY * max(gains)) for name, gains in self.gains.items()}
 
-    def floor(self, records: Sequence[Record]) -> float:
-        """Chi-square that a complete model leaves of these records, by the mean of the draws."""
-        mean = np.mean(self.variance, axis=0)
-        return float(sum(v * (record.position.size - STARTING) for v, record in zip(mean, records, strict=True)))
+    def floors(self, records: Sequence[Record]) -> Array:
+        """Chi-square (draws,) [1] that a complete model leaves of these records."""
+        return np.asarray(np.array(self.variance) @ [record.position.size - STARTING for record in records], float)
 
 
 def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Record:

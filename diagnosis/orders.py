@@ -13,13 +13,16 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
 from joblib import Parallel, delayed
+from numpy.typing import NDArray
 
 from diagnosis.fit import Fit, fit
 from diagnosis.null import LEAST
-from diagnosis.which import FORM, Step
+from diagnosis.which import Step, further
 from models.record import Record
 
+Array = NDArray[np.float64]
 Names = frozenset[str]
 SHAKEN = "floor_vibration"
 
@@ -40,8 +43,11 @@ def added(before: Step, after: Step) -> str:
     return now[0] if now else SHAKEN
 
 
-def in_all_orders(steps: Sequence[Step], records: Sequence[Record], thresholds: Mapping[str, float]) -> Orders:
-    """The search's stages, an effect that the others make useless taken out; thresholds of chi-square by name [1]."""
+def in_all_orders(
+    steps: Sequence[Step], records: Sequence[Record], thresholds: Mapping[str, float], floors: Array
+) -> Orders:
+    """The search's stages, an effect that the others make useless taken out; thresholds of chi-square by name [1];
+    floors: chi-square (draws,) [1] that complete models leave."""
     names = list(dict.fromkeys(added(before, after) for before, after in pairwise(steps)))
     if len(names) < 2:
         return Orders(tuple(steps), dict.fromkeys(names, 1.0))
@@ -51,7 +57,8 @@ def in_all_orders(steps: Sequence[Step], records: Sequence[Record], thresholds: 
         worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
         gained = fits[frozenset()].cost - fits[kept].cost
         least = min(kept, key=lambda name: (worth[name] - thresholds.get(name, LEAST), name))
-        if worth[least] >= max(thresholds.get(least, LEAST), FORM * gained):
+        without = fits[kept - {least}].innovations
+        if worth[least] >= max(thresholds.get(least, LEAST), further(gained, float(without @ without), floors)):
             break
         kept -= {least}
     ordered = [name for name in names if name in kept]

@@ -17,7 +17,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from diagnosis.fit import FINE, Fit, own_spread, weights
+from diagnosis.fit import FINE, ROOM, Fit, own_spread, weights
 from diagnosis.kalman import adjoint, predictor
 from diagnosis.residual import columns, noise
 from models.effects.base import Effect, parameters
@@ -232,7 +232,8 @@ def _by_command(low: float, high: float, fitted: Fit, records: Sequence[Record],
     for record, force, _ in adjoints(fitted, records, own):
         late = np.concatenate([np.full(delay, record.command[0]), record.command])[: record.command.size]
         spans.append((late, force))
-    return peaks(spans, low, high)
+    found = peaks(spans, low, ROOM * high)  # a jump has overtones: what is found may be one
+    return sorted({n * step for step in found for n in (1, 2, 3) if n * step <= ROOM * high})
 
 
 def _by_time(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.fit import Fit
 from diagnosis.kalman import Resonance
@@ -27,14 +28,17 @@ ASIDE: Final = (
 )  # frequencies, relative, at which the same force must gain less: else it only follows slow ones
 LEVELS: Final = (0.01, 0.03, 0.1, 0.3)  # N
 TRIED: Final = 3  # frequencies
+BLOCK: Final = 1.5  # s, over which power is averaged
 
 
 @dataclass(frozen=True)
 class Shaking:
-    """A random force and what it gains of -2 log likelihood with everything else held."""
+    """A random force and what it gains of -2 log likelihood with everything else held; steady: how much of its mean
+    power is there half of the time [1]."""
 
     resonance: Resonance
     gain: float
+    steady: float = 1.0
 
     @property
     def effect(self) -> FloorVibration:
@@ -55,7 +59,19 @@ def shaking(fitted: Fit, records: Sequence[Record], own: Freed) -> Shaking:
     assert best is not None
     line = best.resonance
     aside = max(_tried(fitted, records, replace(line, frequency=line.frequency * f), before).gain for f in ASIDE)
-    return replace(best, gain=best.gain - max(aside, 0.0))
+    steady = _steady(fitted, line.frequency, records[0].sample_time)
+    return replace(best, gain=best.gain - max(aside, 0.0), steady=steady)
+
+
+def _steady(fitted: Fit, frequency: float, sample_time: float) -> float:
+    """Median over mean of the innovations' power about a frequency [Hz]: what shakes the floor does so at rest too."""
+    near = butter(2, np.array([0.8, 1.25]) * frequency, "bandpass", fs=1 / sample_time, output="sos")
+    power = []
+    for seen in fitted.seen:
+        band = sosfiltfilt(near, seen.innovations)
+        parts = max(round(band.size * sample_time / BLOCK), 1)
+        power += [float(np.mean(part**2)) for part in np.array_split(band, parts)]
+    return float(np.median(power) / np.mean(power))
 
 
 def _tried(fitted: Fit, records: Sequence[Record], resonance: Resonance, before: float) -> Shaking:

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from diagnosis.fit import Fit, fit
 from diagnosis.initial import balanced, search
 from diagnosis.lateness import Lateness, lateness
-from diagnosis.nominal import Parameters
+from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import LEAST
 from diagnosis.residual import Candidate
 from diagnosis.scan import Finding, freed, scan
 from diagnosis.shaking import Shaking, shaking
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
+from models.machine import Machine, Provenance
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -36,10 +37,14 @@ SHARE: Final = 0.04  # of what is above the floor that an effect has to gain
 MOST: Final = 3  # classes of effects in one answer
 TRIED: Final = 3  # findings that are fitted with everything else before one is chosen
 WORTH: Final = 0.25  # of the best finding's gain that another needs in order to be tried
-FORM: Final = 0.03  # of the first effect's gain that a further one needs: the first may have another form than its law
+FORM: Final = 0.05  # of the first effect's gain that a further one needs: the first may have another form than its law
+REST: Final = 0.15  # of what the first leaves above every floor; a further effect needs no more than that
+SECOND: Final = 60.0  # chi-square that a further effect has to gain
+STEADY: Final = 0.5  # of a random force's mean power that is there half of the time
 STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
 
 
+RATED: Final = "drive.rated_thrust"
 AGAIN: Final = 3  # times that the starts are searched once more
 ENOUGH: Final = 20.0  # chi-square
 
@@ -65,6 +70,27 @@ def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, 
         if walk != STEPS[-1][0]:
             candidate = search(fitted, records)
     assert fitted is not None
+    return _started(fitted, records)
+
+
+def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
+    """The nominal re-fit. Where commands go beyond the rated thrust, the drive that followed them is tried as well:
+    many do so for a while."""
+    most = max(float(np.max(np.abs(record.command))) for record in records)
+    machines = [machine]
+    if most > machine.drive.rated_thrust:
+        followed = Provenance("identified", "the largest command of the records, which the drive followed")
+        drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: followed}
+        machines.append(replace(machine, drive=drive, sources=sources))
+    fits: list[Fit] = Parallel(n_jobs=-1, require="sharedmem")(
+        delayed(refit)(parameters(one, len(records)), records, in_order(one.effects)) for one in machines
+    )
+    return min(fits, key=lambda fitted: fitted.cost)
+
+
+def _started(fitted: Fit, records: Sequence[Record]) -> Fit:
+    """The fit with its records' starts searched anew, as long as that leaves less: what else is in the model decides
+    which starts are best."""
     for _ in range(AGAIN):
         better = fit(search(fitted, records), records, paths=fitted.paths, iterations=4, walk=fitted.walk)
         if fitted.cost - better.cost < ENOUGH:
@@ -78,19 +104,19 @@ def search_effects(
     records: Sequence[Record],
     segment: NDArray[np.int64],
     thresholds: Mapping[str, float],
-    floor: float,
+    floors: Array,
     left_out: Collection[str] = (),
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[Step, ...]:
     """The stages of the search: the nominal re-fit first, then with one effect more each time.
 
-    floor: chi-square [1] that a complete model leaves. An effect that takes off a few per cent of what is above it
-    names nothing.
+    floors: chi-square (draws,) [1] that complete models leave. An effect that takes off a few per cent of what is above
+    them names nothing.
     """
     steps = [_step(nominal, records, segment, left_out)]
     while True:
         here = steps[-1]
-        strong = _strong(steps, thresholds, floor)
+        strong = _strong(steps, thresholds, floors)
         shaken = here.shaking
         if _shakes(here, strong, thresholds, left_out):
             say(f"fitting a random force about {shaken.resonance.frequency:.3g} Hz")
@@ -104,7 +130,7 @@ def search_effects(
         fits = Parallel(n_jobs=-1, require="sharedmem")(
             delayed(_with)(here.fitted, finding.effect, records) for finding in strong
         )
-        best = min(fits, key=lambda fitted: fitted.cost)
+        best = _started(min(fits, key=lambda fitted: fitted.cost), records)
         gained = here.fitted.cost - best.cost
         names = {effect.name for effect in best.candidate.effects}
         if gained < LEAST or len(names) > MOST or len(best.candidate.effects) > MOST + 2:
@@ -128,21 +154,24 @@ def _shakes(here: Step, strong: Sequence[Finding], thresholds: Mapping[str, floa
     """Whether a random force is the next to go into the model."""
     if "floor_vibration" in left_out or len(here.fitted.candidate.shaken) >= MOST:
         return False
+    if here.shaking.steady < STEADY:
+        return False
     best = strong[0].held_out if strong else 0.0
     return here.shaking.gain > max(thresholds.get("floor_vibration", LINE), LINE, WORTH * best)
 
 
-def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floor: float) -> list[Finding]:
+def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floors: Array) -> list[Finding]:
     """The findings to be tried next: above their thresholds, above the form error of what is in the model already."""
     here = steps[-1]
     names = {effect.name for effect in here.fitted.candidate.effects}
     gained = steps[0].fitted.cost - here.fitted.cost
     members = {name: sum(e.name == name for e in here.fitted.candidate.effects) for name in names}
-    above = float(here.fitted.innovations @ here.fitted.innovations) - floor
+    left = float(here.fitted.innovations @ here.fitted.innovations)
     allowed = []
     for finding in here.findings:
         name = finding.effect.name
-        needed = max(thresholds.get(name, LEAST), FORM * gained if name not in names else LEAST, SHARE * above)
+        least = LEAST if name in names or not names else further(gained, left, floors)
+        needed = max(thresholds.get(name, LEAST), least, SHARE * (left - float(np.mean(floors))))
         if finding.held_out > needed and members.get(name, 0) < 2:
             allowed.append(finding)
     if not allowed:
@@ -151,6 +180,13 @@ def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floor: float
     if own and own[0].held_out > 0.5 * allowed[0].held_out:
         return own[:1]
     return [finding for finding in allowed[:TRIED] if finding.held_out > WORTH * allowed[0].held_out]
+
+
+def further(gained: float, left: float, floors: Array) -> float:
+    """Chi-square that an effect has to gain beside others, which gained so much and left so much: more than the others'
+    form may be wrong by, or a good part of what is surely above the floor (draws,)."""
+    above = left - float(np.max(floors))
+    return max(SECOND, min(FORM * gained, REST * above) if above > 0 else FORM * gained)
 
 
 def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:

@@ -241,8 +241,8 @@ def _saturation(record: Record, limit: float | None) -> Iterator[str]:
     elif limit is not None and top > limit * (1 + 1e-9):
         beyond = int(np.sum(np.abs(u) > limit))
         yield (
-            f"The command goes beyond the rated {show(limit, 'N')} in {beyond} samples; the drive did not follow "
-            "there, so cut those parts out."
+            f"The command goes beyond the rated {show(limit, 'N')} in {beyond} samples; the drive may not have "
+            "followed there, so cut those parts out if it did not."
         )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.experiments import (
     Schedule,
@@ -19,6 +20,7 @@ from diagnosis.experiments import (
 from diagnosis.nominal import applied, bounded, parameters
 from models.controller import Controller, References
 from models.effects.base import Effect
+from models.friction import deflections
 from models.machine import Machine, load
 from models.record import Record
 from models.simulator import simulate
@@ -51,6 +53,12 @@ def schedules(machine: Machine) -> tuple[Schedule, ...]:
     return sequence(machine, repeats=1), short(machine)
 
 
+def left_by_moves(limit: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Displacements (N,) [m] of elements with limits (N,) [m] after a dozen moves of some micrometres and more."""
+    path = np.concatenate([[0.0], 2e-5 * np.cumsum(rng.standard_t(2, 12))])
+    return np.asarray(deflections(limit, path)[-1])
+
+
 def recorded(
     machine: Machine, plan: Sequence[Schedule], effects: Sequence[Effect] = (), *, seed: int, wrong: float = 1.0
 ) -> tuple[Record, ...]:
@@ -73,7 +81,7 @@ def recorded(
             np.concatenate([lead, schedule.target]),
             given=given,
             seed=100 * seed + i,
-            initial_friction=rng.uniform(-0.6, 0.6, limit.size) * limit,
+            initial_friction=left_by_moves(limit, rng),
         )
         made.append(run.record.last(schedule.target.size))
     return tuple(made)

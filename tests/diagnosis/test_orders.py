@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -43,7 +44,7 @@ def _with(fitted: Fit, effect: Effect, records: tuple) -> Fit:  # type: ignore[t
 
 
 def _step(fitted: Fit) -> Step:
-    return Step(fitted, (), Shaking(Resonance(8.0, 0.1, 0.01), 0.0), Lateness(0.0, 1.0, 0.0))
+    return Step(fitted, (), Shaking(Resonance(8.0, 0.1, 0.01), 0.0), Lateness(0.0, 1.0, 0.0, 0.0))
 
 
 def test_an_effect_that_another_makes_useless_is_taken_out() -> None:
@@ -52,7 +53,7 @@ def test_an_effect_that_another_makes_useless_is_taken_out() -> None:
     nominal = refit(parameters(machine, len(records)), records)
     first = _with(nominal, ViscousFriction(30.0), records)
     both = _with(first, Cogging(1.0, 0.035, 0.5), records)
-    found = in_all_orders([_step(fitted) for fitted in (nominal, first, both)], records, {})
+    found = in_all_orders([_step(fitted) for fitted in (nominal, first, both)], records, {}, np.zeros(1))
     assert found.shares == {"cogging": 1.0}
     assert [effect.name for effect in found.steps[-1].fitted.candidate.effects] == ["cogging"]
     assert found.steps[-1].fitted.cost == pytest.approx(both.cost, abs=20.0)

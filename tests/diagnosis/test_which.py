@@ -1,0 +1,52 @@
+"""What the re-fit and the search decide before any effect is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.shaking import _steady
+from diagnosis.which import FORM, REST, SECOND, further, refit_within
+from tests.diagnosis.tables import recorded, schedules, table
+
+MACHINE = table()
+WEAK = replace(MACHINE, drive=replace(MACHINE.drive, rated_thrust=60.0))
+PLAN = schedules(MACHINE)
+
+
+@pytest.mark.parametrize("truth", [MACHINE, WEAK], ids=["follows", "does not"])
+def test_whether_the_drive_follows_beyond_its_rating_is_read_off_the_records(truth: Any) -> None:
+    records = recorded(truth, PLAN, seed=11)
+    most = max(float(np.abs(record.command).max()) for record in records)
+    assert most > WEAK.drive.rated_thrust
+    found = refit_within(WEAK, records).candidate.layout.machine
+    follows = truth is MACHINE
+    assert found.drive.rated_thrust == (most if follows else WEAK.drive.rated_thrust)
+    assert found.sources["drive.rated_thrust"].kind == ("identified" if follows else "paper")
+
+
+def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
+    rng, ts = np.random.default_rng(3), 5e-4
+    t = np.arange(60_000) * ts
+    floor = np.sin(2 * np.pi * 8.0 * t + 0.3 * np.cumsum(rng.standard_normal(t.size)) * ts**0.5)
+    since = t % 10.0  # a motion every ten seconds, after which it decays
+    slosh = np.exp(-since / 0.5) * np.sin(2 * np.pi * 8.0 * since)
+    noise = 0.1 * rng.standard_normal(t.size)
+
+    def steady(e: Any) -> float:
+        fitted: Any = SimpleNamespace(seen=[SimpleNamespace(innovations=e + noise)])
+        return _steady(fitted, 8.0, ts)
+
+    assert steady(floor) > 0.8
+    assert steady(slosh) < 0.2
+
+
+def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wrong_by() -> None:
+    floors = np.array([900.0, 1000.0])
+    assert further(1e5, 990.0, floors) == FORM * 1e5  # nothing is surely left: all of it may be form
+    assert further(1e5, 5000.0, floors) == REST * 4000.0
+    assert further(100.0, 5000.0, floors) == SECOND
