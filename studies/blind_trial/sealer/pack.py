@@ -26,7 +26,7 @@ from studies.blind_trial.sealer.simulate import simulate
 
 COLUMNS: Final = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
 EXPERIMENTS: Final = {"sequential": sequential, "suite": suite}
-AGAIN: Final = ("single", "high")  # kind and severity of the cases that are measured a second time
+AGAIN: Final = ("single", "high")  # kind and severity of the cases of which every second is measured again
 OTHER: Final = 1000  # from a case's seed to that of its second measurement
 
 
@@ -104,7 +104,7 @@ def _make(
             return case, before["sealed"]
     found = plan(case, *what, seed)
     write_case(places.pack / case, found)
-    if places.again is not None and (found.kind, found.severity) == AGAIN:
+    if places.again is not None and (found.kind, found.severity) == AGAIN and found.seed % 2 == 0:
         write_case(places.again / case, replace(found, seed=found.seed + OTHER))
     sealed = {"nonce": secrets.token_hex(16), "body": json.dumps(found.body())}
     text = json.dumps({"made_by": made_by, "sealed": sealed})
