@@ -23,7 +23,7 @@ from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import Null, null
-from diagnosis.orders import SHAKEN, Orders, added, in_all_orders
+from diagnosis.orders import SHAKEN, Orders, added, in_all_orders, shrinking
 from diagnosis.residual import noise, smooth
 from diagnosis.scan import Finding, freed
 from diagnosis.where_controller import replayed
@@ -57,7 +57,6 @@ STRANGER: Final = 0.1  # the same far above it, where something real would have 
 FAR: Final = 10.0  # thresholds
 MANY: Final = 0.02  # part of the commands that are late where what they add is simulated
 MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
-SHRINKS: Final = 0.9  # of the unknown force before it that a part of an explanation may leave
 
 
 @dataclass(frozen=True)
@@ -151,13 +150,13 @@ def _concluded(
     segment = numbered(found, records)
     steps, names, far, outcome = _adequate(orders.steps, records, segment, seed, disabled)
     departs = any(not replayed(layout.machine, record).replays for record in records)
-    stays = len(steps) if outcome == ATTRIBUTED else 1 + _shrinking(far)
+    stages = steps if outcome == ATTRIBUTED else shrinking(orders, records)
     if departs and "controller_mismatch" not in disabled:  # seen in the log itself, whatever else is left
         if outcome != ATTRIBUTED:
-            names, stays = (), 1
+            names, stages = (), steps[:1]
         names, outcome = ("controller_mismatch", *names), ATTRIBUTED
-    if stays < len(steps):
-        steps = steps[:stays]
+    if stages[-1].fitted is not steps[-1].fitted:
+        steps = stages
         far, _ = _how_far(steps, records, segment, seed)
     partly = _names(steps) if outcome == NONE else ()
     rivals = _rivals(steps) if outcome == ATTRIBUTED else ()
@@ -196,13 +195,6 @@ def _adequate(
 def _late(step: Step) -> bool:
     """Whether commands are late now and then."""
     return step.lateness.gain > LATE
-
-
-def _shrinking(far: HowFar) -> int:
-    """How many of the effects, in their order, shrink the unknown force one after another."""
-    forces = [stage.force for _, stage in far.stages[1:]]
-    shrinks = [after < SHRINKS * before for before, after in pairwise(forces)]
-    return shrinks.index(False) if False in shrinks else len(shrinks)
 
 
 def _rivals(steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:

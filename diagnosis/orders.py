@@ -12,12 +12,14 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from diagnosis.fit import Fit, fit
+from diagnosis.how_far import gap
 from diagnosis.null import LEAST
 from diagnosis.which import Step, further
 from models.record import Record
@@ -25,14 +27,17 @@ from models.record import Record
 Array = NDArray[np.float64]
 Names = frozenset[str]
 SHAKEN = "floor_vibration"
+SHRINKS: Final = 0.9  # of the unknown force before it that a part of an explanation may leave
 
 
 @dataclass(frozen=True)
 class Orders:
-    """The stages of the search without what proved useless, and each name's share of what all take off together [1]."""
+    """The stages of the search without what proved useless, each name's share of what all take off together [1], and
+    the model with each subset of the names in it."""
 
     steps: tuple[Step, ...]
     shares: Mapping[str, float]
+    fits: Mapping[Names, Fit]
 
 
 def added(before: Step, after: Step) -> str:
@@ -49,9 +54,9 @@ def in_all_orders(
     """The search's stages, an effect that the others make useless taken out; thresholds of chi-square by name [1];
     floors: chi-square (draws,) [1] that complete models leave."""
     names = list(dict.fromkeys(added(before, after) for before, after in pairwise(steps)))
-    if len(names) < 2:
-        return Orders(tuple(steps), dict.fromkeys(names, 1.0))
     fits = _fits(steps, names, records)
+    if len(names) < 2:
+        return Orders(tuple(steps), dict.fromkeys(names, 1.0), fits)
     kept = frozenset(names)
     while len(kept) > 1:
         worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
@@ -64,8 +69,31 @@ def in_all_orders(
     ordered = [name for name in names if name in kept]
     shared = shares({subset: fitted.cost for subset, fitted in fits.items()}, ordered)
     if len(ordered) == len(names):
-        return Orders(tuple(steps), shared)
-    return Orders((steps[0], *_stages(fits, ordered, steps[-1])), shared)
+        return Orders(tuple(steps), shared, fits)
+    return Orders((steps[0], *_stages(fits, ordered, steps[-1])), shared, fits)
+
+
+def shrinking(found: Orders, records: Sequence[Record]) -> tuple[Step, ...]:
+    """The stages of those effects of the search that each shrink the unknown force, the one that shrinks it most
+    first: parts of an explanation, where it has no whole."""
+    names, ordered, fits = set(found.shares), list[str](), dict(found.fits)
+    for name in sorted(names):  # what the others made of the nominal parameters is no good start for one alone
+        alone = _with_only(found.steps[-1].fitted, names - {name}, records, found.steps[0].fitted)
+        fits[frozenset({name})] = min(alone, fits[frozenset({name})], key=lambda fitted: fitted.cost)
+    least = _force(fits[frozenset()], records)
+    while names:
+        forces = {name: _force(fits[frozenset((*ordered, name))], records) for name in sorted(names)}
+        best = min(forces, key=lambda name: forces[name])
+        if forces[best] >= SHRINKS * least:
+            break
+        ordered, least = [*ordered, best], forces[best]
+        names.remove(best)
+    return (found.steps[0], *_stages(fits, ordered, found.steps[-1]))
+
+
+def _force(fitted: Fit, records: Sequence[Record]) -> float:
+    """What a fit leaves of unknown force, its deviation [N]."""
+    return gap(fitted.candidate, records, fitted.paths).force
 
 
 def _fits(steps: Sequence[Step], names: Sequence[str], records: Sequence[Record]) -> dict[Names, Fit]:
@@ -88,8 +116,9 @@ def _subsets(names: Sequence[str]) -> Iterator[Names]:
         yield from map(frozenset, itertools.combinations(names, size))
 
 
-def _with_only(final: Fit, out: Collection[str], records: Sequence[Record]) -> Fit:
-    """The final model fitted again without the effects of some names; those of the machine file stay."""
+def _with_only(final: Fit, out: Collection[str], records: Sequence[Record], start: Fit | None = None) -> Fit:
+    """The final model fitted again without the effects of some names; those of the machine file stay. start: where the
+    nominal parameters begin, if not at the final model's."""
     candidate, machine = final.candidate, final.candidate.layout.machine
     stays = [effect.name for effect in machine.effects]
     effects = []
@@ -100,8 +129,9 @@ def _with_only(final: Fit, out: Collection[str], records: Sequence[Record]) -> F
             continue
         effects.append(effect)
     shaken = () if SHAKEN in out else candidate.shaken
-    fewer = replace(candidate, effects=tuple(effects), shaken=shaken)
-    return fit(fewer, records, paths=final.paths, iterations=6, walk=final.walk)
+    begin = start or final
+    fewer = replace(candidate, theta=begin.candidate.theta, effects=tuple(effects), shaken=shaken)
+    return fit(fewer, records, paths=begin.paths, iterations=8 if start else 6, walk=final.walk)
 
 
 def _stages(fits: Mapping[Names, Fit], ordered: Sequence[str], last: Step) -> Iterator[Step]:

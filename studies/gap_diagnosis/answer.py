@@ -113,8 +113,8 @@ def _how_far(verdict: Results, far: Results) -> str:
     low, high = far["closure_interval"]
     if verdict["outcome"] == "none_of_these" and len(far["stages"]) <= UNNAMED:
         return (
-            f"No effect gains enough to be tried; the re-fitted model leaves {_gap(far['gap_refitted'])} of position, "
-            f"its floor is {_gap(floor)}."
+            "No effect takes enough off it to go into the model; the re-fitted model leaves "
+            f"{_gap(far['gap_refitted'])} of position, its floor is {_gap(floor)}."
         )
     if verdict["outcome"] == "none_of_these":
         return (

@@ -56,4 +56,4 @@ def test_an_effect_that_another_makes_useless_is_taken_out() -> None:
     found = in_all_orders([_step(fitted) for fitted in (nominal, first, both)], records, {}, np.zeros(1))
     assert found.shares == {"cogging": 1.0}
     assert [effect.name for effect in found.steps[-1].fitted.candidate.effects] == ["cogging"]
-    assert found.steps[-1].fitted.cost == pytest.approx(both.cost, abs=20.0)
+    assert found.steps[-1].fitted.cost < both.cost + 20.0

@@ -213,7 +213,7 @@ def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
     far = {**results["how_far"], "stages": results["how_far"]["stages"][:2]}
     told = sentences({**results, "verdict": verdict, "how_far": far})
-    assert told["how_far"].startswith("No effect gains enough to be tried")
+    assert told["how_far"].startswith("No effect takes enough off it to go into the model")
     assert "%" not in told["how_far"]
 
 
