@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 DAMPINGS: Final = (0.003, 0.01, 0.03, 0.1)  # of the grid of starting values
+GRID_LINES: Final = 500  # of which a grid of starting values looks, of a record with thousands
 MOST_MODES: Final = 6
 HEAVY: Final = 0.2  # damping ratio that no structure has: such a mode stands for friction
 
@@ -95,23 +96,42 @@ def _unit(frequency: Array, natural: float, damping: float, dead_time: float, sa
     return np.asarray(z**-whole * total)
 
 
+@dataclass(frozen=True)
+class _Lines:
+    """What is fitted: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], and U (n,) or None."""
+
+    f: Array
+    p: Complex
+    weight: Array
+    ts: float
+    command: Complex | None
+
+
 def _fit(measured: FrequencyResponse, used: NDArray[np.bool_], most_modes: int) -> Fit:
-    f, p, ts = measured.frequency[used], measured.response[used], measured.sample_time
+    f, p = measured.frequency[used], measured.response[used]
     known = bool(np.all(np.isfinite(measured.variance)))
     weight = np.sqrt(2 / measured.variance[used]) if known else 1 / np.abs(p)
-    theta = _refined(f, p, weight, ts, _trend(f, p, ts))
-    best, criterion = theta, [_bic(f, p, weight, ts, theta, known=known)]
+    command = None if measured.command is None else measured.command[used]
+    lines = _Lines(f, p, weight, measured.sample_time, command)
+    theta = _refined(_trend(lines), lines)
+    best, criterion = theta, [_bic(theta, lines, known=known)]
     for _ in range(most_modes):
-        theta = _refined(f, p, weight, ts, _with_mode(f, p, weight, ts, theta))
-        criterion.append(_bic(f, p, weight, ts, theta, known=known))
-        if criterion[-1] > min(criterion[:-1]) - STRONG:
+        theta = _refined(_with_mode(theta, lines), lines)
+        criterion.append(_bic(theta, lines, known=known))
+        if criterion[-1] > min(criterion[:-1]) - STRONG or _is_tone(theta, lines):
             break
         best = theta
-    residual, jacobian = _residual(best, f, p, weight, ts), _jacobian(best, f, p, weight, ts)
+    residual, jacobian = _residual(best, lines), _jacobian(best, lines)
     chi_square = float(residual @ residual) / max(residual.size - best.size, 1)
     inverse = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), float)
     covariance = inverse * (max(1.0, chi_square) if known else chi_square)
     return Fit(_plant(best), _estimate(best, covariance), used, tuple(criterion), chi_square)
+
+
+def _is_tone(theta: Array, lines: _Lines) -> bool:
+    """Whether a mode is narrower than the lines of a single record are apart: a disturbing tone looks like that."""
+    width = np.exp(theta[3::3] + theta[4::3])  # zeta f
+    return lines.command is not None and bool(np.any(width < np.min(np.diff(lines.f))))
 
 
 def _plant(theta: Array) -> Plant:
@@ -122,35 +142,61 @@ def _plant(theta: Array) -> Plant:
     return Plant(float(theta[1]) * 1e-3, 1.0, (Mode(rigid, 0.0, 0.0), *modes))
 
 
-def _residual(theta: Array, f: Array, p: Complex, weight: Array, ts: float) -> Array:
-    error = (model(_plant(theta), f, ts) - p) * weight
-    return np.concatenate([error.real, error.imag])
+def _residual(theta: Array, lines: _Lines) -> Array:
+    """Weighted errors (2n,) [1], less what the ends of a single record explain, whatever their sizes (projection)."""
+    plant = _plant(theta)
+    error = _stacked((model(plant, lines.f, lines.ts) - lines.p) * lines.weight)
+    if lines.command is None:
+        return error
+    ends = _ends(
+        plant, lines, lines.weight / lines.command
+    )  # of unit columns, so that the normal equations are good enough, and quick
+    return np.asarray(error - ends @ np.linalg.solve(ends.T @ ends, ends.T @ error))
 
 
-def _jacobian(theta: Array, f: Array, p: Complex, weight: Array, ts: float) -> Array:
+def _ends(plant: Plant, lines: _Lines, scale: Complex) -> Array:
+    """What each mode's state, unlike at the record's two ends, adds to the weighted errors (2n, 2m) [1].
+
+    scale (n,): the weights over U. At the lines of n samples z^n = 1, so a free response is
+    (a + b (z - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2).
+    """
+    z, columns = np.exp(2j * math.pi * lines.f * lines.ts), []
+    for mode in plant.modes:
+        w = 2 * math.pi * mode.frequency * lines.ts
+        pole = np.exp(w * complex(-mode.damping, math.sqrt(1 - mode.damping**2)))
+        shape = scale / ((z - pole) * (z - pole.conjugate()))
+        columns += [_stacked(shape), _stacked((z - 1) * shape)]
+    return np.column_stack([column / np.linalg.norm(column) for column in columns])
+
+
+def _stacked(values: Complex) -> Array:
+    return np.concatenate([values.real, values.imag])
+
+
+def _jacobian(theta: Array, lines: _Lines) -> Array:
     columns = []
     for i in range(theta.size):
         step = np.zeros(theta.size)
         step[i] = 1e-5
-        ahead, behind = (_residual(theta + sign * step, f, p, weight, ts) for sign in (1, -1))
+        ahead, behind = (_residual(theta + sign * step, lines) for sign in (1, -1))
         columns.append((ahead - behind) / 2e-5)
     return np.column_stack(columns)
 
 
-def _refined(f: Array, p: Complex, weight: Array, ts: float, start: Array) -> Array:
+def _refined(start: Array, lines: _Lines) -> Array:
     count = (start.size - 2) // 3
-    low = np.array([-60.0, 0.0, *[-50.0, math.log(f[0] / 2), math.log(1e-4)] * count])
-    high = np.array([60.0, 50.0, *[50.0, math.log(2 * f[-1]), math.log(0.7)] * count])
+    low = np.array([-60.0, 0.0, *[-50.0, math.log(lines.f[0] / 2), math.log(1e-4)] * count])
+    high = np.array([60.0, 50.0, *[50.0, math.log(2 * lines.f[-1]), math.log(0.7)] * count])
     inside = np.clip(start, low + 1e-9, high - 1e-9)
-    arguments = (f, p, weight, ts)
     found = least_squares(
-        _residual, inside, jac=_jacobian, bounds=(low, high), x_scale="jac", args=arguments, max_nfev=60
+        _residual, inside, jac=_jacobian, bounds=(low, high), x_scale="jac", args=(lines,), max_nfev=60
     )
     return np.asarray(found.x)
 
 
-def _trend(f: Array, p: Complex, ts: float) -> Array:
+def _trend(lines: _Lines) -> Array:
     """log k_0 and L of a rigid body from magnitude and phase slope, robustly by medians."""
+    f, p, ts = lines.f, lines.p, lines.ts
     s2 = -((2 * math.pi * f) ** 2)
     gain = float(np.median(np.abs(p * s2)))
     phase = np.unwrap(np.angle(p * s2))
@@ -159,18 +205,19 @@ def _trend(f: Array, p: Complex, ts: float) -> Array:
     return np.array([math.log(gain), max(slope - ts / 2, 0.0) * 1e3])
 
 
-def _with_mode(f: Array, p: Complex, weight: Array, ts: float, theta: Array) -> Array:
+def _with_mode(theta: Array, lines: _Lines) -> Array:
     """theta and one mode more: of a grid the one that, with its best gain, leaves least."""
-    plant = _plant(theta)
-    left = _residual(theta, f, p, weight, ts)
+    every = slice(None, None, max(lines.f.size // GRID_LINES, 1))
+    plant, f, weight, ts = _plant(theta), lines.f[every], lines.weight[every], lines.ts
+    left = _residual(theta, lines).reshape(2, -1)[:, every].ravel()
     rigid = _unit(f, 0.0, 0.0, plant.dead_time, ts) * weight
-    first = np.concatenate([rigid.real, rigid.imag])
+    first = _stacked(rigid)
     rigid_power, rigid_load = float(first @ first), float(-first @ left)
     best, found = math.inf, (0.0, float(f[0]), 0.01)
     for natural in np.geomspace(1.2 * f[0], 0.95 * f[-1], 240):
         for damping in DAMPINGS:
             shape = _unit(f, float(natural), damping, plant.dead_time, ts) * weight
-            second = np.concatenate([shape.real, shape.imag])
+            second = _stacked(shape)
             cross, own, load = float(first @ second), float(second @ second), float(-second @ left)
             determinant = rigid_power * own - cross**2
             if determinant < 1e-12 * rigid_power * own:
@@ -183,9 +230,9 @@ def _with_mode(f: Array, p: Complex, weight: Array, ts: float, theta: Array) -> 
     return np.concatenate([theta, [gain / math.exp(theta[0]), math.log(natural), math.log(damping)]])
 
 
-def _bic(f: Array, p: Complex, weight: Array, ts: float, theta: Array, *, known: bool) -> float:
+def _bic(theta: Array, lines: _Lines, *, known: bool) -> float:
     """Bayes's information criterion; for an unknown variance with the one that the fit leaves."""
-    residual = _residual(theta, f, p, weight, ts)
+    residual = _residual(theta, lines)
     n, cost = residual.size, float(residual @ residual)
     return (cost if known else n * math.log(cost / n)) + theta.size * math.log(n)
 

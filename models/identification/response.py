@@ -5,9 +5,9 @@ With r the excitation, u the command and x the position, S_ab their cross spectr
     P(f) = S_xr(f) / S_ur(f)
 
 which is free of the bias that S_xu / S_uu has under feedback, as r is independent of the noise (Ljung, System
-Identification, 13.5; Pintelon and Schoukens, 2.6). A periodic excitation is averaged over its periods, without leakage;
-a random one over Hann windows. A sweep has to repeat: windows would see each frequency once. Frequencies f [Hz]; M
-periods or windows.
+Identification, 13.5; Pintelon and Schoukens, 2.6). A periodic one is averaged over its periods, without leakage;
+a random one over Hann windows. A single sweep is at each frequency once, so there is nothing to average: P is X / U of
+the whole record, its variance the scatter about a local model (see `_swept`). Frequencies f [Hz]; M periods or windows.
 """
 
 from __future__ import annotations
@@ -27,6 +27,13 @@ WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below ar
 LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks into them
 ONCE: Final = 0.5  # of a line's power in a single window: a sweep went by there
 NEIGHBOURS: Final = 4  # lines on each side over which the noise's power is averaged
+LOCAL: Final = 8  # lines on each side over which the local model of one sweep holds
+DEGREE: Final = 2  # of that model's polynomials
+FEWEST: Final = 4 * (2 * LOCAL + 1)  # lines of one sweep
+OCTAVES: Final = 2.0  # that one sweep covers at least
+SKIRT: Final = 0.02  # of the sweep's power below its lowest line and above its highest: what its start and stop leak
+LED: Final = 0.9  # coherence of command and sweep: below, feedback of the noise leads the command
+SEEN: Final = 0.5  # coherence of position and sweep: below, the position moves by less than the scale resolves
 
 
 @dataclass(frozen=True)
@@ -35,6 +42,8 @@ class FrequencyResponse:
 
     sample_time [s]: a response of the plant behind a zero-order hold at the samples; 0: of the continuous plant.
     rolling: the record never stood still nor turned round, so that rolling friction was constant and bends nothing.
+    command: the spectrum U (n,) [any unit] of one record that is neither periodic nor windowed: X / U then holds what
+    the record's two ends leave of each mode, too; None: no such part.
     """
 
     frequency: Array
@@ -43,6 +52,7 @@ class FrequencyResponse:
     coherence: Array
     sample_time: float
     rolling: bool = False
+    command: Complex | None = None
 
 
 def period(signal: Array) -> int | None:
@@ -65,7 +75,7 @@ def period(signal: Array) -> int | None:
 def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     """P from a record that is excited through its feedforward; see the module's head.
 
-    windows: for a random excitation. Raises ValueError for a record without an excitation, or of one sweep.
+    windows: for a random excitation. Raises ValueError for a record without an excitation, or of one that shows little.
     """
     excitation = record.feedforward
     if np.ptp(excitation) == 0:
@@ -74,7 +84,8 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     signals = (excitation, record.command, record.position)
     if length is None:
         r, u, x = _windows(signals, windows)
-        _check_no_sweep(r)
+        if _passes_once(r):
+            return _swept(record)
         count = 0.6 * r.shape[0]  # windows that overlap by half are not independent
         size, lowest = 2 * (r.shape[1] - 1), LOWEST
         first, last = 0, record.position.size
@@ -98,13 +109,69 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling)
 
 
-def _check_no_sweep(excitation: Complex) -> None:
-    """Raises ValueError for spectra (M, f) of an excitation that is at each frequency for part of the time only."""
+def _passes_once(excitation: Complex) -> bool:
+    """Whether an excitation with spectra (M, f) of windows is at each frequency for part of the time only."""
     power = np.abs(excitation) ** 2
     total = np.sum(power, axis=0)
     strong = total > WEAKEST**2 * np.max(total)
-    if np.median(np.max(power[:, strong], axis=0) / total[strong]) > ONCE:
-        raise ValueError("the excitation is a sweep that does not repeat; record it three times or more in a row")
+    return bool(np.median(np.max(power[:, strong], axis=0) / total[strong]) > ONCE)
+
+
+def _swept(record: Record) -> FrequencyResponse:
+    """P from one sweep that does not repeat: X / U at the lines of the whole record, while the sweep lasts.
+
+    There X = P U + (what the ends leave) + noise, without a bias of windows or of smoothing; modes.fit models the ends.
+    Under feedback this is consistent with the noise's own power as weight (the direct method; Forssell and Ljung,
+    Closed-loop identification revisited, Automatica 1999). Raises ValueError for a sweep too short, narrow or weak.
+    """
+    active = np.flatnonzero(np.abs(record.feedforward) > 0)
+    part, ts = record.part(int(active[0]), int(active[-1]) + 1), record.sample_time
+    n = part.position.size
+    level = part.position - np.linspace(part.position[0], part.position[-1], n)  # a ramp leaks into every line
+    r, u, x = (np.fft.rfft(signal) / n for signal in (part.feedforward, part.command, level))
+    frequency, passed = np.fft.rfftfreq(n, ts), np.cumsum(np.abs(r[1:]) ** 2)
+    passed = np.concatenate([[0.0], passed / passed[-1]])
+    swept = (passed > SKIRT) & (passed < 1 - SKIRT) & (frequency < 0.45 / ts)
+    if np.sum(swept) < FEWEST:
+        raise ValueError(
+            f"the sweep of {n * ts:.3g} s has {np.sum(swept)} lines; {FEWEST} are needed, sweep for longer"
+        )
+    noise, coherence, commanded = (_smoothed(values) for values in _local(r, u, x))
+    used = swept & (commanded > LED) & (coherence > SEEN)
+    if np.sum(used) < FEWEST:
+        raise ValueError("the sweep is too weak: position or command is noise at most lines; sweep with more force")
+    f, u = np.asarray(frequency[used], np.float64), u[used]
+    if f[-1] < 2**OCTAVES * f[0]:
+        raise ValueError(
+            f"the sweep shows {f[0]:.3g} to {f[-1]:.3g} Hz only; sweep over {OCTAVES:g} octaves, with more force"
+        )
+    rolling = _rolling(part.position, ts)
+    begun, moved = max(round(0.003 / ts), 1), abs(part.position - part.position[0])
+    if rolling and moved[begun] < 0.5 * moved[-1] * begun / n:
+        raise ValueError("the sweep begins before the axis rolls: friction still builds up; let it roll for a second")
+    return FrequencyResponse(f, x[used] / u, noise[used] / np.abs(u) ** 2, coherence[used], ts, rolling, u)
+
+
+def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array]:
+    """Power of the noise x - P u and the coherences of x and of u with r (n,), from spectra (n,) of one record.
+
+    Least squares of x and u over each line and its neighbours, as r times polynomials of frequency (Pintelon and
+    Schoukens, System Identification, 2012, 7.2); on r, since u holds the fed back noise. Without a polynomial for what
+    the ends leave, which looks like a sweep's own first and last second: the ends count as noise here, as does what the
+    polynomials miss at a sharp mode.
+    """
+    n, width = r.size, 2 * LOCAL + 1
+    near = np.clip(np.arange(n) - LOCAL, 0, n - width)[:, None] + np.arange(width)
+    powers = np.linspace(-1, 1, width)[:, None] ** np.arange(DEGREE + 1)
+    q, triangle = np.linalg.qr(r[near, None] * powers)
+    both = np.stack([x[near], u[near]], axis=2)
+    share = q.conj().swapaxes(1, 2) @ both
+    left = both - q @ share
+    gain = np.linalg.solve(triangle, share)[:, 0]
+    noise = np.sum(np.abs(left[:, :, 0] - (gain[:, 0] / gain[:, 1])[:, None] * left[:, :, 1]) ** 2, axis=1)
+    explained, rest = (np.sum(np.abs(part) ** 2, axis=1) for part in (share, left))
+    coherence = explained / (explained + rest)
+    return noise / (width - q.shape[2]), coherence[:, 0], coherence[:, 1]
 
 
 def _stretch(excitation: Array, length: int) -> tuple[int, int]:

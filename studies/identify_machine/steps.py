@@ -21,6 +21,7 @@ from studies.command import Check
 from studies.identify_machine.found import SHOWN, Found, identified, own_curve, record_of, with_offset
 from studies.identify_machine.friction import from_dynamics, from_hysteresis
 
+LINES: Final = 1200  # of a frequency response that results.json keeps, for the figure
 SIGMAS: Final = 3.0  # beyond which two records differ by more than their noise
 BY_CHANCE: Final = 1e-3  # how often the check of two records against each other fails although the model is right
 
@@ -34,7 +35,7 @@ def from_response(found: Found, loaded: Loaded) -> Found:
     known = bool(np.all(np.isfinite(measured.variance)))
     phase = np.rad2deg(np.unwrap(np.angle(model)))
     phase -= 360 * np.round((phase[0] + 180) / 360)  # a rigid body begins at -180 degrees
-    shown = {
+    lines = {
         "frequency_Hz": measured.frequency,
         "measured_m_per_N": np.abs(measured.response),
         "measured_deg": phase + np.rad2deg(np.angle(measured.response / model)),
@@ -44,6 +45,11 @@ def from_response(found: Found, loaded: Loaded) -> Found:
         "deviation": np.sqrt(measured.variance) / np.abs(measured.response),
         "coherence": measured.coherence,
         "used": fit.used,
+    }
+    size = measured.frequency.size  # thousands after one long sweep: as many are shown over a decade as over another
+    some = np.unique(np.geomspace(1, size, LINES).astype(int)) - 1 if size > LINES else np.arange(size)
+    shown = {
+        **{name: values[some] for name, values in lines.items()},
         "lowest_Hz": float(measured.frequency[fit.used][0]),
         "rolling": measured.rolling,
         "criterion": fit.criterion,

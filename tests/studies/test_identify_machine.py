@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import chirp
 
 from models.effects import catalogue
 from models.effects.friction import DirectionalFriction, ViscousFriction
@@ -248,3 +249,19 @@ def test_a_record_of_the_wrong_kind_is_said(
     assert main(STUDY, [str(path), "--kinds", "excitation", "--output", str(tmp_path / "out")]) == BAD_INPUT
     assert "has no excitation" in capsys.readouterr().err
     assert len(records) == 3
+
+
+def test_one_sweep_alone_gives_the_plant_or_says_that_it_is_too_weak(
+    table: Machine, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ts = table.sample_time
+    wave = chirp(np.arange(round(12 / ts)) * ts, 4, 12, 400, method="logarithmic", phi=-90)
+    rolled = own_records.SPEED * ts * np.arange(round(13 / ts), dtype=float)
+    for name, force, status in (("strong", 12.0, DONE), ("weak", 0.02, BAD_INPUT)):
+        record = own_records.run(table, rolled, np.concatenate([np.zeros(round(1 / ts)), force * wave]), 3)
+        path = write(tmp_path / f"{name}.csv", record)
+        assert main(STUDY, [str(path), "--no-report", "--output", str(tmp_path / name)]) == status
+    assert "the sweep is too weak" in capsys.readouterr().err
+    got = load(tmp_path / "strong" / "identified.toml").plant
+    assert [mode.frequency for mode in got.modes] == pytest.approx([m.frequency for m in table.plant.modes], rel=1e-3)
+    assert len(read(tmp_path / "strong", "results.json")["results"]["response"]["frequency_Hz"]) < 1500
