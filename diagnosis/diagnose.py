@@ -18,17 +18,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.fit import Fit, at, at_bounds, coordinates, own_spread, weights
+from diagnosis.candidates import HALF, LATE, Named, candidates
+from diagnosis.fit import Fit, at_bounds, weights
 from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import Null, null
-from diagnosis.orders import SHAKEN, Orders, added, in_all_orders, shrinking
+from diagnosis.orders import Orders, added, in_all_orders, shrinking
 from diagnosis.residual import noise, smooth
-from diagnosis.scan import Finding, freed
+from diagnosis.scan import freed
 from diagnosis.where_controller import replayed
-from diagnosis.which import LINE, MOST, Step, refit_within, search_effects
-from models.effects.base import Effect
+from diagnosis.which import MOST, Step, refit_within, search_effects
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
 from models.effects.motor import TimingJitter
@@ -41,35 +41,14 @@ Progress = Callable[[float, str], None]
 ATTRIBUTED, AMBIGUOUS, NONE, NOTHING, PARAMETERS = (
     *("attributed", "ambiguous", "none_of_these", "nothing_to_explain", "parameters"),
 )
-HALF: Final = 0.5  # of the gap that one effect must close to be named: a wrong name closes less
 LITTLE: Final = 0.25  # of the gap that an effect may close where nothing more is missing: noise hides how much it is
 SEVERAL: Final = 0.75  # of the gap that more than one must close: two wrong names close more than one
-LATE: Final = 49.0  # chi-square from which on commands are late now and then
 EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the floor where an effect explains enough
 MISSING: Final = 3.0  # and from which on something is missing where none does
 ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
 SHIFTED: Final = 60.0  # chi-square of the nominal parameters' shifts from which on they are wrong
-SURE: Final = 0.96  # probability of a name far above its threshold
-DOUBT: Final = 0.15  # by which it is less just above it
-NEAR: Final = 0.35  # probability of what just stays below its threshold
-PARTLY: Final = 0.25  # probability of what passes it and yet leaves too much unexplained for a name
-STRANGER: Final = 0.1  # the same far above it, where something real would have explained more
-FAR: Final = 10.0  # thresholds
 MANY: Final = 0.02  # part of the commands that are late where what they add is simulated
 MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
-
-
-@dataclass(frozen=True)
-class Named:
-    """One effect of the answer, or one that was looked at: gains and thresholds in chi-square, the rest [1]."""
-
-    effect: Effect | None
-    name: str
-    deviation: Mapping[str, float]
-    gain: float
-    threshold: float
-    probability: float
-    adequate: bool
 
 
 @dataclass(frozen=True)
@@ -162,7 +141,7 @@ def _concluded(
     rivals = _rivals(steps) if outcome == ATTRIBUTED else ()
     if rivals:
         outcome = AMBIGUOUS
-    which = _which(steps, thresholds, names if outcome != NONE else (), rivals, far)
+    which = candidates(steps, thresholds, names if outcome != NONE else (), rivals, far)
     if outcome == NONE:
         names = ()
     if outcome == PARAMETERS:
@@ -320,86 +299,6 @@ def _as_delivered(nominal: Fit) -> Any:
     start = np.array(layout.names) == "initial_friction_state"
     theta = np.where(start, nominal.candidate.theta, 0.0)
     return replace(nominal.candidate, theta=theta, effects=in_order(nominal.candidate.layout.machine.effects))
-
-
-def _which(
-    steps: Sequence[Step], thresholds: Null, names: Sequence[str], rivals: Sequence[Sequence[str]], far: HowFar
-) -> tuple[Named, ...]:
-    """Every effect: those of the answer with their fitted parameters, the others at their best point of the grid."""
-    final = steps[-1].fitted
-    limits = thresholds.thresholds
-    rows: list[Named] = []
-    stds = deviations_of(final)
-    first = {finding.effect.name: finding for finding in steps[0].findings}
-    best: dict[str, Finding] = {}
-    for step in steps:
-        for finding in step.findings:
-            known = best.get(finding.effect.name)
-            best[finding.effect.name] = finding if known is None or finding.held_out > known.held_out else known
-    inside = {effect.name: (effect, std) for effect, std in zip(final.candidate.effects, stds, strict=True)}
-    for name, finding in best.items():
-        effect, std = inside.get(name, (finding.effect, {}))
-        gain, limit = max(first[name].held_out if name in first else 0.0, finding.held_out), limits.get(name, 12.0)
-        if name == SHAKEN and name in names and not std:  # a random force: no law of time repeats it
-            gain, limit = max(step.shaking.gain for step in steps), max(limit, LINE)
-        rows.append(Named(effect, name, std, gain, limit, 0.0, name in names and far.closure > HALF))
-    for name in names:
-        if name not in best and name in {"timing_jitter", "controller_mismatch"}:
-            late = steps[-1].lateness
-            gain = late.gain if name == "timing_jitter" else float("inf")
-            rows.append(Named(None, name, {"lateness": late.size}, gain, LATE, 0.0, True))
-    rows.sort(key=lambda row: (row.name not in names, -row.gain))
-    return tuple(replace(row, probability=probability(row, i, names, rivals)) for i, row in enumerate(rows))
-
-
-def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
-    """How likely it is that this effect is in the machine [1]; place: in the list, the best first.
-
-    The constants were read off development cases (other seeds than any trial's): how often a name was right far above
-    its threshold and just above it, and how often the first on the list was in the machine where it stayed below its
-    threshold, or where nothing was named though it passed it. Effects that explain alike share the probability.
-    """
-    over = row.gain / row.threshold
-    among = next((group for group in rivals if row.name in group), None)
-    if row.name in names or among is not None:
-        return (SURE - DOUBT * float(np.exp(-over / 3))) / (len(among) if among else 1)
-    if names or place > 0:
-        return (1 - SURE) / 20
-    if over > 1:
-        return STRANGER if over > FAR else PARTLY
-    return NEAR * max(over, 0.0) ** 3
-
-
-def deviations_of(fitted: Fit) -> list[dict[str, float]]:
-    """Standard deviation of every parameter of each effect in the model [SI], by the linearised fit."""
-    candidate = fitted.candidate
-    if not candidate.effects:
-        return []
-    wide = np.concatenate([candidate.layout.deviation, own_spread(candidate.effects)])
-    whole = np.hstack([fitted.slopes, fitted.own]) * wide
-    covariance = np.linalg.inv(whole.T @ whole + np.eye(wide.size)) * np.outer(wide, wide)
-    found, begin = [], candidate.layout.count
-    for effect in candidate.effects:
-        here = coordinates(effect)
-        own = covariance[begin : begin + here.size, begin : begin + here.size]
-        found.append(_spread_of(effect, here, own))
-        begin += here.size
-    return found
-
-
-def _spread_of(effect: Effect, here: Array, covariance: Array) -> dict[str, float]:
-    """By differences of the parameters along each coordinate."""
-    steps = 0.3 * np.sqrt(np.diag(covariance))
-    base = effect.values()
-    slopes = np.stack(
-        [
-            (at(effect, here + step * (np.arange(here.size) == i)).values() - base) / step
-            for i, step in enumerate(steps)
-        ],
-        axis=1,
-    )
-    std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
-    return {item.name: float(s) for item, s in zip(parameters_of(type(effect)), std, strict=True)}
 
 
 def to_json(found: Diagnosis) -> dict[str, Any]:

@@ -148,9 +148,8 @@ def _residual(theta: Array, lines: _Lines) -> Array:
     error = _stacked((model(plant, lines.f, lines.ts) - lines.p) * lines.weight)
     if lines.command is None:
         return error
-    ends = _ends(
-        plant, lines, lines.weight / lines.command
-    )  # of unit columns, so that the normal equations are good enough, and quick
+    ends = _ends(plant, lines, lines.weight / lines.command)
+    # of unit columns, so that the normal equations are good enough, and quick
     return np.asarray(error - ends @ np.linalg.solve(ends.T @ ends, ends.T @ error))
 
 

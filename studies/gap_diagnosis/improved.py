@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Final
 
-from diagnosis.diagnose import Diagnosis, deviations_of
+from diagnosis.candidates import deviations_of
+from diagnosis.diagnose import Diagnosis
 from diagnosis.how_far import with_sines
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
