@@ -33,6 +33,7 @@ from diagnosis.where_force import FAST, SLOW, Floor, Force, answer, floor, likel
 from diagnosis.where_maps import PHASES, Samples, Shares, by_band, by_wave, labelled, shares
 from diagnosis.where_side import Side, sides
 from diagnosis.where_words import SURE, statements
+from diagnosis.which import FOLLOWED, RATED
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -48,7 +49,8 @@ class Where:
     shares are of. unseen [N]: the deviation that it has where nothing is unknown. motions_by_phase: shares, named
     "kind | phase". together: the share that curves over all coordinates explain, with its interval: the ceiling for
     any effect that they can describe. parity: how much is an even and an odd function of speed. scatter: on what the
-    innovations' size depends. samples, coordinates: what is known of every sample, for figures.
+    innovations' size depends. samples, coordinates: what is known of every sample, for figures. followed [N]: the
+    largest command, where the drive followed beyond its rating.
     """
 
     controller: tuple[Replayed, ...]
@@ -70,6 +72,7 @@ class Where:
     sample_time: float
     samples: Samples
     coordinates: tuple[Coordinate, ...]
+    followed: float | None = None
     statements: tuple[str, ...] = ()
 
     @property
@@ -124,6 +127,7 @@ def where(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, se
         sample_time=ts,
         samples=samples,
         coordinates=known,
+        followed=nominal.drive.rated_thrust if nominal.sources.get(RATED) == FOLLOWED else None,
     )
     return replace(found, statements=statements(found))
 

@@ -47,9 +47,10 @@ def statements(found: Where) -> tuple[str, ...]:
     """The sentences: the controller where it does not replay, the size, the rest by what is sure of it."""
     first = [*_controller(found), _size(found)]
     if found.deviation < 1.2 * found.unseen:
-        return (*first, *([] if verdict(found.sides) == "neither" else [_side(found)]), _floor(found))
+        side = [] if verdict(found.sides) == "neither" else [_side(found)]
+        return (*first, *side, *_drive(found), _floor(found))
     ranked = sorted([*_maps(found), *_coordinates(found), *_parity(found), *_scatter(found)], key=lambda one: -one[0])
-    return (*first, *(text for _, text in ranked), _side(found), _floor(found))
+    return (*first, *(text for _, text in ranked), _side(found), *_drive(found), _floor(found))
 
 
 def kind(name: str) -> str:
@@ -82,6 +83,14 @@ def _controller(found: Where) -> Iterator[str]:
                 f"The stated controller did not make {record}: replayed, it departs from sample {one.departs} on, by "
                 f"up to {show(one.largest, 'N', 3)} ({show(one.rms, 'N', 3)} rms); {fits}."
             )
+
+
+def _drive(found: Where) -> Iterator[str]:
+    if found.followed is not None:
+        yield (
+            f"The drive followed commands of up to {show(found.followed, 'N', 3)}, more than the rated thrust of the "
+            "machine file."
+        )
 
 
 def _size(found: Where) -> str:

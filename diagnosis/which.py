@@ -45,6 +45,7 @@ STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterat
 
 
 RATED: Final = "drive.rated_thrust"
+FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
 AGAIN: Final = 3  # times that the starts are searched once more
 ENOUGH: Final = 20.0  # chi-square
 
@@ -79,8 +80,7 @@ def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
     most = max(float(np.max(np.abs(record.command))) for record in records)
     machines = [machine]
     if most > machine.drive.rated_thrust:
-        followed = Provenance("identified", "the largest command of the records, which the drive followed")
-        drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: followed}
+        drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
         machines.append(replace(machine, drive=drive, sources=sources))
     fits: list[Fit] = Parallel(n_jobs=-1, require="sharedmem")(
         delayed(refit)(parameters(one, len(records)), records, in_order(one.effects)) for one in machines

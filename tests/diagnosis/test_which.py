@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.shaking import _steady
+from diagnosis.where_words import _drive
 from diagnosis.which import FORM, REST, SECOND, further, refit_within
 from tests.diagnosis.tables import recorded, schedules, table
 
@@ -27,6 +28,12 @@ def test_whether_the_drive_follows_beyond_its_rating_is_read_off_the_records(tru
     follows = truth is MACHINE
     assert found.drive.rated_thrust == (most if follows else WEAK.drive.rated_thrust)
     assert found.sources["drive.rated_thrust"].kind == ("identified" if follows else "paper")
+
+
+def test_a_drive_that_follows_beyond_its_rating_is_said() -> None:
+    said = list(_drive(SimpleNamespace(followed=158.12)))  # type: ignore[arg-type]
+    assert said == ["The drive followed commands of up to 158 N, more than the rated thrust of the machine file."]
+    assert not list(_drive(SimpleNamespace(followed=None)))  # type: ignore[arg-type]
 
 
 def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
