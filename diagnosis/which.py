@@ -184,7 +184,7 @@ def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floors: Arra
 
 def further(gained: float, left: float, floors: Array) -> float:
     """Chi-square that an effect has to gain beside others, which gained so much and left so much: more than the others'
-    form may be wrong by, or a good part of what is surely above the floor (draws,)."""
+    form may be wrong by, or a good part of what is surely above the floor (draws,); all [1]."""
     above = left - float(np.max(floors))
     return max(SECOND, min(FORM * gained, REST * above) if above > 0 else FORM * gained)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.how_far import closure, gap_share, weighted
+from diagnosis.how_far import Late, closure, gap_share, weighted
 
 COUNT, MOTIONS = 20_000, 40
 SEGMENT = np.repeat(np.arange(MOTIONS), COUNT // MOTIONS)
@@ -49,3 +49,17 @@ def test_a_share_is_near_one_where_the_gap_is_and_small_elsewhere() -> None:
     assert share[100:300].mean() > 0.8
     assert share[-3000:].mean() < 0.05
     assert np.allclose(weighted(np.ones(COUNT), np.ones(COUNT // 2 + 1)), 1.0)
+
+
+def test_what_late_commands_add_to_the_floor_counts_as_explained() -> None:
+    """A variance that no model takes off: here all, or half, of what separates the records from the floor."""
+    rng, n = np.random.default_rng(5), 24_000
+    segment = np.repeat(np.arange(24), n // 24)
+    floors = [rng.standard_normal(n) for _ in range(2)]
+    late = [Late(floor + np.sqrt(5.0) * rng.standard_normal(n), 0.1) for floor in floors]
+    for extra, explained in ((0.5, 1.0), (1.0, 0.5)):
+        before = np.sqrt(1.0 + extra) * rng.standard_normal(n)
+        assert closure(before, before, floors, segment)[0] == 0.0
+        found, (low, high) = closure(before, before, floors, segment, late)
+        assert abs(found - explained) < 0.15
+        assert low <= explained <= high
