@@ -26,7 +26,7 @@ STRIDE: Final = 0.7  # the most that a step moves the logarithm of a shape or a 
 START_STRIDE: Final = 1.0  # the most that a step moves an element's start, in prior deviations
 DAMPED: Final = 1e5  # damping beyond which no step is tried
 FINE: Final = {"scale_periodic_error": 1e-5, "dac_quantisation": 1e-5}  # many periods fit into what is moved through
-ENOUGH: Final = 2.0  # a step that gains less chi-square ends the fit
+ENOUGH: Final = 10.0  # a step that gains less chi-square ends the fit
 
 
 @dataclass(frozen=True)

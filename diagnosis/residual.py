@@ -192,18 +192,22 @@ def shifted(seen: Smoothed, differs: Array) -> Path:
 def _acts(
     candidate: Candidate, machine: Machine, record: Record, index: int, path: Path, known: Seen | None = None
 ) -> Replayed:
-    """What acts along a path; known: of a candidate with the same friction, along the same path."""
-    bare = known is not None and not any(rubs(effect) for effect in candidate.effects)
+    """What acts along a path; known: of a candidate with the same friction and effects on it, along the same path."""
     return replay(
         machine.friction,
-        candidate.effects,
+        candidate.effects if known is None else [effect for effect in candidate.effects if not rubs(effect)],
         path,
         machine.plant.dead_time,
         state=initial_state(candidate.layout, candidate.theta, index),
         thrust_limit=machine.drive.rated_thrust,
         start=held(record),
-        rubbing=known.acts.friction if known is not None and bare else None,
+        rubbing=None if known is None else known.acts.friction,
     )
+
+
+def _rubbing(candidate: Candidate) -> list[Effect]:
+    """The effects that act on the friction, and on nothing else."""
+    return [effect for effect in candidate.effects if rubs(effect)]
 
 
 def _net(machine: Machine, acts: Replayed) -> Array:
@@ -336,8 +340,8 @@ def _differences(
     other: Candidate, candidate: Candidate, machine: Machine, record: Record, index: int, path: Smoothed, seen: Seen
 ) -> tuple[Array, Array]:
     """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
-    bare = not any(rubs(effect) for effect in candidate.effects)
-    acts = _acts(other, machine, record, index, seen.path, seen if bare else None)
+    same = _rubbing(other) == _rubbing(candidate)
+    acts = _acts(other, machine, record, index, seen.path, seen if same else None)
     differs = acts.reading - seen.acts.reading
     if np.any(differs != 0):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))

@@ -40,13 +40,15 @@ WORTH: Final = 0.25  # of the best finding's gain that another needs in order to
 FORM: Final = 0.05  # of the first effect's gain that a further one needs: the first may have another form than its law
 REST: Final = 0.15  # of what the first leaves above every floor; a further effect needs no more than that
 SECOND: Final = 60.0  # chi-square that a further effect has to gain
+DULL: Final = 10.0  # chi-square below which an effect gains nothing
 STEADY: Final = 0.5  # of a random force's mean power that is there half of the time
 STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
 
 
 RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
-AGAIN: Final = 3  # times that the starts are searched once more
+AGAIN: Final = 2  # times that the starts are searched once more
+MUCH: Final = 200.0  # chi-square that an effect gains where the starts may have stood in for it
 ENOUGH: Final = 20.0  # chi-square
 
 
@@ -78,14 +80,16 @@ def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
     """The nominal re-fit. Where commands go beyond the rated thrust, the drive that followed them is tried as well:
     many do so for a while."""
     most = max(float(np.max(np.abs(record.command))) for record in records)
-    machines = [machine]
-    if most > machine.drive.rated_thrust:
-        drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
-        machines.append(replace(machine, drive=drive, sources=sources))
-    fits: list[Fit] = Parallel(n_jobs=-1, require="sharedmem")(
-        delayed(refit)(parameters(one, len(records)), records, in_order(one.effects)) for one in machines
-    )
-    return min(fits, key=lambda fitted: fitted.cost)
+    effects = in_order(machine.effects)
+    layout = parameters(machine, len(records))
+    if most <= machine.drive.rated_thrust:
+        return refit(layout, records, effects)
+    drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
+    follows = refit(replace(layout, machine=replace(machine, drive=drive, sources=sources)), records, effects)
+    bounded = replace(follows.candidate, layout=layout)
+    if fit(bounded, records, paths=follows.paths, iterations=2, walk=follows.walk).cost > follows.cost:
+        return follows
+    return min(follows, refit(layout, records, effects), key=lambda fitted: fitted.cost)
 
 
 def _started(fitted: Fit, records: Sequence[Record]) -> Fit:
@@ -122,7 +126,7 @@ def search_effects(
             say(f"fitting a random force about {shaken.resonance.frequency:.3g} Hz")
             candidate = replace(here.fitted.candidate, shaken=(*here.fitted.candidate.shaken, shaken.resonance))
             fitted = fit(candidate, records, paths=here.fitted.paths, iterations=4, walk=here.fitted.walk)
-            steps.append(_step(fitted, records, segment, left_out))
+            steps.append(_step(fitted, records, segment, {*left_out, *_dull(steps)}))
             continue
         if not strong:
             return tuple(steps)
@@ -130,13 +134,15 @@ def search_effects(
         fits = Parallel(n_jobs=-1, require="sharedmem")(
             delayed(_with)(here.fitted, finding.effect, records) for finding in strong
         )
-        best = _started(min(fits, key=lambda fitted: fitted.cost), records)
+        best = min(fits, key=lambda fitted: fitted.cost)
+        if here.fitted.cost - best.cost > MUCH:
+            best = _started(best, records)
         gained = here.fitted.cost - best.cost
         names = {effect.name for effect in best.candidate.effects}
         if gained < LEAST or len(names) > MOST or len(best.candidate.effects) > MOST + 2:
             return tuple(steps)
         rivals = [(finding.effect.name, fitted.cost) for finding, fitted in zip(strong, fits, strict=True)]
-        step = _step(best, records, segment, left_out)
+        step = _step(best, records, segment, {*left_out, *_dull(steps)})
         steps.append(replace(step, rivals=tuple(sorted(rivals, key=lambda rival: rival[1]))))
 
 
@@ -148,6 +154,14 @@ def _step(fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64], le
         shaking(fitted, records, own),
         lateness(fitted, records),
     )
+
+
+def _dull(steps: Sequence[Step]) -> set[str]:
+    """Names of effects that gained nothing at the first stage nor at the second: they are not looked at again."""
+    if len(steps) < 2:
+        return set()
+    gains = {finding.effect.name for step in steps[:2] for finding in step.findings if finding.held_out > DULL}
+    return {finding.effect.name for finding in steps[0].findings} - gains
 
 
 def _shakes(here: Step, strong: Sequence[Finding], thresholds: Mapping[str, float], left_out: Collection[str]) -> bool:
