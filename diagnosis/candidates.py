@@ -76,9 +76,10 @@ def candidates(
 def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
     """How likely it is that this effect is in the machine [1]; place: in the list, the best first.
 
-    The constants were read off development cases (other seeds than any trial's): how often a name was right far above
-    its threshold and just above it, and how often the first on the list was in the machine where it stayed below its
-    threshold, or where nothing was named though it passed it. Effects that explain alike share the probability.
+    The constants were read off the cases of earlier trials (the last: seed 20261121), never off those of the one that
+    the README quotes: how often a name was right far above its threshold and just above it, and how often the first on
+    the list was in the machine where it stayed below its threshold, or where nothing was named though it passed it.
+    Effects that explain alike share the probability.
     """
     over = row.gain / row.threshold
     among = next((group for group in rivals if row.name in group), None)

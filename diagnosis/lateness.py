@@ -32,13 +32,11 @@ FEW: Final = 500  # samples of repeated motions
 
 @dataclass(frozen=True)
 class Lateness:
-    """Root mean square of the lateness [s], its deviation [s], what it gains of chi-square, and how much of the
-    innovations' it explains [1]."""
+    """Root mean square of the lateness [s], its deviation [s], and what it gains of chi-square."""
 
     size: float
     deviation: float
     gain: float
-    explained: float
 
 
 def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
@@ -64,12 +62,11 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
         expected.append(np.mean([given[piece.record][_part(piece)] for piece in group], axis=0))
         moving.append(np.mean([moves[piece.record][_part(piece)] for piece in group], axis=0))
     if sum(one.size for one in squares) < FEW:
-        return Lateness(0.0, float("inf"), 0.0, 0.0)
+        return Lateness(0.0, float("inf"), 0.0)
     slope, spread = _slope(np.concatenate(expected), np.concatenate(squares), np.concatenate(moving))
     size = ts * float(np.sqrt(max(slope, 0.0)))
     deviation = ts * 0.5 * spread / float(np.sqrt(max(slope, spread)))
-    explained = max(slope, 0.0) * sum(float(one[STARTING:].sum()) for one in given)
-    return Lateness(size, deviation, max(slope / spread, 0.0) ** 2, explained)
+    return Lateness(size, deviation, max(slope / spread, 0.0) ** 2)
 
 
 def repeats(found: Sequence[Piece]) -> list[list[Piece]]:

@@ -19,7 +19,7 @@ from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innova
 from diagnosis.nominal import Parameters, applied, initial_state
 from models.compiled import compiled
 from models.effects.base import Effect
-from models.effects.kernel import Path, Replayed, replay, rubs
+from models.effects.kernel import RUBBING, Path, Replayed, replay, rubs
 from models.machine import Machine
 from models.plant import Mode
 from models.record import Record
@@ -205,9 +205,10 @@ def _acts(
     )
 
 
-def _rubbing(candidate: Candidate) -> list[Effect]:
-    """The effects that act on the friction, and on nothing else."""
-    return [effect for effect in candidate.effects if rubs(effect)]
+def _same_friction(one: Candidate, other: Candidate) -> bool:
+    """Whether the same effects act on the friction of both, and act on nothing else that would have to be seen anew."""
+    first, second = ([effect for effect in each.effects if rubs(effect)] for each in (one, other))
+    return first == second and all(RUBBING.issuperset(effect.hooks) for effect in first)
 
 
 def _net(machine: Machine, acts: Replayed) -> Array:
@@ -340,8 +341,7 @@ def _differences(
     other: Candidate, candidate: Candidate, machine: Machine, record: Record, index: int, path: Smoothed, seen: Seen
 ) -> tuple[Array, Array]:
     """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
-    same = _rubbing(other) == _rubbing(candidate)
-    acts = _acts(other, machine, record, index, seen.path, seen if same else None)
+    acts = _acts(other, machine, record, index, seen.path, seen if _same_friction(other, candidate) else None)
     differs = acts.reading - seen.acts.reading
     if np.any(differs != 0):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,8 @@ from models.kernel import Loop, Run, clipped, pid_step, quantised
 from models.plant import delay_split
 
 Array = NDArray[np.float64]
+
+RUBBING: Final = frozenset({"path", "limit", "friction"})  # hooks of the friction and of what its contacts see
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ def replay(
 
 def rubs(effect: Effect) -> bool:
     """Whether an effect acts on the friction or on what its contacts see."""
-    return not {"path", "limit", "friction"}.isdisjoint(effect.hooks)
+    return not RUBBING.isdisjoint(effect.hooks)
 
 
 class _Course(NamedTuple):

@@ -9,9 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from diagnosis import residual
+from diagnosis.initial import balanced
+from diagnosis.nominal import parameters
+from diagnosis.residual import Candidate, columns, look, smooth
 from diagnosis.shaking import _steady
 from diagnosis.where_words import _drive
 from diagnosis.which import FORM, REST, SECOND, further, refit_within
+from models.effects.catalogue import in_order
+from models.effects.friction import DirectionalFriction
+from models.effects.motor import Cogging
 from tests.diagnosis.tables import recorded, schedules, table
 
 MACHINE = table()
@@ -57,3 +64,17 @@ def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wro
     assert further(1e5, 990.0, floors) == FORM * 1e5  # nothing is surely left: all of it may be form
     assert further(1e5, 5000.0, floors) == REST * 4000.0
     assert further(100.0, 5000.0, floors) == SECOND
+
+
+def test_a_friction_that_is_known_gives_the_columns_that_replaying_it_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside an effect on the friction, one that leaves it as it is."""
+    records = recorded(MACHINE, PLAN, seed=12)
+    layout = parameters(MACHINE, len(records))
+    candidate = Candidate(layout, balanced(layout, records), (DirectionalFriction(0.05),))
+    paths = smooth(candidate, records)
+    seen = look(candidate, records, paths)
+    trials = [in_order((*candidate.effects, Cogging(1.0, 0.035, 0.3)))]
+    known = columns(candidate, trials, records, paths, seen)
+    monkeypatch.setattr(residual, "_same_friction", lambda *_: False)
+    assert np.abs(known).max() > 1.0
+    np.testing.assert_allclose(columns(candidate, trials, records, paths, seen), known, atol=1e-9)
