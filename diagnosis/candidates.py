@@ -21,7 +21,7 @@ from models.effects.base import parameters as parameters_of
 Array = NDArray[np.float64]
 
 HALF: Final = 0.5  # of the gap that one effect must close to be named: a wrong name closes less
-LATE: Final = 49.0  # chi-square from which on commands are late now and then
+LATE: Final = 64.0  # chi-square from which on commands are late now and then
 SURE: Final = 0.96  # probability of a name far above its threshold
 DOUBT: Final = 0.15  # by which it is less just above it
 NEAR: Final = 0.35  # probability of what just stays below its threshold

@@ -10,6 +10,7 @@ nothing_to_explain    the machine as delivered explains it
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -48,6 +49,7 @@ MISSING: Final = 3.0  # and from which on something is missing where none does
 ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
 SHIFTED: Final = 60.0  # chi-square of the nominal parameters' shifts from which on they are wrong
 MANY: Final = 0.02  # part of the commands that are late where what they add is simulated
+LATENESS: Final = TimingJitter.name
 MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
 
 
@@ -95,13 +97,14 @@ def diagnose(
     cache: a folder in which the null's thresholds are kept for other records of the same schedule.
     """
     say = progress or (lambda _share, _text: None)
-    say(0.02, "re-fitting what is nominal")
-    nominal = refit_within(machine, records)
+    say(0.02, "re-fitting what is nominal; thresholds: the same search where nothing is missing")
+    with ThreadPoolExecutor(1) as beside:
+        refitted = beside.submit(refit_within, machine, records)
+        thresholds = null(parameters(machine, len(records)), records, cache=cache, say=lambda text: say(0.1, text))
+        nominal = refitted.result()
     layout = nominal.candidate.layout
     found = pieces(records)
     segment = numbered(found, records)
-    say(0.2, "thresholds: the same search where nothing is missing")
-    thresholds = null(parameters(machine, len(records)), records, cache=cache, say=lambda text: say(0.2, text))
     say(0.5, "every effect of the catalogue against what is left")
     steps = search_effects(
         nominal,
@@ -136,7 +139,7 @@ def _concluded(
         names, outcome = ("controller_mismatch", *names), ATTRIBUTED
     if stages[-1].fitted is not steps[-1].fitted:
         steps = stages
-        far, _ = _how_far(steps, records, segment, seed)
+        far, _ = _how_far(steps, records, segment, seed, disabled)
     partly = _names(steps) if outcome == NONE else ()
     rivals = _rivals(steps) if outcome == ATTRIBUTED else ()
     if rivals:
@@ -161,19 +164,19 @@ def _adequate(
     looked = []
     for count in range(len(steps), min(len(steps), 2) - 1, -1):
         stages = steps[:count]
-        far, excess = _how_far(stages, records, segment, seed)
+        far, excess = _how_far(stages, records, segment, seed, disabled)
         names = _names(stages)
-        if _late(steps[-1]) and "timing_jitter" not in disabled:
-            names = (*names, "timing_jitter")
+        if _late(steps[-1], disabled):
+            names = (*names, LATENESS)
         looked.append((stages, names, far, _outcome(stages, names, far, excess)))
         if looked[-1][-1] != NONE:
             return looked[-1]
     return looked[0]
 
 
-def _late(step: Step) -> bool:
+def _late(step: Step, disabled: Collection[str]) -> bool:
     """Whether commands are late now and then."""
-    return step.lateness.gain > LATE
+    return step.lateness.gain > LATE and LATENESS not in disabled
 
 
 def _rivals(steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
@@ -201,10 +204,10 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
 
 def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float) -> str:
     """Named where the effects close the gap or nothing significant is left; else something that has no name here."""
-    if len(names) < 2:
-        enough = far.closure >= HALF or (excess < EXCESS and far.interval[1] >= LITTLE)
-    else:
-        enough = far.closure >= SEVERAL
+    closed = far.interval[1] if LATENESS in names else far.closure  # which commands were late, no simulation knows
+    enough = closed >= (HALF if len(names) < 2 else SEVERAL)
+    if len(names) < 2 and excess < EXCESS:
+        enough = enough or far.interval[1] >= LITTLE
     if names and enough and not _bent(steps):
         return ATTRIBUTED
     if names or excess > MISSING:
@@ -260,7 +263,7 @@ def _wrong(fitted: Fit) -> tuple[str, ...]:
 
 
 def _how_far(
-    steps: Sequence[Step], records: Sequence[Record], segment: NDArray[np.int64], seed: int
+    steps: Sequence[Step], records: Sequence[Record], segment: NDArray[np.int64], seed: int, disabled: Collection[str]
 ) -> tuple[HowFar, float]:
     """The gaps of all stages and the closure; and by how much what is left exceeds the floor, in deviations of
     their noise [1]."""
@@ -276,7 +279,7 @@ def _how_far(
     weight, late = weights(records), list[Late]()
     left = held_out(final, own) * _deviations(final) * noise(final.candidate.machine) * weight
     least = [left_of(final.candidate, one, final.walk) for one in made]
-    if _late(steps[-1]):
+    if _late(steps[-1], disabled):
         part = (steps[-1].lateness.size / records[0].sample_time) ** 2
         many = TimingJitter(max(part, MANY))
         again = [mirrored(final.candidate, records, seed + 500 + 10 * i, [many]) for i in range(MIRRORS)]

@@ -18,18 +18,20 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from diagnosis.fit import fit
+from diagnosis.fit import Fit, fit
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import Parameters, bounded, initial_state
 from diagnosis.residual import STARTING, Candidate
-from diagnosis.scan import freed, scan
+from diagnosis.scan import Freed, alike, freed, scan
 from models.controller import Controller, References
+from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, to_json
 from models.record import Record
 from models.simulator import simulate
 
 Array = NDArray[np.float64]
+Drawn = tuple[Fit, list[Record], Freed]
 
 DRAWS: Final = 8
 SETTLING: Final = 0.5  # s at rest before the record
@@ -97,17 +99,21 @@ def null(
         return Null(
             {name: tuple(row) for name, row in content["gains"].items()}, tuple(map(tuple, content["variance"]))
         )
-    gains: dict[str, list[float]] = {}
-    variance = []
-    drawn = Parallel(n_jobs=-1, require="sharedmem", return_as="generator")(
-        delayed(_draw)(layout, records, seed) for seed in range(draws)
-    )
     say(f"simulating the null, 1 of {draws}")
-    for done, (found, spread) in enumerate(drawn, 1):
-        say(f"simulating the null, {min(done + 1, draws)} of {draws}")
-        variance.append(spread)
+    first = _drawn(layout, records, 0)
+    known = alike(*first)  # the columns of the tables that follow
+    results = [_gains(first, known)]
+    rest = Parallel(n_jobs=-1, require="sharedmem", return_as="generator")(
+        delayed(_draw)(layout, records, seed, known) for seed in range(1, draws)
+    )
+    for result in rest:
+        results.append(result)
+        say(f"simulating the null, {min(len(results) + 1, draws)} of {draws}")
+    gains: dict[str, list[float]] = {}
+    for found, _ in results:
         for name, gain in found.items():
             gains.setdefault(name, []).append(gain)
+    variance = [spread for _, spread in results]
     made = Null({name: tuple(row) for name, row in sorted(gains.items())}, tuple(variance))
     if place:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -117,16 +123,27 @@ def null(
     return made
 
 
-def _draw(layout: Parameters, records: Sequence[Record], seed: int) -> tuple[dict[str, float], tuple[float, ...]]:
+def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
+    """A table within the priors that runs the records' references: its re-fit, its records, what is left of them."""
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects))
     made = [simulated(truth, record, i, 1000 * seed + i) for i, record in enumerate(records)]
     fitted = fit(truth, made, iterations=3, walk=WALK_OF_SCAN)
-    own = freed(fitted, numbered(pieces(made), made))
-    findings = scan(fitted, made, own)
-    spread = tuple(float(np.mean(seen.innovations[60:] ** 2)) for seen in fitted.seen)
+    return fitted, made, freed(fitted, numbered(pieces(made), made))
+
+
+def _gains(drawn: Drawn, known: Mapping[Effect, Array]) -> tuple[dict[str, float], tuple[float, ...]]:
+    """What every effect gains on a table without any, and the innovations' variance by record [1]."""
+    findings = scan(*drawn, known=known)
+    spread = tuple(float(np.mean(seen.innovations[STARTING:] ** 2)) for seen in drawn[0].seen)
     return {finding.effect.name: finding.held_out for finding in findings}, spread
+
+
+def _draw(
+    layout: Parameters, records: Sequence[Record], seed: int, known: Mapping[Effect, Array]
+) -> tuple[dict[str, float], tuple[float, ...]]:
+    return _gains(_drawn(layout, records, seed), known)
 
 
 WALK_OF_SCAN: Final = 4e-3  # [N a sample], as in the last step of the re-fit

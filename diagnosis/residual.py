@@ -7,8 +7,9 @@ loops are never compared, because the feedback hides the gap and hysteresis make
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -19,7 +20,7 @@ from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innova
 from diagnosis.nominal import Parameters, applied, initial_state
 from models.compiled import compiled
 from models.effects.base import Effect
-from models.effects.kernel import RUBBING, Path, Replayed, replay, rubs
+from models.effects.kernel import Path, Replayed, changed, kept, replay
 from models.machine import Machine
 from models.plant import Mode
 from models.record import Record
@@ -190,25 +191,24 @@ def shifted(seen: Smoothed, differs: Array) -> Path:
 
 
 def _acts(
-    candidate: Candidate, machine: Machine, record: Record, index: int, path: Path, known: Seen | None = None
+    candidate: Candidate,
+    machine: Machine,
+    record: Record,
+    index: int,
+    path: Path,
+    known: Mapping[str, Array] = MappingProxyType({}),
 ) -> Replayed:
-    """What acts along a path; known: of a candidate with the same friction and effects on it, along the same path."""
+    """What acts along a path; known: see `replay`."""
     return replay(
         machine.friction,
-        candidate.effects if known is None else [effect for effect in candidate.effects if not rubs(effect)],
+        candidate.effects,
         path,
         machine.plant.dead_time,
         state=initial_state(candidate.layout, candidate.theta, index),
         thrust_limit=machine.drive.rated_thrust,
         start=held(record),
-        rubbing=None if known is None else known.acts.friction,
+        known=known,
     )
-
-
-def _same_friction(one: Candidate, other: Candidate) -> bool:
-    """Whether the same effects act on the friction of both, and act on nothing else that would have to be seen anew."""
-    first, second = ([effect for effect in each.effects if rubs(effect)] for each in (one, other))
-    return first == second and all(RUBBING.issuperset(effect.hooks) for effect in first)
 
 
 def _net(machine: Machine, acts: Replayed) -> Array:
@@ -279,9 +279,8 @@ def _force_slopes(
     layout, n = candidate.layout, record.position.size
     limit, z0 = np.array(machine.friction.limit), initial_state(layout, candidate.theta, index)
     late = replay(
-        machine.friction, [effect for effect in candidate.effects if not rubs(effect)], seen.path,
-        machine.plant.dead_time + 1e-6, state=z0, thrust_limit=machine.drive.rated_thrust, start=held(record),
-        rubbing=seen.acts.friction,
+        machine.friction, candidate.effects, seen.path, machine.plant.dead_time + 1e-6,
+        thrust_limit=machine.drive.rated_thrust, start=held(record), known=kept(seen.acts, {"thrust"}),
     )  # fmt: skip
     starts = layout.of("initial_friction_state").reshape(layout.records, -1)[index]
     names = ("dead_time", "amplifier_offset", "friction_level", "presliding_stiffness", "presliding_limit")
@@ -341,7 +340,8 @@ def _differences(
     other: Candidate, candidate: Candidate, machine: Machine, record: Record, index: int, path: Smoothed, seen: Seen
 ) -> tuple[Array, Array]:
     """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
-    acts = _acts(other, machine, record, index, seen.path, seen if _same_friction(other, candidate) else None)
+    same = kept(seen.acts, changed(candidate.effects, other.effects))
+    acts = _acts(other, machine, record, index, seen.path, same)
     differs = acts.reading - seen.acts.reading
     if np.any(differs != 0):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))

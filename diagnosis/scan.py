@@ -8,8 +8,9 @@ compared motion by motion, so that every fold of a cross-validation is small alg
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -30,6 +31,7 @@ FOLDS: Final = 6
 POINTS: Final = 6  # of a grid over a shape of a decade or two
 BATCH: Final = 24  # columns that are filtered side by side
 PEAKS: Final = 4  # of a spectrum that are looked at
+REMAINS: Final = 0.3  # of a column that the nominal parameters must leave for it to be another table's as well
 UNSEEN: Final = ("scale_gain_error", "controller_mismatch", "timing_jitter")  # no column of force or reading shows them
 
 
@@ -77,15 +79,20 @@ def scan(
     records: Sequence[Record],
     own: Freed,
     left_out: Collection[str] = (),
+    known: Mapping[Effect, Array] = MappingProxyType({}),
 ) -> list[Finding]:
-    """The catalogue's effects, each at the point of its grid that gains the most on held-out motions, best first."""
+    """The catalogue's effects, each at the point of its grid that gains the most on held-out motions, best first.
+
+    known: columns (n, k) [1] of points of the grids, in place of what this fit's path would give; see `alike`.
+    """
     trials: list[Effect] = []
     for name, kind in every().items():
         if name not in left_out and name not in UNSEEN:
             trials += grid(kind, fitted, records, own)
     found: dict[str, Finding] = {}
+    batches = [*_batched([e for e in trials if e not in known]), *_batched([e for e in trials if e in known])]
     each = Parallel(n_jobs=-1, require="sharedmem")(
-        delayed(_findings)(batch, fitted, records, own) for batch in _batched(trials)
+        delayed(_findings)(batch, fitted, records, own, known) for batch in batches
     )
     for findings in each:
         for finding in findings:
@@ -100,16 +107,50 @@ def _batched(trials: Sequence[Effect]) -> Iterator[tuple[Effect, ...]]:
         yield tuple(trials[i : i + BATCH])
 
 
-def _findings(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> list[Finding]:
+def _findings(
+    batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed, known: Mapping[Effect, Array]
+) -> list[Finding]:
+    raw = [known[effect] for effect in batch] if batch[0] in known else _columns(batch, fitted, records)
+    whole, found, begin = own(np.hstack(raw)), [], 0
+    for effect, given in zip(batch, raw, strict=True):
+        end = begin + given.shape[1]
+        found.append(judged(effect, whole[:, begin:end], own))
+        begin = end
+    return found
+
+
+def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) -> list[Array]:
+    """What each effect's quadratures change of the innovations: (n, 1) or (n, 2) [1] each."""
     variants = [variant for effect in batch for variant in quadratures(effect)]
     added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
-    weight = weights(records)[:, None]
-    whole = own(columns(fitted.candidate, added, records, fitted.paths, fitted.seen, fitted.walk) * weight)
-    found, begin = [], 0
-    for effect in batch:
-        count = len(quadratures(effect))
-        found.append(judged(effect, whole[:, begin : begin + count], own))
-        begin += count
+    whole = columns(fitted.candidate, added, records, fitted.paths, fitted.seen, fitted.walk)
+    whole *= weights(records)[:, None]
+    ends = np.cumsum([len(quadratures(effect)) for effect in batch])
+    return np.split(whole, ends[:-1], axis=1)
+
+
+def alike(fitted: Fit, records: Sequence[Record], own: Freed) -> dict[Effect, Array]:
+    """Columns (n, k) [1] of points of the grids that are the same for tables which follow the same references.
+
+    Not those of points that each table's innovations choose, nor those that its nominal parameters mostly explain: of
+    these, too little remains for it to be the same.
+    """
+    trials = [
+        effect
+        for name, kind in every().items()
+        if name not in UNSEEN and kind.name not in SPECTRA
+        for effect in grid(kind, fitted, records, own)
+    ]
+    batches = list(_batched(trials))
+    found = Parallel(n_jobs=-1, require="sharedmem")(delayed(_alike)(batch, fitted, records, own) for batch in batches)
+    return {effect: given for one in found for effect, given in one.items()}
+
+
+def _alike(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> dict[Effect, Array]:
+    found = {}
+    for effect, given in zip(batch, _columns(batch, fitted, records), strict=True):
+        if np.sum(own(given) ** 2) > REMAINS * np.sum(given**2):
+            found[effect] = given.copy()
     return found
 
 
@@ -185,8 +226,7 @@ def sized(effect: Effect, factor: Array) -> Effect:
 def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> list[Effect]:
     """The effect at the points of its grid: shapes and widths spaced by logarithm, periods from spectra."""
     typical = kind.typical()
-    spectra = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
-    spectrum, axes = spectra.get(kind.name), []  # for the first of the shapes
+    spectrum, axes = SPECTRA.get(kind.name), []  # for the first of the shapes
     for item in parameters(kind):
         if item.role in {"shape", "width"}:
             points = _points(item.name, item.low, item.high)
@@ -243,6 +283,9 @@ def _by_time(low: float, high: float, fitted: Fit, records: Sequence[Record], ow
         for record, force, _ in adjoints(fitted, records, own)
     ]
     return [1 / period for period in peaks(spans, 1 / high, 1 / low)]
+
+
+SPECTRA: Final = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
 
 
 def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float) -> list[float]:

@@ -16,7 +16,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from diagnosis.fit import Fit, fit
+from diagnosis.fit import Fit, at_bounds, fit
 from diagnosis.initial import balanced, search
 from diagnosis.lateness import Lateness, lateness
 from diagnosis.nominal import Parameters, parameters
@@ -134,6 +134,12 @@ def search_effects(
         fits = Parallel(n_jobs=-1, require="sharedmem")(
             delayed(_with)(here.fitted, finding.effect, records) for finding in strong
         )
+        if here.fitted.candidate.effects:
+            pairs = zip(strong, fits, strict=True)
+            kept = [(finding, fitted) for finding, fitted in pairs if not _bent(fitted, finding.effect)]
+            strong, fits = [finding for finding, _ in kept], [fitted for _, fitted in kept]
+            if not kept:
+                return tuple(steps)
         best = min(fits, key=lambda fitted: fitted.cost)
         if here.fitted.cost - best.cost > MUCH:
             best = _started(best, records)
@@ -201,6 +207,12 @@ def further(gained: float, left: float, floors: Array) -> float:
     form may be wrong by, or a good part of what is surely above the floor (draws,); all [1]."""
     above = left - float(np.max(floors))
     return max(SECOND, min(FORM * gained, REST * above) if above > 0 else FORM * gained)
+
+
+def _bent(fitted: Fit, effect: Effect) -> bool:
+    """Whether an effect of this kind had to leave its prior range beside others: it takes up what is wrong with their
+    form."""
+    return any(at_bounds(one) for one in fitted.candidate.effects if one.name == effect.name)
 
 
 def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:

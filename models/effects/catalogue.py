@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 
 import models.effects
 from models.effects.base import FAMILIES, Effect
@@ -13,7 +14,7 @@ from models.effects.base import FAMILIES, Effect
 def every() -> Mapping[str, type[Effect]]:
     """The effects by name, in the order in which they act: by family, module and place in the module."""
     found: dict[str, type[Effect]] = {}
-    for kind in sorted(_kinds(), key=lambda kind: FAMILIES.index(kind.family)):
+    for kind in _kinds(tuple(models.effects.__path__)):
         if kind.name in found:
             other = found[kind.name].__module__
             raise ValueError(f"{kind.__module__}: the effect {kind.name!r} is in {other} already; name it otherwise")
@@ -39,8 +40,10 @@ def named(effects: Iterable[Effect]) -> Mapping[str, Effect]:
     return paths
 
 
-def _kinds() -> Iterator[type[Effect]]:
-    for module in pkgutil.iter_modules(models.effects.__path__):
+@cache
+def _kinds(folders: tuple[str, ...]) -> tuple[type[Effect], ...]:
+    found: list[type[Effect]] = []
+    for module in pkgutil.iter_modules(folders):
         content = vars(importlib.import_module(f"{models.effects.__name__}.{module.name}"))
         for item in content.values():
             if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == content["__name__"]:
@@ -48,4 +51,5 @@ def _kinds() -> Iterator[type[Effect]]:
                     continue
                 if item.family not in FAMILIES:
                     raise ValueError(f"{item.__module__}.{item.__name__}: family is one of {', '.join(FAMILIES)}")
-                yield item
+                found.append(item)
+    return tuple(sorted(found, key=lambda kind: FAMILIES.index(kind.family)))

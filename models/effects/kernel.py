@@ -6,8 +6,9 @@ In both, everything within a substep is taken at its middle: second order in its
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,8 +22,15 @@ from models.kernel import Loop, Run, clipped, pid_step, quantised
 from models.plant import delay_split
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-RUBBING: Final = frozenset({"path", "limit", "friction"})  # hooks of the friction and of what its contacts see
+ACTING: Final = {
+    "thrust": frozenset({"command", "thrust"}),
+    "friction": frozenset({"path", "limit", "friction"}),
+    "force": frozenset({"force"}),
+    "reading": frozenset({"reading"}),
+}
+"""What acts along a path, and the hooks that change it."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +50,11 @@ class Path:
 class Replayed:
     """What acts along a path: thrust, friction, force (n, M) [N] over each substep; reading (n,) [m] less the position.
 
-    thrust: of what the drive takes in of the commands, after the dead time and all that acts on the thrust. force: the
-    external one. state: the elements' displacements (N,) [m] at the end.
+    sent: the commands as the drive takes them in, after the dead time and the limit (n, M) [N]; thrust: what all that
+    acts on it makes of them. force: the external one. state: the elements' displacements (N,) [m] at the end.
     """
 
+    sent: Array
     thrust: Array
     friction: Array
     force: Array
@@ -62,38 +71,60 @@ def replay(
     state: ArrayLike | None = None,
     thrust_limit: float = math.inf,
     start: float | None = None,
-    rubbing: Array | None = None,
+    known: Mapping[str, Array] = MappingProxyType({}),
 ) -> Replayed:
     """Friction and effects along a path, without plant and controller; effects in the catalogue's order.
 
     dead_time [s], of which a substep in which the thrust changes takes its share. state: the elements' displacements
     (N,) [m] before the path, default 0. thrust_limit [N]. start [N]: the command before the first, default that one.
-    rubbing (n, M) [N]: the friction, where it is known from an earlier call; then no element moves. Raises ValueError
-    for effects on the friction beside it.
+    known: what is to be taken from an earlier answer for the same path, see `kept`; only the rest is computed.
     """
-    if rubbing is not None and any(rubs(effect) for effect in effects):
-        raise ValueError("rubbing: a friction that effects act on can't be known before; leave it out")
+    anew = ACTING.keys() - known.keys()
     course = _Course(path.sample_time, *(np.ascontiguousarray(signal, float) for signal in _signals(path)))
-    n, parts = course.position.shape
-    contact = _contact(friction, state)
-    hooks = pack(effects, contact.shape[1])
-    reading, acting = np.empty(n), np.empty((3, n, parts))
-    taken = _sampled(course, hooks, contact, reading)
-    before = float(course.command[0] if start is None else start)
-    delay, rest = delay_split(dead_time, path.sample_time)
-    sent = np.clip(np.concatenate([np.full(delay + 1, before), taken])[: n + 1], -thrust_limit, thrust_limit)
-    length = path.sample_time / parts
-    share = np.clip(rest / length - np.arange(parts), 0.0, 1.0)  # of a substep that passes before the thrust changes
-    acting[0] = share * sent[:-1, None] + (1.0 - share) * sent[1:, None]
-    if rubbing is not None:
-        acting[1] = rubbing
-    _along(course, np.array([friction.limit, friction.damping]), hooks, contact, acting, rubbing is None)
-    return Replayed(acting[0], acting[1], acting[2], reading, contact[0])
+    contact, empty = _contact(friction, state), np.empty((0, 0))
+    hooks = pack([effect for effect in effects if not touched(effect).isdisjoint(anew)], contact.shape[1])
+    found = dict(known)
+    if not anew.isdisjoint({"reading", "thrust"}):
+        reading, taken = _sampled(course, hooks, contact)
+        if "reading" in anew:
+            found["reading"] = reading
+        if "thrust" in anew:
+            before = float(course.command[0] if start is None else start)
+            found["sent"] = _sent(taken, course, dead_time, thrust_limit, before)
+    flags = np.array([name in anew for name in ("thrust", "friction", "force")])
+    if flags.any():
+        thrust, rubbing, force = (np.empty_like(course.position) if flag else empty for flag in flags)
+        elements = np.array([friction.limit, friction.damping])
+        _along(course, elements, hooks, contact, found["sent"], (thrust, rubbing, force), flags)
+        found = {"thrust": thrust, "friction": rubbing, "force": force} | found
+        found["state"] = contact[0] if flags[1] else known["state"]
+    return Replayed(**found)
 
 
-def rubs(effect: Effect) -> bool:
-    """Whether an effect acts on the friction or on what its contacts see."""
-    return not RUBBING.isdisjoint(effect.hooks)
+def kept(acts: Replayed, anew: Collection[str]) -> dict[str, Array]:
+    """What of an answer of `replay` stays, by field, where only `anew`, keys of ACTING, has to be computed again."""
+    also = {"thrust": ("sent",), "friction": ("state",)}
+    names = [field for name in ACTING if name not in anew for field in (name, *also.get(name, ()))]
+    return {name: getattr(acts, name) for name in names}
+
+
+def touched(effect: Effect) -> frozenset[str]:
+    """What an effect acts on: keys of ACTING."""
+    return frozenset(name for name, places in ACTING.items() if not places.isdisjoint(effect.hooks))
+
+
+def changed(before: Sequence[Effect], now: Sequence[Effect]) -> frozenset[str]:
+    """What acts otherwise along a path with the effects `now` than with those `before`: keys of ACTING.
+
+    What an effect acts on besides is computed anew with it, as its hooks share their memory.
+    """
+    differing = [effect for effect in (*before, *now) if before.count(effect) != now.count(effect)]
+    found = frozenset[str]().union(*map(touched, differing))
+    while True:
+        more = found.union(*(touched(effect) for effect in now if not touched(effect).isdisjoint(found)))
+        if more == found:
+            return found
+        found = more
 
 
 class _Course(NamedTuple):
@@ -116,37 +147,59 @@ def _contact(friction: Friction, state: ArrayLike | None) -> Array:
     return np.array([z, friction.stiffness, friction.limit])
 
 
+def _sent(taken: Array, course: _Course, dead_time: float, thrust_limit: float, before: float) -> Array:
+    """The thrust reference (n, M) [N] of the commands that the drive takes in (n,) [N], after `before` [N]."""
+    n, parts = course.position.shape
+    delay, rest = delay_split(dead_time, course.sample_time)
+    late = np.clip(np.concatenate([np.full(delay + 1, before), taken])[: n + 1], -thrust_limit, thrust_limit)
+    share = np.clip(rest * parts / course.sample_time - np.arange(parts), 0.0, 1.0)  # of a substep before the change
+    return np.asarray(share * late[:-1, None] + (1.0 - share) * late[1:, None])
+
+
 @compiled
-def _sampled(course: _Course, hooks: Hooks, contact: Array, reading: Array) -> Array:
-    """What acts once a sample: the commands as the drive takes them in (n,), and `reading` (n,) is written to."""
+def _sampled(course: _Course, hooks: Hooks, contact: Array) -> tuple[Array, Array]:
+    """What acts once a sample: the reading less the position (n,) [m], and the commands as the drive takes them in."""
     at, speed, command = course.at_samples, course.speed, course.command
-    now, taken, last = np.zeros(8), np.empty(command.size), speed.shape[1] - 1
+    now, last = np.zeros(8), speed.shape[1] - 1
+    reading, taken = np.empty(command.size), np.empty(command.size)
     for k in range(command.size):
         now[T], now[X], now[H], now[U] = k * course.sample_time, at[k], course.sample_time, command[k]
         now[V] = 0.5 * (speed[k - 1, last] + speed[k, 0]) if k > 0 else speed[0, 0]
         reading[k] = act(READING, at[k], hooks, now, contact) - at[k]
         taken[k] = act(COMMAND, command[k], hooks, now, contact)
-    return taken
+    return reading, taken
 
 
 @compiled
-def _along(course: _Course, elements: Array, hooks: Hooks, contact: Array, acting: Array, rubbing: bool) -> None:
-    """What acts every substep; elements: see `rubbed`. acting (3, n, M): thrust, as it comes from the drive, friction
-    and external force, which are written to; the friction only if `rubbing`.
+def _along(
+    course: _Course,
+    elements: Array,
+    hooks: Hooks,
+    contact: Array,
+    sent: Array,
+    acting: tuple[Array, Array, Array],
+    anew: Flags,
+) -> None:
+    """What acts every substep: thrust, friction and external force (n, M), each written to where `anew` (3,) says so.
+
+    elements: see `rubbed`. sent (n, M): the thrust as it comes from the drive.
     """
     position, speed, now = course.position, course.speed, np.zeros(8)
+    thrust, friction, force = acting
     n, parts = position.shape
     h = course.sample_time / parts
     at = seen = course.at_samples[0]
     for k in range(n):
         for j in range(parts):
-            thrust, middle = acting[0, k, j], position[k, j]
+            middle = position[k, j]
             now[T], now[X], now[V], now[H] = (k * parts + j + 0.5) * h, middle, speed[k, j], h
-            now[U], now[MOVED] = thrust, middle - at
-            acting[0, k, j] = act(THRUST, thrust, hooks, now, contact)
-            acting[2, k, j] = act(FORCE, 0.0, hooks, now, contact)
-            if rubbing:
-                seen, acting[1, k, j] = rubbed(middle, seen, elements, hooks, now, contact)
+            now[U], now[MOVED] = sent[k, j], middle - at
+            if anew[0]:
+                thrust[k, j] = act(THRUST, sent[k, j], hooks, now, contact)
+            if anew[2]:
+                force[k, j] = act(FORCE, 0.0, hooks, now, contact)
+            if anew[1]:
+                seen, friction[k, j] = rubbed(middle, seen, elements, hooks, now, contact)
             at = middle
 
 

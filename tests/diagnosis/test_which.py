@@ -18,6 +18,7 @@ from diagnosis.where_words import _drive
 from diagnosis.which import FORM, REST, SECOND, further, refit_within
 from models.effects.catalogue import in_order
 from models.effects.friction import DirectionalFriction
+from models.effects.kernel import ACTING
 from models.effects.motor import Cogging
 from tests.diagnosis.tables import recorded, schedules, table
 
@@ -66,7 +67,7 @@ def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wro
     assert further(100.0, 5000.0, floors) == SECOND
 
 
-def test_a_friction_that_is_known_gives_the_columns_that_replaying_it_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside an effect on the friction, one that leaves it as it is."""
     records = recorded(MACHINE, PLAN, seed=12)
     layout = parameters(MACHINE, len(records))
@@ -75,6 +76,6 @@ def test_a_friction_that_is_known_gives_the_columns_that_replaying_it_gives(monk
     seen = look(candidate, records, paths)
     trials = [in_order((*candidate.effects, Cogging(1.0, 0.035, 0.3)))]
     known = columns(candidate, trials, records, paths, seen)
-    monkeypatch.setattr(residual, "_same_friction", lambda *_: False)
+    monkeypatch.setattr(residual, "changed", lambda *_: frozenset(ACTING))
     assert np.abs(known).max() > 1.0
     np.testing.assert_allclose(columns(candidate, trials, records, paths, seen), known, atol=1e-9)

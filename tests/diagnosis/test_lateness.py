@@ -1,0 +1,41 @@
+"""Whether commands are late now and then, and by how much, as repeated motions show it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.candidates import LATE
+from diagnosis.experiments import repeated_strokes, sequence
+from diagnosis.lateness import Lateness, lateness
+from diagnosis.nominal import parameters
+from diagnosis.which import refit
+from models.effects.base import Effect
+from models.effects.motor import Cogging, TimingJitter
+from tests.diagnosis.tables import recorded, table
+
+FINE = replace(table().scale, resolution=5e-9, noise=5e-9)
+MACHINE = replace(table(), scale=FINE)
+PLAN = (sequence(MACHINE), repeated_strokes(MACHINE, passes=6))
+
+
+def found(*effects: Effect, seed: int) -> Lateness:
+    records = recorded(MACHINE, PLAN, effects, seed=seed)
+    return lateness(refit(parameters(MACHINE, len(records)), records), records)
+
+
+@pytest.mark.parametrize("part", [0.01, 0.03])
+def test_late_commands_are_found_and_measured(part: float) -> None:
+    """A `part` of the commands acts a whole sample late: the lateness has that variance."""
+    late = found(TimingJitter(part), seed=31)
+    assert late.gain > 10 * LATE
+    assert late.size == pytest.approx(MACHINE.sample_time * np.sqrt(part * (1 - part)), rel=0.25)
+
+
+@pytest.mark.parametrize("effects", [(), (Cogging(1.5, 0.035, 1.0),)], ids=["nothing", "cogging"])
+@pytest.mark.parametrize("seed", [32, 33])
+def test_what_is_not_late_is_not_called_so(effects: tuple[Effect, ...], seed: int) -> None:
+    """A force that belongs to the place repeats with the motion."""
+    assert found(*effects, seed=seed).gain < LATE / 4
