@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.candidates import HALF, LATE, Named, candidates
-from diagnosis.fit import Fit, at_bounds, weights
+from diagnosis.fit import SPIKE, Fit, at_bounds, largest, weights
 from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
@@ -180,14 +180,17 @@ def _late(step: Step, disabled: Collection[str]) -> bool:
 
 
 def _rivals(steps: Sequence[Step]) -> tuple[tuple[str, ...], ...]:
-    """Sets of effects that explain as much as one another: those tried for a stage, of another class than the best."""
-    groups = []
+    """Sets of effects that explain as much as one another: those tried for a stage, of another class than the best.
+
+    One that a later stage takes up beside the best is not in its place.
+    """
+    groups, inside = [], set(_names(steps))
     for before, after in pairwise(steps):
         if not after.rivals:
             continue
         best, least = after.rivals[0]
         margin = max(10.0, ALIKE * (before.fitted.cost - least))
-        alike = [name for name, cost in after.rivals[1:] if cost - least < margin and name != best]
+        alike = [name for name, cost in after.rivals[1:] if cost - least < margin and name not in {best, *inside}]
         if alike:
             groups.append((best, *alike))
     return tuple(groups)
@@ -210,7 +213,7 @@ def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: f
         enough = enough or far.interval[1] >= LITTLE
     if names and enough and not _bent(steps):
         return ATTRIBUTED
-    if names or excess > MISSING:
+    if names or excess > MISSING or largest(steps[-1].fitted)[2] > SPIKE:
         return NONE
     return PARAMETERS if shifted(steps[0].fitted) > SHIFTED else NOTHING
 

@@ -29,6 +29,9 @@ FINE: Final = {"scale_periodic_error": 1e-5, "dac_quantisation": 1e-5}  # many p
 ENOUGH: Final = 10.0  # a step that gains less chi-square ends the fit
 
 
+SPIKE: Final = 8.0  # deviations, of an innovation that no noise makes
+
+
 @dataclass(frozen=True)
 class Fit:
     """A fitted candidate, its paths, what it leaves, and of the last linearisation: the innovations e (n,) of all
@@ -50,6 +53,15 @@ def weights(records: Sequence[Record]) -> Array:
     for part in parts:
         part[:STARTING] = 0.0
     return np.concatenate(parts)
+
+
+def largest(fitted: Fit) -> tuple[int, int, float]:
+    """The record and sample of the largest innovation, and its size in deviations of all innovations [1]."""
+    number = int(np.argmax(np.abs(fitted.innovations)))
+    begin = np.cumsum([0, *(seen.innovations.size for seen in fitted.seen)])
+    record = int(np.searchsorted(begin, number, side="right")) - 1
+    size = float(np.abs(fitted.innovations[number]) / np.std(fitted.innovations))
+    return record, number - int(begin[record]), size
 
 
 def coordinates(effect: Effect) -> Array:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.fit import Fit, weights
+from diagnosis.fit import Fit, largest, weights
 from diagnosis.motions import Piece, numbered
 from diagnosis.residual import noise
 from diagnosis.scan import freed
@@ -50,7 +50,8 @@ class Where:
     "kind | phase". together: the share that curves over all coordinates explain, with its interval: the ceiling for
     any effect that they can describe. parity: how much is an even and an odd function of speed. scatter: on what the
     innovations' size depends. samples, coordinates: what is known of every sample, for figures. followed [N]: the
-    largest command, where the drive followed beyond its rating.
+    largest command, where the drive followed beyond its rating. spike: record, time in it [s] and size [deviations] of
+    the largest innovation.
     """
 
     controller: tuple[Replayed, ...]
@@ -72,6 +73,7 @@ class Where:
     sample_time: float
     samples: Samples
     coordinates: tuple[Coordinate, ...]
+    spike: tuple[int, float, float]
     followed: float | None = None
     statements: tuple[str, ...] = ()
 
@@ -105,6 +107,7 @@ def where(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, se
     both = samples.kind * len(PHASES) + samples.phase
     explained = _explained(d, known, samples, seed)
     speed = Coordinate("velocity", "m/s", np.concatenate([path.path.speed[:, 0] for path in fitted.paths]), bent=True)
+    spike = largest(fitted)
     found = Where(
         controller=tuple(replayed(nominal, record) for record in records),
         floor=floor(fitted, records, pieces, likely),
@@ -127,6 +130,7 @@ def where(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, se
         sample_time=ts,
         samples=samples,
         coordinates=known,
+        spike=(spike[0], spike[1] * ts, spike[2]),
         followed=nominal.drive.rated_thrust if nominal.sources.get(RATED) == FOLLOWED else None,
     )
     return replace(found, statements=statements(found))

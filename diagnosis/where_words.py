@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
+from diagnosis.fit import SPIKE
 from diagnosis.where_coordinates import Explained
 from diagnosis.where_maps import Shares
 from diagnosis.where_side import Side, verdict
@@ -48,7 +49,7 @@ def statements(found: Where) -> tuple[str, ...]:
     first = [*_controller(found), _size(found)]
     if found.deviation < 1.2 * found.unseen:
         side = [] if verdict(found.sides) == "neither" else [_side(found)]
-        return (*first, *side, *_drive(found), _floor(found))
+        return (*first, *_spike(found), *side, *_drive(found), _floor(found))
     ranked = sorted([*_maps(found), *_coordinates(found), *_parity(found), *_scatter(found)], key=lambda one: -one[0])
     return (*first, *(text for _, text in ranked), _side(found), *_drive(found), _floor(found))
 
@@ -104,6 +105,15 @@ def _size(found: Where) -> str:
         f"An unknown force of {show(size, 'N', 3)} (rms) is left, {size / least:.1f} times what the scale's noise "
         f"would leave ({show(least, 'N', 2)})."
     )
+
+
+def _spike(found: Where) -> Iterator[str]:
+    record, time, size = found.spike
+    if size > SPIKE:
+        yield (
+            f"Single samples stand out: the reading at {time:.4g} s of record {record + 1} is {size:.0f} deviations of "
+            "noise off, as where a reading was lost or held, or something struck the table."
+        )
 
 
 def _floor(found: Where) -> str:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, diagnose, to_json
-from models.effects.base import Effect
+from diagnosis.fit import SPIKE, largest
+from diagnosis.where_words import _spike
+from models.effects.base import Effect, H, Numbers, T, hook, parameter
 from models.effects.friction import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
 from models.record import Record
-from tests.diagnosis.tables import recorded, schedules, table
+from tests.diagnosis.tables import LEAD, recorded, schedules, table
 
 MACHINE = table()
 PLAN = schedules(MACHINE)
@@ -63,6 +67,36 @@ def test_an_effect_that_may_not_be_used_leaves_a_gap_without_a_name(cache: Path)
     found = _found(cache, [RELAXATION], 5, disabled=("friction_relaxation",))
     assert found.outcome == NONE
     assert found.effects == ()
+
+
+@hook
+def _struck(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value + (p[0] if abs(now[T] - p[1]) < 0.4 * now[H] else 0.0)
+
+
+@dataclass(frozen=True)
+class Glitch(Effect):
+    """One reading is off."""
+
+    name: ClassVar = "glitch"
+    family: ClassVar = "scale"
+    equation: ClassVar = "e"
+    source: ClassVar = "a test"
+    hooks: ClassVar = {"reading": _struck}
+    size: float = parameter("m", "error", 1e-7, 1e-6, "amplitude")
+    when: float = parameter("s", "its time", 0.0, 10.0, "shape")
+
+
+def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(cache: Path) -> None:
+    size, when = 1.5e-6, 1.5
+    found = _found(cache, [Glitch(size, LEAD + when)], 7)
+    assert (found.outcome, found.effects) == (NONE, ())
+    record, sample, deviations = largest(found.nominal)
+    assert sample == round(when / MACHINE.sample_time)  # of both records
+    assert deviations > 2 * SPIKE
+    said = list(_spike(SimpleNamespace(spike=(record, sample * MACHINE.sample_time, deviations))))  # type: ignore[arg-type]
+    assert said[0].startswith("Single samples stand out: the reading at 1.5 s of record ")
+    assert not list(_spike(SimpleNamespace(spike=(0, 0.0, SPIKE))))  # type: ignore[arg-type]
 
 
 def test_a_controller_that_does_not_replay_is_named(cache: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis import residual
+from diagnosis.fit import at_bounds
 from diagnosis.initial import balanced
 from diagnosis.nominal import parameters
 from diagnosis.residual import Candidate, columns, look, smooth
@@ -19,7 +20,7 @@ from diagnosis.which import FORM, REST, SECOND, further, refit_within
 from models.effects.catalogue import in_order
 from models.effects.friction import DirectionalFriction
 from models.effects.kernel import ACTING
-from models.effects.motor import Cogging
+from models.effects.motor import Cogging, DacQuantisation
 from tests.diagnosis.tables import recorded, schedules, table
 
 MACHINE = table()
@@ -79,3 +80,10 @@ def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(mon
     monkeypatch.setattr(residual, "changed", lambda *_: frozenset(ACTING))
     assert np.abs(known).max() > 1.0
     np.testing.assert_allclose(columns(candidate, trials, records, paths, seen), known, atol=1e-9)
+
+
+def test_a_step_beyond_its_prior_range_is_no_bent_law() -> None:
+    """Many steps tell their size; a shape that only its bound keeps is another law."""
+    assert not at_bounds(DacQuantisation(0.15, 1.0))
+    assert not at_bounds(Cogging(1.0, 0.05, 0.3))
+    assert at_bounds(Cogging(1.0, 0.09, 0.3))
