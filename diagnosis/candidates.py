@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.fit import Fit, at, coordinates, own_spread
 from diagnosis.how_far import HowFar
+from diagnosis.lateness import LATE
 from diagnosis.null import Null
 from diagnosis.orders import SHAKEN
 from diagnosis.scan import Finding
@@ -21,7 +22,6 @@ from models.effects.base import parameters as parameters_of
 Array = NDArray[np.float64]
 
 HALF: Final = 0.5  # of the gap that one effect must close to be named: a wrong name closes less
-LATE: Final = 64.0  # chi-square from which on commands are late now and then
 SURE: Final = 0.96  # probability of a name far above its threshold
 DOUBT: Final = 0.15  # by which it is less just above it
 NEAR: Final = 0.35  # probability of what just stays below its threshold

@@ -15,16 +15,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.signal import fftconvolve
 
 from diagnosis.fit import Fit, weights
-from diagnosis.kalman import predictor
-from diagnosis.lateness import mark
-from diagnosis.motions import pieces
-from diagnosis.residual import columns, noise
+from diagnosis.lateness import LATE, lateness
+from diagnosis.residual import columns
 from diagnosis.scan import BATCH, quadratures
 from diagnosis.where_controller import replayed
-from diagnosis.where_force import repeated
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import every, in_order
 from models.effects.motor import TimingJitter
@@ -36,7 +32,6 @@ Array = NDArray[np.float64]
 THRESHOLD: Final = 40.0  # squared distance that counts as told apart: clean tables gain 10 at most, and 30 is room
 POINTS: Final = 3  # of a grid over each shape
 NOTHING: Final = 1e-3  # distance below which no size of an effect shows
-USUAL: Final = 8.0  # deviations by which such a growth differs from chance on clean tables
 ROOM: Final = 1.5  # by which a size may leave its prior range
 
 
@@ -205,24 +200,10 @@ def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]])
 
 
 def _jitter(fitted: Fit, records: Sequence[Record]) -> float:
-    """Squared distance of typical jitter: by how much the innovations' variance between equal motions grows with the
-    marks that late commands leave, over what that growth scatters by chance; it has to be above what clean tables
-    reach by the threshold."""
-    ts, found = records[0].sample_time, pieces(records)
-    machine = fitted.candidate.machine
-    marks = mark(predictor(machine.plant, ts, walk=fitted.walk, noise=noise(machine))) ** 2
-    parts = []
-    for group in repeated(found, records):
-        first = found[group[0]]
-        steps = np.diff(records[first.record].command[first.start : first.stop], prepend=0.0) ** 2
-        steps[0] = 0.0
-        parts.append(fftconvolve(steps, marks)[: steps.size])
-    if not parts:
-        return 0.0
-    expected = np.concatenate(parts)
-    few = expected[expected <= np.quantile(expected, 0.99)]  # not a handful decides
-    growth = TimingJitter.typical().part ** 2 * float(np.sum((few - few.mean()) ** 2))
-    return growth * THRESHOLD / (THRESHOLD + USUAL**2)
+    """Squared distance of typical jitter: its variance over what that scatters by where motions repeat and no command
+    is late; what is enough for a name is the threshold."""
+    variance = TimingJitter.typical().part * records[0].sample_time ** 2
+    return (variance / lateness(fitted, records).scatter) ** 2 * THRESHOLD / LATE
 
 
 def _mismatch(fitted: Fit, records: Sequence[Record]) -> float:

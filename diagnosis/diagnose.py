@@ -19,9 +19,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import HALF, LATE, Named, candidates
+from diagnosis.candidates import HALF, Named, candidates
 from diagnosis.fit import SPIKE, Fit, at_bounds, largest, weights
 from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
+from diagnosis.lateness import LATE
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import Null, null

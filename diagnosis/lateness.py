@@ -31,15 +31,18 @@ Array = NDArray[np.float64]
 REACH: Final = 400  # samples over which a pulse leaves its mark
 ALIKE: Final = 1e-6  # m: motions that start as near to each other as this start from one place
 FEW: Final = 500  # samples of repeated motions
+LATE: Final = 64.0  # chi-square from which on commands are late now and then: clean tables reach 15
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """Root mean square of the lateness [s], as all motions show it, and its chi-square where motions repeat."""
+    """Root mean square of the lateness [s], as all motions show it; its chi-square where motions repeat, and what its
+    square scatters by there if no command is late [s^2]."""
 
     size: float
     gain: float
+    scatter: float
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,10 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     found = pieces(records)
     groups = [_alike(fitted, records, group, left) for group in repeats(found)]
     if sum(group.step.size for group in groups) < FEW:
-        return Lateness(0.0, 0.0)
+        return Lateness(0.0, 0.0, float("inf"))
     slope, spread = _slope(groups, left)
     whole, _ = _slope([_alike(fitted, records, [piece], left) for piece in found if piece.start >= STARTING], left)
-    return Lateness(ts * float(np.sqrt(max(whole, 0.0))), max(slope / spread, 0.0) ** 2)
+    return Lateness(ts * float(np.sqrt(max(whole, 0.0))), max(slope / spread, 0.0) ** 2, ts**2 * spread)
 
 
 def repeats(found: Sequence[Piece]) -> list[list[Piece]]:

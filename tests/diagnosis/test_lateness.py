@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import LATE
+from diagnosis.confusability import confusability
 from diagnosis.experiments import repeated_strokes, sequence
-from diagnosis.lateness import Lateness, lateness
+from diagnosis.lateness import LATE, Lateness, lateness
 from diagnosis.nominal import parameters
 from diagnosis.which import refit
 from models.effects.base import Effect
@@ -39,3 +39,14 @@ def test_late_commands_are_found_and_measured(part: float) -> None:
 def test_what_is_not_late_is_not_called_so(effects: tuple[Effect, ...], seed: int) -> None:
     """A force that belongs to the place repeats with the motion."""
     assert found(*effects, seed=seed).gain < LATE / 4
+
+
+def test_the_least_lateness_that_shows_is_what_the_records_are_said_to_show() -> None:
+    """The same records with commands that are late more and less often than the limit of detection says."""
+    records = recorded(MACHINE, PLAN, (), seed=34)
+    fitted = refit(parameters(MACHINE, len(records)), records)
+    said = confusability(fitted, records)
+    limit = said.limits[said.names.index("timing_jitter")][1]
+    assert 1e-4 < limit < 0.03
+    assert found(TimingJitter(2.5 * limit), seed=34).gain > LATE
+    assert found(TimingJitter(0.3 * limit), seed=34).gain < LATE

@@ -44,7 +44,7 @@ def _with(fitted: Fit, effect: Effect, records: tuple) -> Fit:  # type: ignore[t
 
 
 def _step(fitted: Fit) -> Step:
-    return Step(fitted, (), Shaking(Resonance(8.0, 0.1, 0.01), 0.0), Lateness(0.0, 0.0))
+    return Step(fitted, (), Shaking(Resonance(8.0, 0.1, 0.01), 0.0), Lateness(0.0, 0.0, 1.0))
 
 
 def test_an_effect_that_another_makes_useless_is_taken_out() -> None:

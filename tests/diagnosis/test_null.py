@@ -1,0 +1,44 @@
+"""What the search finds where nothing is missing, and what its simulated tables share."""
+
+from __future__ import annotations
+
+import pytest
+
+from diagnosis import null
+from diagnosis.motions import numbered, pieces
+from diagnosis.nominal import parameters
+from diagnosis.null import SAFETY, Null
+from diagnosis.scan import SPECTRA, alike, freed, scan
+from tests.diagnosis.tables import recorded, table
+from tests.diagnosis.where_cases import fitted, schedules
+
+MACHINE = table()
+PLAN = schedules(MACHINE)
+RECORDS = recorded(MACHINE, PLAN, seed=41)
+
+
+def test_columns_of_the_same_table_give_the_findings_that_it_gives_alone() -> None:
+    fit = fitted(MACHINE, RECORDS)
+    own = freed(fit, numbered(pieces(RECORDS), RECORDS))
+    known = alike(fit, RECORDS, own)
+    kinds = {effect.name for effect in known}
+    assert not kinds & SPECTRA.keys()
+    assert "current_loop_lag" not in kinds  # the dead time explains nearly all of it
+    assert {"cogging", "additional_mode", "viscous_friction"} <= kinds
+    plain, shared = ({one.effect.name: one.held_out for one in scan(fit, RECORDS, own, known=k)} for k in ({}, known))
+    assert shared == pytest.approx(plain, abs=1e-6)
+
+
+def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    layout = parameters(MACHINE, len(RECORDS))
+    shared = null.null(layout, RECORDS, draws=4)
+    monkeypatch.setattr(null, "alike", lambda *_: {})
+    alone = null.null(layout, RECORDS, draws=4)
+    assert shared.variance == alone.variance
+    for name, gains in alone.gains.items():
+        assert max(shared.gains[name]) == pytest.approx(max(gains), rel=0.3, abs=5.0), name
+
+
+def test_a_threshold_is_beyond_the_largest_gain_by_chance() -> None:
+    found = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0,), (1.0,)))
+    assert found.thresholds == {"cogging": SAFETY * 50.0, "play": null.LEAST}
