@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, diagnose, to_json
+from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, _rivals, diagnose, to_json
 from diagnosis.fit import SPIKE, largest
 from diagnosis.where_words import _spike
 from models.effects.base import Effect, H, Numbers, T, hook, parameter
@@ -112,3 +112,17 @@ def test_the_answer_is_the_same_each_time(cache: Path) -> None:
     first, again = (to_json(diagnose(MACHINE, records, cache=cache)) for _ in range(2))
     assert np.array_equal(first["how_far"]["closure_interval"], again["how_far"]["closure_interval"])
     assert first == again
+
+
+def _stage(cost: float, names: Sequence[str], rivals: Sequence[tuple[str, float]] = ()) -> Any:
+    effects = tuple(SimpleNamespace(name=name) for name in names)
+    candidate = SimpleNamespace(effects=effects, shaken=())
+    return SimpleNamespace(fitted=SimpleNamespace(cost=cost, candidate=candidate), rivals=tuple(rivals))
+
+
+def test_what_explains_as_much_is_a_rival_unless_it_is_in_the_model_too() -> None:
+    first, tried = _stage(9000.0, ()), [("cogging", 1000.0), ("play", 1005.0), ("stribeck", 4000.0)]
+    second = _stage(1000.0, ("cogging",), tried)
+    assert _rivals([first, second]) == (("cogging", "play"),)
+    third = _stage(100.0, ("cogging", "play"), [("play", 100.0)])
+    assert _rivals([first, second, third]) == ()
