@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.candidates import HALF, Named, candidates
-from diagnosis.fit import SPIKE, Fit, at_bounds, largest, weights
+from diagnosis.fit import Fit, at_bounds, largest, weights
 from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
 from diagnosis.lateness import LATE
 from diagnosis.motions import Piece, numbered, pieces
@@ -131,7 +131,7 @@ def _concluded(
     disabled: Collection[str],
 ) -> Diagnosis:
     segment = numbered(found, records)
-    steps, names, far, outcome = _adequate(orders.steps, records, segment, seed, disabled)
+    steps, names, far, outcome = _adequate(orders.steps, records, segment, seed, disabled, thresholds.spike)
     departs = any(not replayed(layout.machine, record).replays for record in records)
     stages = steps if outcome == ATTRIBUTED else shrinking(orders, records)
     if departs and "controller_mismatch" not in disabled:  # seen in the log itself, whatever else is left
@@ -159,7 +159,12 @@ def _concluded(
 
 
 def _adequate(
-    steps: tuple[Step, ...], records: Sequence[Record], segment: NDArray[np.int64], seed: int, disabled: Collection[str]
+    steps: tuple[Step, ...],
+    records: Sequence[Record],
+    segment: NDArray[np.int64],
+    seed: int,
+    disabled: Collection[str],
+    spike: float,
 ) -> tuple[tuple[Step, ...], tuple[str, ...], HowFar, str]:
     """As many stages of the search as explain enough together, their names, gaps and outcome; all if none do."""
     looked = []
@@ -169,7 +174,7 @@ def _adequate(
         names = _names(stages)
         if _late(steps[-1], disabled):
             names = (*names, LATENESS)
-        looked.append((stages, names, far, _outcome(stages, names, far, excess)))
+        looked.append((stages, names, far, _outcome(stages, names, far, excess, spike)))
         if looked[-1][-1] != NONE:
             return looked[-1]
     return looked[0]
@@ -206,7 +211,7 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
     return tuple(sorted(gains, key=lambda name: -gains[name]))
 
 
-def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float) -> str:
+def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float, spike: float) -> str:
     """Named where the effects close the gap or nothing significant is left; else something that has no name here."""
     closed = far.interval[1] if LATENESS in names else far.closure  # which commands were late, no simulation knows
     enough = closed >= (HALF if len(names) < 2 else SEVERAL)
@@ -214,7 +219,7 @@ def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: f
         enough = enough or far.interval[1] >= LITTLE
     if names and enough and not _bent(steps):
         return ATTRIBUTED
-    if names or excess > MISSING or largest(steps[-1].fitted)[2] > SPIKE:
+    if names or excess > MISSING or largest(steps[-1].fitted)[2] > spike:
         return NONE
     return PARAMETERS if shifted(steps[0].fitted) > SHIFTED else NOTHING
 

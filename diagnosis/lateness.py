@@ -22,23 +22,23 @@ from scipy.signal import fftconvolve
 
 from diagnosis.fit import Fit
 from diagnosis.kalman import SUBSTEPS, Predictor, predictor, responses
-from diagnosis.motions import Piece, pieces
+from diagnosis.motions import Piece, pieces, repeated
 from diagnosis.residual import STARTING, noise
 from models.record import Record
 
 Array = NDArray[np.float64]
 
 REACH: Final = 400  # samples over which a pulse leaves its mark
-ALIKE: Final = 1e-6  # m: motions that start as near to each other as this start from one place
 FEW: Final = 500  # samples of repeated motions
-LATE: Final = 64.0  # chi-square from which on commands are late now and then: clean tables reach 15
+LATE: Final = 100.0  # chi-square from which on commands are late now and then: clean tables reach 15, loose loads 65
+SELDOM: Final = 2.0  # times the lateness of repeated motions that all may show: more is another law
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
 
 @dataclass(frozen=True)
 class Lateness:
     """Root mean square of the lateness [s], as all motions show it; its chi-square where motions repeat, and what its
-    square scatters by there if no command is late [s^2]."""
+    square scatters by there by chance [s^2]."""
 
     size: float
     gain: float
@@ -62,24 +62,16 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     machine = fitted.candidate.machine
     ts = records[0].sample_time
     model = predictor(machine.plant, ts, walk=fitted.walk, noise=noise(machine), shaken=fitted.candidate.shaken)
-    left = mark(model)
-    found = pieces(records)
-    groups = [_alike(fitted, records, group, left) for group in repeats(found)]
-    if sum(group.step.size for group in groups) < FEW:
+    left, found = mark(model), pieces(records)
+    signals = [_signals(fitted, i, record) for i, record in enumerate(records)]
+    groups = [[found[i] for i in group if found[i].start >= STARTING] for group in repeated(found, records)]
+    alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
+    if sum(one.step.size for one in alike) < FEW:
         return Lateness(0.0, 0.0, float("inf"))
-    slope, spread = _slope(groups, left)
-    whole, _ = _slope([_alike(fitted, records, [piece], left) for piece in found if piece.start >= STARTING], left)
-    return Lateness(ts * float(np.sqrt(max(whole, 0.0))), max(slope / spread, 0.0) ** 2, ts**2 * spread)
-
-
-def repeats(found: Sequence[Piece]) -> list[list[Piece]]:
-    """Groups of pieces, two and more, that are the same motion from the same place."""
-    groups: dict[tuple[object, ...], list[Piece]] = {}
-    for piece in found:
-        key = (piece.record, piece.kind, piece.direction, round(piece.origin / ALIKE), piece.stop - piece.start)
-        if piece.start >= STARTING:
-            groups.setdefault(key, []).append(piece)
-    return [group for group in groups.values() if len(group) > 1]
+    slope, spread = _slope(alike, left)
+    each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
+    size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
+    return Lateness(ts * float(np.sqrt(size)), max(slope / spread, 0.0) ** 2, ts**2 * spread)
 
 
 def mark(model: Predictor) -> Array:
@@ -89,34 +81,31 @@ def mark(model: Predictor) -> Array:
     return np.asarray(responses(model, pulse)[:, 0] / model.deviation)
 
 
-def _alike(fitted: Fit, records: Sequence[Record], group: Sequence[Piece], left: Array) -> _Met:
-    """Of what differs among equal motions, or of all that one motion leaves; left (REACH,): the mark of a pulse."""
-    machine, index, n = fitted.candidate.machine, group[0].record, group[0].stop - group[0].start
-    delay = round(machine.plant.dead_time / records[index].sample_time)
-    command, path = records[index].command, fitted.paths[index].path.position.mean(axis=1)
-    step = np.diff(command, prepend=np.full(delay + 1, command[0]))[: command.size] ** 2
+def _signals(fitted: Fit, index: int, record: Record) -> tuple[Array, Array, Array]:
+    """Of a record, (n,) each: the innovations, the squared steps of the commands as they act [N^2], and whether the
+    table moves by a step of the scale from sample to sample [1]."""
+    machine, path = fitted.candidate.machine, fitted.paths[index].path.position.mean(axis=1)
+    delay = round(machine.plant.dead_time / record.sample_time)
+    step = np.diff(record.command, prepend=np.full(delay + 1, record.command[0]))[: record.command.size] ** 2
     moving = np.minimum(np.abs(np.gradient(path)) / (machine.scale.resolution or np.inf), 1.0)
-    e, freedom = _each(fitted.seen[index].innovations, group), max(len(group) - 1, 1)
+    return fitted.seen[index].innovations, step, moving
+
+
+def _met_by(signals: Sequence[tuple[Array, Array, Array]], group: Sequence[Piece], left: Array) -> _Met:
+    """Of what differs among equal motions, or of all that one motion leaves; left (REACH,): the mark of a pulse."""
+    cut = [[signal[piece.start : piece.stop] for signal in signals[piece.record]] for piece in group]
+    e, step, moving = (np.stack(parts) for parts in zip(*cut, strict=True))
+    n, freedom = e.shape[1], max(len(group) - 1, 1)
     if len(group) > 1:
         e = e - e.mean(axis=0)
-    met = np.stack([_met(row, left) for row in e])
+    met = np.stack([fftconvolve(row, left[::-1])[left.size - 1 :] for row in e])
     energy = np.cumsum(left**2)[np.minimum(np.arange(n)[::-1], left.size - 1)]
-    steps, moves = (_each(signal, group).mean(axis=0) for signal in (step, moving))
-    return _Met(np.sum(met**2, axis=0) / freedom, np.full(n, float(freedom)), energy, steps, moves)
-
-
-def _each(signal: Array, group: Sequence[Piece]) -> Array:
-    """A signal's parts of each motion (motions, n)."""
-    return np.stack([signal[piece.start : piece.stop] for piece in group])
-
-
-def _met(signal: Array, left: Array) -> Array:
-    """The inner product of a signal (n,) with the mark of a pulse at each sample: (n,)."""
-    return np.asarray(fftconvolve(signal, left[::-1])[left.size - 1 :])
+    square = np.sum(met**2, axis=0) / freedom
+    return _Met(square, np.full(n, float(freedom)), energy, step.mean(axis=0), moving.mean(axis=0))
 
 
 def _slope(groups: Sequence[_Met], left: Array) -> tuple[float, float]:
-    """s^2 [1], a part of the sample time squared, and its deviation where there is none."""
+    """s^2 [1], of the sample time squared, and its deviation where there is none."""
     alike = fftconvolve(left, left[::-1]) ** 2  # of the marks of two pulses, by the time between them
 
     def spread_out(signal: Array) -> Array:
@@ -131,6 +120,9 @@ def _slope(groups: Sequence[_Met], left: Array) -> tuple[float, float]:
     weight = np.where(few, step, 0.0)
     weight -= beside @ np.linalg.lstsq(beside, weight, rcond=None)[0]
     expected = np.concatenate([spread_out(one.step) for one in groups])
+    gained = float(weight @ expected)
+    if gained <= 0:  # no steps but the largest
+        return 0.0, float("inf")
     variance = float(square[few].mean() / energy[few].mean())
     spread = variance * float(np.sqrt(2 * np.sum(weight * spread_out(weight) / freedom)))
-    return float(weight @ square / (weight @ expected)), spread / float(weight @ expected)
+    return float(weight @ square) / gained, spread / gained

@@ -21,6 +21,8 @@ Integers = NDArray[np.int64]
 
 LONGEST: Final = 1.5  # s; longer motions are cut into pieces, so that one of them does not outweigh the others
 SHORTEST: Final = 0.02  # s
+SAME: Final = 2e-7  # [m] by which references of equal motions may differ
+SAME_FORCE: Final = 1e-3  # of its largest value by which their feedforward may differ
 
 
 @dataclass(frozen=True)
@@ -71,3 +73,27 @@ def numbered(found: Sequence[Piece], records: Sequence[Record]) -> Integers:
     for i, piece in enumerate(found):
         number[begins[piece.record] + piece.start : begins[piece.record] + piece.stop] = i
     return number
+
+
+def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[int, ...], ...]:
+    """Groups of equal motions, as indices of the pieces: kind, direction, origin and reference agree."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for i, piece in enumerate(pieces):
+        if piece.kind != "rest":
+            where = round(piece.origin / SAME)
+            alike = (piece.kind, piece.direction, where, piece.stop - piece.start)
+            near = [group for group in _near(groups, alike) if _equal(pieces[group[0]], piece, records)]
+            (near[0] if near else groups.setdefault((*alike, i), [])).append(i)
+    return tuple(tuple(group) for group in groups.values() if len(group) > 1)
+
+
+def _near(groups: dict[tuple[object, ...], list[int]], alike: tuple[object, ...]) -> list[list[int]]:
+    return [group for key, group in groups.items() if key[: len(alike)] == alike]
+
+
+def _equal(one: Piece, other: Piece, records: Sequence[Record]) -> bool:
+    """Whether reference and feedforward agree: parts of one multisine have the same reference, and are no repeats."""
+    a, b = (records[piece.record].part(piece.start, piece.stop) for piece in (one, other))
+    largest = max(float(np.max(np.abs(a.feedforward))), float(np.max(np.abs(b.feedforward))))
+    alike = float(np.max(np.abs(a.feedforward - b.feedforward))) <= SAME_FORCE * largest
+    return alike and bool(np.max(np.abs(a.reference - b.reference)) < SAME)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +19,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from diagnosis.fit import Fit, fit
+from diagnosis.fit import SPIKE, Fit, fit, largest
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import Parameters, bounded, initial_state
 from diagnosis.residual import STARTING, Candidate
@@ -33,6 +33,7 @@ from models.simulator import simulate
 
 Array = NDArray[np.float64]
 Drawn = tuple[Fit, list[Record], Freed]
+Chance = tuple[dict[str, float], tuple[float, ...], float]
 
 DRAWS: Final = 8
 SETTLING: Final = 0.5  # s at rest before the record
@@ -42,15 +43,22 @@ SAFETY: Final = 2.0  # of the largest gain among the draws
 
 @dataclass(frozen=True)
 class Null:
-    """Gains by effect where nothing is missing, one a draw, and the innovations' variance by draw and record [1]."""
+    """Where nothing is missing: gains by effect, one a draw, the innovations' variance by draw and record [1], and the
+    largest innovation of each draw in deviations [1]."""
 
     gains: Mapping[str, tuple[float, ...]]
     variance: tuple[tuple[float, ...], ...]
+    largest: tuple[float, ...]
 
     @property
     def thresholds(self) -> dict[str, float]:
         """What each effect has to gain of chi-square on held-out motions to be taken seriously."""
         return {name: max(LEAST, SAFETY * max(gains)) for name, gains in self.gains.items()}
+
+    @property
+    def spike(self) -> float:
+        """Deviations beyond which an innovation stands out."""
+        return max(SPIKE, 1.5 * max(self.largest))
 
     def floors(self, records: Sequence[Record]) -> Array:
         """Chi-square (draws,) [1] that a complete model leaves of these records."""
@@ -98,12 +106,15 @@ def null(
     if place and place.exists():
         content = json.loads(place.read_text(encoding="utf-8"))
         return Null(
-            {name: tuple(row) for name, row in content["gains"].items()}, tuple(map(tuple, content["variance"]))
+            {name: tuple(row) for name, row in content["gains"].items()},
+            tuple(map(tuple, content["variance"])),
+            tuple(content["largest"]),
         )
     say(f"simulating the null, 1 of {draws}")
     first = _drawn(layout, records, 0)
     known = alike(*first)  # the columns of the tables that follow
     results = [_gains(first, known)]
+    say(f"simulating the null, {min(2, draws)} of {draws}")
     rest = Parallel(n_jobs=-1, require="sharedmem", return_as="generator")(
         delayed(_draw)(layout, records, seed, known) for seed in range(1, draws)
     )
@@ -111,15 +122,17 @@ def null(
         results.append(result)
         say(f"simulating the null, {min(len(results) + 1, draws)} of {draws}")
     gains: dict[str, list[float]] = {}
-    for found, _ in results:
+    for found, _, _ in results:
         for name, gain in found.items():
             gains.setdefault(name, []).append(gain)
-    variance = [spread for _, spread in results]
-    made = Null({name: tuple(row) for name, row in sorted(gains.items())}, tuple(variance))
+    variance = tuple(spread for _, spread, _ in results)
+    made = Null(
+        {name: tuple(row) for name, row in sorted(gains.items())}, variance, tuple(size for _, _, size in results)
+    )
     if place:
         place.parent.mkdir(parents=True, exist_ok=True)
         part = place.with_suffix(f".{np.random.default_rng().integers(1 << 40)}.part")
-        part.write_text(json.dumps({"gains": made.gains, "variance": made.variance}), encoding="utf-8")
+        part.write_text(json.dumps(asdict(made)), encoding="utf-8")
         part.replace(place)
     return made
 
@@ -134,16 +147,14 @@ def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
     return fitted, made, freed(fitted, numbered(pieces(made), made))
 
 
-def _gains(drawn: Drawn, known: Mapping[Effect, Array]) -> tuple[dict[str, float], tuple[float, ...]]:
-    """What every effect gains on a table without any, and the innovations' variance by record [1]."""
+def _gains(drawn: Drawn, known: Mapping[Effect, Array]) -> Chance:
+    """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation."""
     findings = scan(*drawn, known=known)
     spread = tuple(float(np.mean(seen.innovations[STARTING:] ** 2)) for seen in drawn[0].seen)
-    return {finding.effect.name: finding.held_out for finding in findings}, spread
+    return {finding.effect.name: finding.held_out for finding in findings}, spread, largest(drawn[0])[2]
 
 
-def _draw(
-    layout: Parameters, records: Sequence[Record], seed: int, known: Mapping[Effect, Array]
-) -> tuple[dict[str, float], tuple[float, ...]]:
+def _draw(layout: Parameters, records: Sequence[Record], seed: int, known: Mapping[Effect, Array]) -> Chance:
     return _gains(_drawn(layout, records, seed), known)
 
 

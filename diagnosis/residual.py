@@ -20,7 +20,7 @@ from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innova
 from diagnosis.nominal import Parameters, applied, initial_state
 from models.compiled import compiled
 from models.effects.base import Effect
-from models.effects.kernel import Path, Replayed, changed, kept, replay
+from models.effects.kernel import Path, Replayed, changed, coupled, kept, replay
 from models.machine import Machine
 from models.plant import Mode
 from models.record import Record
@@ -279,8 +279,9 @@ def _force_slopes(
     layout, n = candidate.layout, record.position.size
     limit, z0 = np.array(machine.friction.limit), initial_state(layout, candidate.theta, index)
     late = replay(
-        machine.friction, candidate.effects, seen.path, machine.plant.dead_time + 1e-6,
-        thrust_limit=machine.drive.rated_thrust, start=held(record), known=kept(seen.acts, {"thrust"}),
+        machine.friction, candidate.effects, seen.path, machine.plant.dead_time + 1e-6, state=z0,
+        thrust_limit=machine.drive.rated_thrust, start=held(record),
+        known=kept(seen.acts, coupled({"thrust"}, candidate.effects)),
     )  # fmt: skip
     starts = layout.of("initial_friction_state").reshape(layout.records, -1)[index]
     names = ("dead_time", "amplifier_offset", "friction_level", "presliding_stiffness", "presliding_limit")

@@ -18,7 +18,7 @@ from scipy.linalg import solve_discrete_are
 
 from diagnosis.fit import Fit
 from diagnosis.kalman import JITTER, SUBSTEPS, Predictor, Resonance, discretised, innovations, predictor, smoothed
-from diagnosis.motions import Piece
+from diagnosis.motions import Piece, repeated
 from diagnosis.residual import AGAIN, STARTING, modal, noise
 from models.machine import Machine
 from models.plant import Plant
@@ -31,8 +31,6 @@ FAST: Final = 0.3  # [N a sample]
 WALKS: Final = tuple(np.geomspace(2e-3, 2.0, 13))  # [N a sample], of which the likeliest is taken
 REACH: Final = 4000  # samples over which the smoother answers to one reading
 DOUBLINGS: Final = 40  # of the samples that the smoother's recursion runs over
-SAME: Final = 2e-7  # [m] by which references of equal motions may differ
-SAME_FORCE: Final = 1e-3  # of its largest value by which their feedforward may differ
 
 
 @dataclass(frozen=True)
@@ -142,30 +140,6 @@ def unseen(machine: Machine, sample_time: float, force: Force) -> float:
     position at which the friction is evaluated, while all contacts stick."""
     position = noise(machine) * np.linalg.norm(answer(machine, sample_time, AGAIN[-1])[1])
     return float(np.hypot(force.noise, sum(machine.friction.stiffness) * position))
-
-
-def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[int, ...], ...]:
-    """Groups of equal motions, as indices of the pieces: kind, direction, origin and reference agree."""
-    groups: dict[tuple[object, ...], list[int]] = {}
-    for i, piece in enumerate(pieces):
-        if piece.kind != "rest":
-            where = round(piece.origin / SAME)
-            alike = (piece.kind, piece.direction, where, piece.stop - piece.start)
-            near = [group for group in _near(groups, alike) if _equal(pieces[group[0]], piece, records)]
-            (near[0] if near else groups.setdefault((*alike, i), [])).append(i)
-    return tuple(tuple(group) for group in groups.values() if len(group) > 1)
-
-
-def _near(groups: dict[tuple[object, ...], list[int]], alike: tuple[object, ...]) -> list[list[int]]:
-    return [group for key, group in groups.items() if key[: len(alike)] == alike]
-
-
-def _equal(one: Piece, other: Piece, records: Sequence[Record]) -> bool:
-    """Whether reference and feedforward agree: parts of one multisine have the same reference, and are no repeats."""
-    a, b = (records[piece.record].part(piece.start, piece.stop) for piece in (one, other))
-    largest = max(float(np.max(np.abs(a.feedforward))), float(np.max(np.abs(b.feedforward))))
-    alike = float(np.max(np.abs(a.feedforward - b.feedforward))) <= SAME_FORCE * largest
-    return alike and bool(np.max(np.abs(a.reference - b.reference)) < SAME)
 
 
 def floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], force: Force) -> Floor:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from diagnosis.motions import Piece
+from diagnosis.motions import Piece, repeated
 from diagnosis.residual import noise
 from diagnosis.where import Where
 from diagnosis.where_coordinates import PITCHES, Explained, periodogram
-from diagnosis.where_force import FAST, answer, repeated
+from diagnosis.where_force import FAST, answer
 from diagnosis.where_maps import PHASES, WAVES, Shares, bands
 from diagnosis.where_side import verdict
 from diagnosis.where_words import kind

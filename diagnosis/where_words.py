@@ -51,7 +51,7 @@ def statements(found: Where) -> tuple[str, ...]:
         side = [] if verdict(found.sides) == "neither" else [_side(found)]
         return (*first, *_spike(found), *side, *_drive(found), _floor(found))
     ranked = sorted([*_maps(found), *_coordinates(found), *_parity(found), *_scatter(found)], key=lambda one: -one[0])
-    return (*first, *(text for _, text in ranked), _side(found), *_drive(found), _floor(found))
+    return (*first, *(text for _, text in ranked), *_spike(found), _side(found), *_drive(found), _floor(found))
 
 
 def kind(name: str) -> str:

@@ -117,10 +117,10 @@ def search_effects(
     floors: chi-square (draws,) [1] that complete models leave. An effect that takes off a few per cent of what is above
     them names nothing.
     """
-    steps = [_step(nominal, records, segment, left_out)]
+    steps, bent = [_step(nominal, records, segment, left_out)], set[str]()
     while True:
         here = steps[-1]
-        strong = _strong(steps, thresholds, floors)
+        strong = _strong(steps, thresholds, floors, bent)
         shaken = here.shaking
         if _shakes(here, strong, thresholds, left_out):
             say(f"fitting a random force about {shaken.resonance.frequency:.3g} Hz")
@@ -134,22 +134,23 @@ def search_effects(
         fits = Parallel(n_jobs=-1, require="sharedmem")(
             delayed(_with)(here.fitted, finding.effect, records) for finding in strong
         )
-        if here.fitted.candidate.effects:
-            pairs = zip(strong, fits, strict=True)
-            kept = [(finding, fitted) for finding, fitted in pairs if not _bent(fitted, finding.effect)]
-            strong, fits = [finding for finding, _ in kept], [fitted for _, fitted in kept]
-            if not kept:
-                return tuple(steps)
-        best = min(fits, key=lambda fitted: fitted.cost)
+        tried = [(finding.effect.name, fitted) for finding, fitted in zip(strong, fits, strict=True)]
+        if len(here.fitted.candidate.effects) > len(nominal.candidate.effects):
+            bent |= {name for name, fitted in tried if _bent(fitted, name)}
+            tried = [(name, fitted) for name, fitted in tried if name not in bent]
+            if not tried:
+                continue
+        best = min((fitted for _, fitted in tried), key=lambda fitted: fitted.cost)
         if here.fitted.cost - best.cost > MUCH:
             best = _started(best, records)
         gained = here.fitted.cost - best.cost
         names = {effect.name for effect in best.candidate.effects}
         if gained < LEAST or len(names) > MOST or len(best.candidate.effects) > MOST + 2:
             return tuple(steps)
-        rivals = [(finding.effect.name, fitted.cost) for finding, fitted in zip(strong, fits, strict=True)]
+        rivals = sorted(((name, fitted.cost) for name, fitted in tried), key=lambda rival: rival[1])
         step = _step(best, records, segment, {*left_out, *_dull(steps)})
-        steps.append(replace(step, rivals=tuple(sorted(rivals, key=lambda rival: rival[1]))))
+        steps.append(replace(step, rivals=tuple(rivals)))
+        bent = set()
 
 
 def _step(fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64], left_out: Collection[str]) -> Step:
@@ -180,8 +181,11 @@ def _shakes(here: Step, strong: Sequence[Finding], thresholds: Mapping[str, floa
     return here.shaking.gain > max(thresholds.get("floor_vibration", LINE), LINE, WORTH * best)
 
 
-def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floors: Array) -> list[Finding]:
-    """The findings to be tried next: above their thresholds, above the form error of what is in the model already."""
+def _strong(
+    steps: Sequence[Step], thresholds: Mapping[str, float], floors: Array, bent: Collection[str] = ()
+) -> list[Finding]:
+    """The findings to be tried next: above their thresholds, above the form error of what is in the model already, and
+    not among the `bent`."""
     here = steps[-1]
     names = {effect.name for effect in here.fitted.candidate.effects}
     gained = steps[0].fitted.cost - here.fitted.cost
@@ -192,7 +196,7 @@ def _strong(steps: Sequence[Step], thresholds: Mapping[str, float], floors: Arra
         name = finding.effect.name
         least = LEAST if name in names or not names else further(gained, left, floors)
         needed = max(thresholds.get(name, LEAST), least, SHARE * (left - float(np.mean(floors))))
-        if finding.held_out > needed and members.get(name, 0) < 2:
+        if finding.held_out > needed and members.get(name, 0) < 2 and name not in bent:
             allowed.append(finding)
     if not allowed:
         return []
@@ -209,10 +213,10 @@ def further(gained: float, left: float, floors: Array) -> float:
     return max(SECOND, min(FORM * gained, REST * above) if above > 0 else FORM * gained)
 
 
-def _bent(fitted: Fit, effect: Effect) -> bool:
+def _bent(fitted: Fit, name: str) -> bool:
     """Whether an effect of this kind had to leave its prior range beside others: it takes up what is wrong with their
     form."""
-    return any(at_bounds(one) for one in fitted.candidate.effects if one.name == effect.name)
+    return any(at_bounds(effect) for effect in fitted.candidate.effects if effect.name == name)
 
 
 def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:

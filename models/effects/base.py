@@ -4,8 +4,8 @@
 
 p: the effect's parameters (SI) in the order of its fields. now: time T [s], position X [m], speed V [m/s], the time H
 [s] over which the value holds, the thrust reference U [N], MOVED [m] since the last call, control error E [m], feedback
-U_LAW [N]. memory: the effect's own, zeros at the start. contact, to be read only: rows displacement Z [m], STIFFNESS
-[N/m] and LIMIT [m] of the friction elements.
+U_LAW [N]. memory: the effect's own, zeros at the start. contact, to be read only, by hooks on path, limit and friction:
+rows displacement Z [m], STIFFNESS [N/m] and LIMIT [m] of the friction elements.
 
 The same hooks serve the closed loop and the replay along a measured path (kernel.py), where E and U_LAW are 0.
 """

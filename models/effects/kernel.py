@@ -116,12 +116,20 @@ def touched(effect: Effect) -> frozenset[str]:
 def changed(before: Sequence[Effect], now: Sequence[Effect]) -> frozenset[str]:
     """What acts otherwise along a path with the effects `now` than with those `before`: keys of ACTING.
 
-    What an effect acts on besides is computed anew with it, as its hooks share their memory.
+    Other commands change all that effects make of a thrust reference: any of their hooks may look at it.
     """
     differing = [effect for effect in (*before, *now) if before.count(effect) != now.count(effect)]
     found = frozenset[str]().union(*map(touched, differing))
+    if any("command" in effect.hooks for effect in differing):
+        found = found.union(*map(touched, now))
+    return coupled(found, now)
+
+
+def coupled(anew: Collection[str], effects: Sequence[Effect]) -> frozenset[str]:
+    """What has to be computed anew together: an effect's hooks share their memory; keys of ACTING."""
+    found = frozenset(anew)
     while True:
-        more = found.union(*(touched(effect) for effect in now if not touched(effect).isdisjoint(found)))
+        more = found.union(*(touched(effect) for effect in effects if not touched(effect).isdisjoint(found)))
         if more == found:
             return found
         found = more

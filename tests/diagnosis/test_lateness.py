@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from diagnosis.confusability import confusability
-from diagnosis.experiments import repeated_strokes, sequence
+from diagnosis.experiments import multisine, repeated_strokes, sequence
 from diagnosis.lateness import LATE, Lateness, lateness
 from diagnosis.nominal import parameters
 from diagnosis.which import refit
 from models.effects.base import Effect
-from models.effects.motor import Cogging, TimingJitter
+from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
 from tests.diagnosis.tables import recorded, table
 
 FINE = replace(table().scale, resolution=5e-9, noise=5e-9)
@@ -39,6 +39,21 @@ def test_late_commands_are_found_and_measured(part: float) -> None:
 def test_what_is_not_late_is_not_called_so(effects: tuple[Effect, ...], seed: int) -> None:
     """A force that belongs to the place repeats with the motion."""
     assert found(*effects, seed=seed).gain < LATE / 4
+
+
+def test_parts_of_one_multisine_repeat_nothing() -> None:
+    """They differ, and what a law makes of them would pass for late commands."""
+    shaken = (multisine(MACHINE, duration=6.0),)
+    records = recorded(MACHINE, shaken, [GainAsymmetry(0.02)], seed=36)
+    late = lateness(refit(parameters(MACHINE, 1), records), records)
+    assert late.gain == 0.0
+    assert np.isinf(late.scatter)
+
+
+def test_a_law_of_the_thrust_beside_them_is_not_counted_as_lateness() -> None:
+    late = found(TimingJitter(0.01), GainAsymmetry(0.02), seed=37)
+    assert late.gain > LATE
+    assert late.size < 2.2 * MACHINE.sample_time * np.sqrt(0.01)
 
 
 def test_the_least_lateness_that_shows_is_what_the_records_are_said_to_show() -> None:

@@ -34,11 +34,11 @@ def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatc
     shared = null.null(layout, RECORDS, draws=4)
     monkeypatch.setattr(null, "alike", lambda *_: {})
     alone = null.null(layout, RECORDS, draws=4)
-    assert shared.variance == alone.variance
-    for name, gains in alone.gains.items():
-        assert max(shared.gains[name]) == pytest.approx(max(gains), rel=0.3, abs=5.0), name
+    for name, gains in alone.gains.items():  # of the first table, they are the same by construction
+        assert max(shared.gains[name][1:]) == pytest.approx(max(gains[1:]), rel=0.3, abs=0.1 * null.LEAST), name
 
 
 def test_a_threshold_is_beyond_the_largest_gain_by_chance() -> None:
-    found = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0,), (1.0,)))
+    found = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0,), (1.0,)), (4.0, 7.0))
     assert found.thresholds == {"cogging": SAFETY * 50.0, "play": null.LEAST}
+    assert found.spike == 1.5 * 7.0

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from diagnosis.experiments import Move, multisine, schedule
 from diagnosis.kalman import JITTER, SUBSTEPS, discretised, predictor, smoothed
-from diagnosis.motions import pieces
+from diagnosis.motions import pieces, repeated
 from diagnosis.where import Where, to_json, where
 from diagnosis.where_controller import replayed
 from diagnosis.where_coordinates import Coordinate, explain
-from diagnosis.where_force import FAST, REACH, SLOW, repeated, steady_deviation
+from diagnosis.where_force import FAST, REACH, SLOW, steady_deviation
 from diagnosis.where_json import pictures
 from diagnosis.where_maps import PHASES, Samples, labelled, shares
 from diagnosis.where_side import verdict
