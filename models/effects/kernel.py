@@ -102,7 +102,7 @@ def replay(
 
 
 def kept(acts: Replayed, anew: Collection[str]) -> dict[str, Array]:
-    """What of an answer of `replay` stays, by field, where only `anew`, keys of ACTING, has to be computed again."""
+    """What of an answer of `replay` stays, by field (SI), where only `anew`, keys of ACTING, is computed again."""
     also = {"thrust": ("sent",), "friction": ("state",)}
     names = [field for name in ACTING if name not in anew for field in (name, *also.get(name, ()))]
     return {name: getattr(acts, name) for name in names}
