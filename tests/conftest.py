@@ -14,7 +14,21 @@ settings.load_profile("reproducible")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """On several cores, tests that share a quick run stay in one process, and those of a file, for its fixtures."""
+    """On several cores, tests that share a quick run stay in one process, and those of a file, for its fixtures.
+
+    The quick runs come first: begun last, the longest would keep one core busy while the others have nothing to do.
+    """
     for item in items:
-        shared = "quick_run" in getattr(item, "fixturenames", ())
-        item.add_marker(pytest.mark.xdist_group("quick runs" if shared else str(item.path)))
+        item.add_marker(pytest.mark.xdist_group(f"quick run of {_study(item)}" if _shared(item) else str(item.path)))
+    items.sort(key=lambda item: not _shared(item))
+
+
+def _shared(item: pytest.Item) -> bool:
+    return "quick_run" in getattr(item, "fixturenames", ())
+
+
+def _study(item: pytest.Item) -> str:
+    """The study whose quick run a test looks at: its parameter, or the one that its file is named after."""
+    file = item.path.parent if item.path.stem == "test_study" else item.path
+    call = getattr(item, "callspec", None)
+    return str(call.params["name"]) if call and "name" in call.params else file.stem.removeprefix("test_")
