@@ -9,6 +9,7 @@ nothing_to_explain    the machine as delivered explains it
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -49,6 +50,7 @@ EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the 
 MISSING: Final = 3.0  # and from which on something is missing where none does
 ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
 SHIFTED: Final = 60.0  # chi-square of the nominal parameters' shifts from which on they are wrong
+AGAIN: Final = 0.5  # of an effect's first gain that one more of its kind beside two may gain
 MANY: Final = 0.02  # part of the commands that are late where what they add is simulated
 LATENESS: Final = TimingJitter.name
 MIRRORS: Final = 2  # simulated records of the final model, whose mean is the floor
@@ -167,14 +169,15 @@ def _adequate(
     spike: float,
 ) -> tuple[tuple[Step, ...], tuple[str, ...], HowFar, str]:
     """As many stages of the search as explain enough together, their names, gaps and outcome; all if none do."""
-    looked = []
+    looked, endless = [], _endless(steps)
     for count in range(len(steps), min(len(steps), 2) - 1, -1):
         stages = steps[:count]
         far, excess = _how_far(stages, records, segment, seed, disabled)
         names = _names(stages)
         if _late(steps[-1], disabled):
             names = (*names, LATENESS)
-        looked.append((stages, names, far, _outcome(stages, names, far, excess, spike)))
+        outcome = NONE if endless.intersection(names) else _outcome(stages, names, far, excess, spike)
+        looked.append((stages, names, far, outcome))
         if looked[-1][-1] != NONE:
             return looked[-1]
     return looked[0]
@@ -219,9 +222,19 @@ def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: f
         enough = enough or far.interval[1] >= LITTLE
     if names and enough and not _bent(steps):
         return ATTRIBUTED
-    if names or excess > MISSING or largest(steps[-1].fitted)[2] > spike:
+    if names or excess > MISSING or largest(steps[-1].fitted).deviations > spike:
         return NONE
     return PARAMETERS if shifted(steps[0].fitted) > SHIFTED else NOTHING
+
+
+def _endless(steps: Sequence[Step]) -> set[str]:
+    """Effects of which one more beside two would gain as much again: with such a series any other law is drawn out."""
+    first: dict[str, float] = {}
+    for before, after in pairwise(steps):
+        first.setdefault(added(before, after), before.fitted.cost - after.fitted.cost)
+    members = Counter(effect.name for effect in steps[-1].fitted.candidate.effects)
+    gains = {finding.effect.name: finding.held_out for finding in steps[-1].findings}
+    return {name for name, gain in first.items() if members[name] > 1 and gains.get(name, 0.0) > AGAIN * gain}
 
 
 def _bent(steps: Sequence[Step]) -> bool:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
 from diagnosis.confusability import Confusability, confusability
 from diagnosis.confusability import to_json as confusion
-from diagnosis.fit import Fit
-from diagnosis.motions import Piece
+from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Diagnosis
 from diagnosis.next_experiment import Proposal, along, next_experiment, showing
 from diagnosis.where import Where, where
 from diagnosis.where import to_json as place
 from diagnosis.where_words import LEAST, SURE
-from models.record import Record
 
 UNSHOWN: Final = 6  # effects that these records cannot show, for which an experiment is looked for
 
@@ -39,30 +37,22 @@ class Evidence:
         }
 
 
-def evidence(
-    nominal: Fit,
-    records: Sequence[Record],
-    pieces: Sequence[Piece],
-    outcome: str,
-    named: Sequence[str],
-    equivalent: Sequence[Sequence[str]] = (),
-    *,
-    disabled: Collection[str] = (),
-    seed: int = 0,
-) -> Evidence:
-    """Beside a verdict: its outcome, the names in it, and the sets of which it can't tell one from another; nominal:
-    the nominal model, re-fitted. Everything in SI."""
-    found = where(nominal, records, pieces, seed=seed)
+def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0) -> Evidence:
+    """Beside a diagnosis, of the nominal model re-fitted; disabled: names of effects that are not to be used; SI."""
+    nominal, records = found.nominal, found.records
+    lies = where(nominal, records, found.pieces, seed=seed, spike=found.null.spike)
     apart = confusability(nominal, records, disabled)
-    machine = nominal.candidate.machine
-    if outcome == "ambiguous":
-        proposal = next_experiment(equivalent[0] if equivalent else named, machine, seed=seed)
-    elif outcome == "none_of_these":
-        best = found.coordinate
-        proposal = along(best.name if best.share > LEAST and best.p < SURE else None, machine)
-    elif outcome == "attributed":
+    return Evidence(lies, apart, _proposal(found, lies, apart, seed))
+
+
+def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
+    machine, named = found.nominal.candidate.machine, found.effects
+    if found.outcome == AMBIGUOUS:
+        return next_experiment(found.equivalent[0] if found.equivalent else named, machine, seed=seed)
+    if found.outcome == NONE:
+        best = lies.coordinate
+        return along(best.name if best.share > LEAST and best.p < SURE else None, machine)
+    if found.outcome == ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
-        proposal = next_experiment([*named[:1], *near], machine, seed=seed) if near else None
-    else:
-        proposal = showing(apart.not_identifiable[:UNSHOWN], machine, seed=seed)
-    return Evidence(found, apart, proposal)
+        return next_experiment([*named[:1], *near], machine, seed=seed) if near else None
+    return showing(apart.not_identifiable[:UNSHOWN], machine, seed=seed)

@@ -55,13 +55,22 @@ def weights(records: Sequence[Record]) -> Array:
     return np.concatenate(parts)
 
 
-def largest(fitted: Fit) -> tuple[int, int, float]:
-    """The record and sample of the largest innovation, and its size in deviations of all innovations [1]."""
+@dataclass(frozen=True)
+class Largest:
+    """The largest innovation: its record and sample, and its size in deviations of all innovations [1]."""
+
+    record: int
+    sample: int
+    deviations: float
+
+
+def largest(fitted: Fit) -> Largest:
+    """The largest innovation [1] of a fit."""
     number = int(np.argmax(np.abs(fitted.innovations)))
     begin = np.cumsum([0, *(seen.innovations.size for seen in fitted.seen)])
     record = int(np.searchsorted(begin, number, side="right")) - 1
     size = float(np.abs(fitted.innovations[number]) / np.std(fitted.innovations))
-    return record, number - int(begin[record]), size
+    return Largest(record, number - int(begin[record]), size)
 
 
 def coordinates(effect: Effect) -> Array:

@@ -151,7 +151,7 @@ def _gains(drawn: Drawn, known: Mapping[Effect, Array]) -> Chance:
     """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation."""
     findings = scan(*drawn, known=known)
     spread = tuple(float(np.mean(seen.innovations[STARTING:] ** 2)) for seen in drawn[0].seen)
-    return {finding.effect.name: finding.held_out for finding in findings}, spread, largest(drawn[0])[2]
+    return {finding.effect.name: finding.held_out for finding in findings}, spread, largest(drawn[0]).deviations
 
 
 def _draw(layout: Parameters, records: Sequence[Record], seed: int, known: Mapping[Effect, Array]) -> Chance:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Final
 
@@ -22,7 +23,7 @@ from models.compiled import compiled
 from models.effects.base import Effect
 from models.effects.kernel import Path, Replayed, changed, coupled, kept, replay
 from models.machine import Machine
-from models.plant import Mode
+from models.plant import Mode, Plant
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -226,14 +227,19 @@ def _vibration(candidate: Candidate, force: Array, sample_time: float) -> Array:
 
 def modal(mode: Mode, force: Array, sample_time: float) -> Array:
     """Motion (n,) [m] of one vibration mode at the samples under a force (n, M) [N], from rest."""
-    from models.plant import Plant  # noqa: PLC0415
-
-    a, b, _ = discretised(Plant(0.0, 1.0, (mode,)), sample_time)
-    a, given = a[:2, :2], force @ b[:2].T
+    a, b = _of_mode(mode, sample_time)
+    given = force @ b.T
     trace, determinant = a[0, 0] + a[1, 1], np.linalg.det(a)
     entering = np.concatenate([[0.0], given[:-1, 0]])
     entering[2:] += a[0, 1] * given[:-2, 1] - a[1, 1] * given[:-2, 0]
     return np.asarray(lfilter([1.0], [1.0, -trace, determinant], entering))
+
+
+@lru_cache(maxsize=64)
+def _of_mode(mode: Mode, sample_time: float) -> tuple[Array, Array]:
+    """How a mode's states (2,) follow from a sample to the next and under the force of its substeps; SI."""
+    a, b, _ = discretised(Plant(0.0, 1.0, (mode,)), sample_time)
+    return a[:2, :2], b[:2]
 
 
 def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequence[Seen], walk: float = WALK) -> Array:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.fit import Fit, largest, weights
+from diagnosis.fit import SPIKE, Fit, Largest, largest, weights
 from diagnosis.motions import Piece, numbered
 from diagnosis.residual import noise
 from diagnosis.scan import freed
@@ -50,8 +50,8 @@ class Where:
     "kind | phase". together: the share that curves over all coordinates explain, with its interval: the ceiling for
     any effect that they can describe. parity: how much is an even and an odd function of speed. scatter: on what the
     innovations' size depends. samples, coordinates: what is known of every sample, for figures. followed [N]: the
-    largest command, where the drive followed beyond its rating. spike: record, time in it [s] and size [deviations] of
-    the largest innovation.
+    largest command, where the drive followed beyond its rating. spike: the largest innovation, where no noise makes
+    one of its size.
     """
 
     controller: tuple[Replayed, ...]
@@ -73,7 +73,7 @@ class Where:
     sample_time: float
     samples: Samples
     coordinates: tuple[Coordinate, ...]
-    spike: tuple[int, float, float]
+    spike: Largest | None = None
     followed: float | None = None
     statements: tuple[str, ...] = ()
 
@@ -93,8 +93,10 @@ class Where:
         return max(self.by_coordinate, key=lambda one: (one.p < SURE, one.share))
 
 
-def where(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, seed: int = 0) -> Where:
-    """Where the fitted model leaves the records; the pieces are those of `motions.pieces`."""
+def where(
+    fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, seed: int = 0, spike: float = SPIKE
+) -> Where:
+    """Where the fitted model leaves the records; the pieces are those of `motions.pieces`; spike [1]: see `Null.spike`."""
     machine, ts = fitted.candidate.machine, records[0].sample_time
     nominal = fitted.candidate.layout.machine
     motion = numbered(pieces, records)
@@ -107,7 +109,7 @@ def where(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, se
     both = samples.kind * len(PHASES) + samples.phase
     explained = _explained(d, known, samples, seed)
     speed = Coordinate("velocity", "m/s", np.concatenate([path.path.speed[:, 0] for path in fitted.paths]), bent=True)
-    spike = largest(fitted)
+    most = largest(fitted)
     found = Where(
         controller=tuple(replayed(nominal, record) for record in records),
         floor=floor(fitted, records, pieces, likely),
@@ -130,7 +132,7 @@ def where(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, se
         sample_time=ts,
         samples=samples,
         coordinates=known,
-        spike=(spike[0], spike[1] * ts, spike[2]),
+        spike=most if most.deviations > spike else None,
         followed=nominal.drive.rated_thrust if nominal.sources.get(RATED) == FOLLOWED else None,
     )
     return replace(found, statements=statements(found))

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from diagnosis.fit import SPIKE
 from diagnosis.where_coordinates import Explained
 from diagnosis.where_maps import Shares
 from diagnosis.where_side import Side, verdict
@@ -108,11 +107,11 @@ def _size(found: Where) -> str:
 
 
 def _spike(found: Where) -> Iterator[str]:
-    record, time, size = found.spike
-    if size > SPIKE:
+    if found.spike:
         yield (
-            f"Single samples stand out: the reading at {time:.4g} s of record {record + 1} is {size:.0f} deviations of "
-            "noise off, as where a reading was lost or held, or something struck the table."
+            f"Single samples stand out: the reading at {found.spike.sample * found.sample_time:.4g} s of record "
+            f"{found.spike.record + 1} is {found.spike.deviations:.0f} deviations of noise off, as where a reading was "
+            "lost or held, or something struck the table."
         )
 
 

@@ -42,16 +42,7 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
 
 def _with_evidence(found: Any, whole: dict[str, Any], disabled: list[str]) -> dict[str, Any]:
     """The answer with where the gap lies, what the records cannot tell, and what to run next."""
-    evidence = import_module("diagnosis.evidence").evidence(
-        found.nominal,
-        found.records,
-        found.pieces,
-        found.outcome,
-        found.effects,
-        found.equivalent,
-        disabled=disabled,
-    )
-    beside = evidence.to_json()
+    beside = import_module("diagnosis.evidence").evidence(found, disabled=disabled).to_json()
     return {**whole, "where": beside["where"], "verdict": {**whole["verdict"], **beside["verdict"]}}
 
 

@@ -54,16 +54,7 @@ def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) 
         cache=CACHE,
     )
     progress(0.7, "where the gap lies, and what these records cannot tell")
-    beside = evidence(
-        found.nominal,
-        found.records,
-        found.pieces,
-        found.outcome,
-        found.effects,
-        found.equivalent,
-        disabled=unused,
-        seed=options.seed,
-    )
+    beside = evidence(found, disabled=unused, seed=options.seed)
     better = improved(found, [str(one["name"]) for one in given.shown])
     adopted = [effect.name for effect in better.effects]
     results = {**_results(found, beside, given, quick=options.quick), "adopted": adopted}

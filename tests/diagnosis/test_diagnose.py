@@ -13,8 +13,9 @@ import pytest
 
 from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, _rivals, diagnose, to_json
 from diagnosis.fit import SPIKE, largest
+from diagnosis.where import where
 from diagnosis.where_words import _spike
-from models.effects.base import Effect, H, Numbers, T, hook, parameter
+from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
 from models.effects.friction import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
 from models.record import Record
@@ -91,12 +92,39 @@ def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(cache: Pat
     size, when = 5e-7, 1.5
     found = _found(cache, [Glitch(size, LEAD + when)], 7)
     assert (found.outcome, found.effects) == (NONE, ())
-    record, sample, deviations = largest(found.nominal)
-    assert sample == round(when / MACHINE.sample_time)  # of both records
-    assert deviations > found.null.spike >= SPIKE
-    said = list(_spike(SimpleNamespace(spike=(record, sample * MACHINE.sample_time, deviations))))  # type: ignore[arg-type]
+    most = largest(found.nominal)
+    assert most.sample == round(when / MACHINE.sample_time)  # of both records
+    assert most.deviations > found.null.spike >= SPIKE
+    seen = where(found.nominal, found.records, found.pieces, spike=found.null.spike)
+    said = list(_spike(seen))
     assert said[0].startswith("Single samples stand out: the reading at 1.5 s of record ")
-    assert not list(_spike(SimpleNamespace(spike=(0, 0.0, SPIKE))))  # type: ignore[arg-type]
+    assert said[0] in seen.statements
+    assert not list(_spike(where(found.nominal, found.records, found.pieces, spike=1.01 * most.deviations)))
+
+
+@hook
+def _dragging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value - (p[0] * now[V] if abs(now[X] - p[1]) < p[2] else 0.0)
+
+
+@dataclass(frozen=True)
+class DragInAZone(Effect):
+    """A short stretch of the way brakes what moves there."""
+
+    name: ClassVar = "drag_in_a_zone"
+    family: ClassVar = "friction"
+    equation: ClassVar = "-c v"
+    source: ClassVar = "a test"
+    hooks: ClassVar = {"force": _dragging}
+    coefficient: float = parameter("N s/m", "drag", 1.0, 100.0, "amplitude")
+    place: float = parameter("m", "its place", 0.0, 0.1, "shape")
+    width: float = parameter("m", "half its width", 1e-4, 1e-2, "shape")
+
+
+def test_a_law_that_only_a_series_of_another_draws_has_no_name(cache: Path) -> None:
+    """Sines of place, one after another, come near to a braking zone; none of them is there."""
+    found = _found(cache, [DragInAZone(40.0, 0.03, 0.003)], 8)
+    assert (found.outcome, found.effects) == (NONE, ())
 
 
 def test_a_controller_that_does_not_replay_is_named(cache: Path) -> None:

@@ -1,4 +1,7 @@
-"""Every effect of the catalogue, put into a simulated table whose nominal values are off: does the scan name it?"""
+"""Every effect of the catalogue, put into a simulated table whose nominal values are off: does the scan name it?
+
+Late commands, which no scan shows, have tests of their own: test_lateness.py.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ from diagnosis.nominal import parameters
 from diagnosis.null import LEAST, SAFETY
 from diagnosis.residual import Candidate
 from diagnosis.scan import UNSEEN, Finding, freed, scan
+from diagnosis.where_controller import replayed
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import every
@@ -66,3 +70,19 @@ def test_the_effect_that_is_in_the_table_is_the_strongest_finding(name: str, by_
     assert first, "no severity is seen at all"
     assert set(first) <= {name, *ALIKE.get(name, ())}
     assert name in first
+
+
+@pytest.mark.parametrize("severity", SEVERITIES)
+def test_a_wrong_scale_is_no_effect_on_records_that_can_not_show_it(
+    severity: float, by_chance: dict[str, float]
+) -> None:
+    """A longer scale is a stronger thrust on a softer contact: nominal values take it up, and nothing is accused."""
+    wrong = recorded(MACHINE, PLAN, [_sized("scale_gain_error", severity)], seed=40)
+    for finding in _scanned(wrong):
+        assert finding.held_out < max(LEAST, SAFETY * by_chance[finding.effect.name])
+
+
+@pytest.mark.parametrize("severity", [0.0, *SEVERITIES])
+def test_another_law_than_the_stated_one_shows_in_its_own_log(severity: float) -> None:
+    (record,) = recorded(MACHINE, PLAN, [_sized("controller_mismatch", severity)], seed=41)
+    assert replayed(MACHINE, record).replays == (severity == 0.0)
