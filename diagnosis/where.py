@@ -96,7 +96,7 @@ class Where:
 def where(
     fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, seed: int = 0, spike: float = SPIKE
 ) -> Where:
-    """Where the fitted model leaves the records; the pieces are those of `motions.pieces`; spike [1]: see `Null.spike`."""
+    """Where the fitted model leaves the records; pieces: those of `motions.pieces`; spike [1]: see `Null.spike`."""
     machine, ts = fitted.candidate.machine, records[0].sample_time
     nominal = fitted.candidate.layout.machine
     motion = numbered(pieces, records)
