@@ -44,7 +44,7 @@ Progress = Callable[[float, str], None]
 ATTRIBUTED, AMBIGUOUS, NONE, NOTHING, PARAMETERS = (
     *("attributed", "ambiguous", "none_of_these", "nothing_to_explain", "parameters"),
 )
-LITTLE: Final = 0.25  # of the gap that an effect may close where nothing more is missing: noise hides how much it is
+LITTLE: Final = 0.25  # of the gap that an effect, which surely closes some, may close where nothing more is missing
 SEVERAL: Final = 0.75  # of the gap that more than one must close: two wrong names close more than one
 EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the floor where an effect explains enough
 MISSING: Final = 3.0  # and from which on something is missing where none does
@@ -219,7 +219,7 @@ def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: f
     closed = far.interval[1] if LATENESS in names else far.closure  # which commands were late, no simulation knows
     enough = closed >= (HALF if len(names) < 2 else SEVERAL)
     if len(names) < 2 and excess < EXCESS:
-        enough = enough or far.interval[1] >= LITTLE
+        enough = enough or (far.interval[0] > 0 and far.interval[1] >= LITTLE)
     if names and enough and not _bent(steps):
         return ATTRIBUTED
     if names or excess > MISSING or largest(steps[-1].fitted).deviations > spike:

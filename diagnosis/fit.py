@@ -247,8 +247,8 @@ def _room(candidate: Candidate, wide: Array) -> tuple[Array, Array]:
     stride[layout.of("initial_friction_state")] = START_STRIDE
     low, high = -stride, stride.copy()
     count = layout.count
-    low[:count] = np.maximum(low[:count], -(layout.bound + candidate.theta) / wide[:count])
-    high[:count] = np.minimum(high[:count], (layout.bound - candidate.theta) / wide[:count])
+    low[:count] = np.maximum(low[:count], (layout.low - candidate.theta) / wide[:count])
+    high[:count] = np.minimum(high[:count], (layout.high - candidate.theta) / wide[:count])
     begin = count
     for effect in candidate.effects:
         size = coordinates(effect).size

@@ -11,8 +11,8 @@ chapters 9 and 10.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -58,6 +58,7 @@ class Predictor:
         return self.A - np.outer(self.A @ self.gain, self.C)
 
 
+@lru_cache(maxsize=64)
 def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
     """(A (S, S), B (S, M), C (S,)) of the module's head; the plant's dead time is left to the force; SI."""
     system = state_space(plant)
@@ -75,12 +76,14 @@ def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
     return a, b, np.append(np.asarray(system.C)[0], 0.0)
 
 
+@lru_cache(maxsize=64)
 def predictor(
-    plant: Plant, sample_time: float, *, walk: float, noise: float, shaken: Sequence[Resonance] = ()
+    plant: Plant, sample_time: float, *, walk: float, noise: float, shaken: tuple[Resonance, ...] = ()
 ) -> Predictor:
     """The steady filter for an unknown force that walks by `walk` [N] a sample under a reading's `noise` [m].
 
     shaken: random forces besides; each adds two states behind d, of which the first is the force.
+    The answer is kept for the same machine: its arrays are not to be written to.
     """
     a, b, c = discretised(plant, sample_time)
     walking = len(a) - 1

@@ -38,20 +38,22 @@ class Tolerance:
 
 
 FAR: Final = 3.0  # prior deviations that a value may be off
-FURTHER: Final = 8.0  # that one of a mode may be: a load is changed and forgotten; friction's values add up as it is
-MODES: Final = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping")
+FURTHER: Final = 8.0  # that these may be: a load or a drive is changed and forgotten; friction's values add up as it is
+LOOSE: Final = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping", "dead_time")
 USUAL = Tolerance(0.015, 0.055, 0.005, 0.12, 2e-5, 0.2, 0.03, 0.03, 0.03)
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """The layout of theta for one machine and `records` records: names, prior deviations (P,), bounds (P,)."""
+    """The layout of theta for one machine and `records` records: names, prior deviations (P,), bounds low and high
+    (P,)."""
 
     machine: Machine
     records: int
     names: tuple[str, ...]
     deviation: Array
-    bound: Array
+    low: Array
+    high: Array
 
     @property
     def count(self) -> int:
@@ -68,10 +70,11 @@ def parameters(machine: Machine, records: int, tolerance: Tolerance = USUAL) -> 
     rows = list(_rows(machine, records, tolerance))
     names, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
-    bound = np.where(np.isin(names, MODES), FURTHER, FAR) * wide
+    high = np.where(np.isin(names, LOOSE), FURTHER, FAR) * wide
     start = np.array(names) == "initial_friction_state"
-    bound[start] = np.tile(machine.friction.limit, records)
-    return Parameters(machine, records, names, wide, bound)
+    high[start] = np.tile(machine.friction.limit, records)
+    low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
+    return Parameters(machine, records, names, wide, low, high)
 
 
 def _rows(machine: Machine, records: int, tolerance: Tolerance) -> Iterator[tuple[str, float]]:
@@ -126,7 +129,7 @@ def initial_state(layout: Parameters, theta: Array, record: int) -> Array:
 
 def bounded(layout: Parameters, theta: Array) -> Array:
     """theta (P,) within its bounds, and the elements' displacements [m] within their limits."""
-    return np.clip(theta, -layout.bound, layout.bound)
+    return np.clip(theta, layout.low, layout.high)
 
 
 def shifts(layout: Parameters, theta: Array, covariance: Array) -> Sequence[tuple[str, float, float]]:

@@ -23,9 +23,8 @@ from diagnosis.fit import SPIKE, Fit, fit, largest
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import Parameters, bounded, initial_state
 from diagnosis.residual import STARTING, Candidate
-from diagnosis.scan import Freed, alike, freed, scan
+from diagnosis.scan import Columns, Finding, Freed, freed, scan
 from models.controller import Controller, References
-from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, to_json
 from models.record import Record
@@ -112,8 +111,8 @@ def null(
         )
     say(f"simulating the null, 1 of {draws}")
     first = _drawn(layout, records, 0)
-    known = alike(*first)  # the columns of the tables that follow
-    results = [_gains(first, known)]
+    findings, known = scan(*first)  # its columns are those of the tables that follow, too
+    results = [_gains(first, findings)]
     say(f"simulating the null, {min(2, draws)} of {draws}")
     rest = Parallel(n_jobs=-1, require="sharedmem", return_as="generator")(
         delayed(_draw)(layout, records, seed, known) for seed in range(1, draws)
@@ -147,15 +146,15 @@ def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
     return fitted, made, freed(fitted, numbered(pieces(made), made))
 
 
-def _gains(drawn: Drawn, known: Mapping[Effect, Array]) -> Chance:
+def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
     """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation."""
-    findings = scan(*drawn, known=known)
     spread = tuple(float(np.mean(seen.innovations[STARTING:] ** 2)) for seen in drawn[0].seen)
     return {finding.effect.name: finding.held_out for finding in findings}, spread, largest(drawn[0]).deviations
 
 
-def _draw(layout: Parameters, records: Sequence[Record], seed: int, known: Mapping[Effect, Array]) -> Chance:
-    return _gains(_drawn(layout, records, seed), known)
+def _draw(layout: Parameters, records: Sequence[Record], seed: int, known: Columns) -> Chance:
+    drawn = _drawn(layout, records, seed)
+    return _gains(drawn, scan(*drawn, known=known)[0])
 
 
 WALK_OF_SCAN: Final = 4e-3  # [N a sample], as in the last step of the re-fit

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -26,12 +26,13 @@ from models.effects.catalogue import every, in_order
 from models.record import Record
 
 Array = NDArray[np.float64]
+Columns = Mapping[Effect, NDArray[Any]]  # (n, 1) or (n, 2) each [1]
 
 FOLDS: Final = 6
 POINTS: Final = 6  # of a grid over a shape of a decade or two
 BATCH: Final = 24  # columns that are filtered side by side
 PEAKS: Final = 4  # of a spectrum that are looked at
-REMAINS: Final = 0.3  # of a column that the nominal parameters must leave for it to be another table's as well
+REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
 UNSEEN: Final = ("scale_gain_error", "controller_mismatch", "timing_jitter")  # no column of force or reading shows them
 
 
@@ -55,7 +56,7 @@ class Freed:
     basis: Array
     factor: tuple[Array, bool]
 
-    def __call__(self, given: Array) -> Array:
+    def __call__(self, given: NDArray[Any]) -> Array:
         """Columns (n, k) freed likewise."""
         return np.asarray(given - self.basis @ cho_solve(self.factor, self.basis.T @ given), float)
 
@@ -64,7 +65,9 @@ def freed(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> Freed:
     """The innovations of a fit, freed [1]; segment (n,): the number of the motion that each sample belongs to."""
     candidate = fitted.candidate
     layout, theta = candidate.layout, candidate.theta
-    free = np.where(np.abs(theta) < 0.98 * layout.bound, layout.deviation, 0.0)  # what stands at its bound stays there
+    margin = 0.01 * (layout.high - layout.low)
+    inside = (theta > layout.low + margin) & (theta < layout.high - margin)
+    free = np.where(inside, layout.deviation, 0.0)  # what stands at its bound stays there
     basis = np.hstack([fitted.slopes * free, fitted.own * own_spread(candidate.effects)])
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
     count = int(segment.max()) + 1
@@ -79,27 +82,32 @@ def scan(
     records: Sequence[Record],
     own: Freed,
     left_out: Collection[str] = (),
-    known: Mapping[Effect, Array] = MappingProxyType({}),
-) -> list[Finding]:
-    """The catalogue's effects, each at the point of its grid that gains the most on held-out motions, best first.
+    known: Columns = MappingProxyType({}),
+) -> tuple[list[Finding], Columns]:
+    """The catalogue's effects, each at the point of its grid that gains the most on held-out motions, best first; and
+    columns (n, k) [1] of points of the grids, in single precision, that are the same to first order in another fit of
+    these references. Not those that the model's own parameters mostly explain: too little remains of them.
 
-    known: columns (n, k) [1] of points of the grids, in place of what this fit's path would give; see `alike`.
+    known: such columns of another fit whose random forces are the same, in place of what this one's path would give.
     """
     trials: list[Effect] = []
     for name, kind in every().items():
         if name not in left_out and name not in UNSEEN:
             trials += grid(kind, fitted, records, own)
-    found: dict[str, Finding] = {}
+    found, columns = dict[str, Finding](), dict[Effect, NDArray[Any]]()
+    inside = {effect.name for effect in fitted.candidate.effects}
+    known = {effect: given for effect, given in known.items() if effect.name not in inside}  # its own kind differs more
     batches = [*_batched([e for e in trials if e not in known]), *_batched([e for e in trials if e in known])]
     each = Parallel(n_jobs=-1, require="sharedmem")(
         delayed(_findings)(batch, fitted, records, own, known) for batch in batches
     )
-    for findings in each:
+    for findings, kept in each:
+        columns |= kept
         for finding in findings:
             name = finding.effect.name
             if name not in found or finding.held_out > found[name].held_out:
                 found[name] = finding
-    return sorted(found.values(), key=lambda finding: -finding.held_out)
+    return sorted(found.values(), key=lambda finding: -finding.held_out), columns
 
 
 def _batched(trials: Sequence[Effect]) -> Iterator[tuple[Effect, ...]]:
@@ -108,18 +116,22 @@ def _batched(trials: Sequence[Effect]) -> Iterator[tuple[Effect, ...]]:
 
 
 def _findings(
-    batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed, known: Mapping[Effect, Array]
-) -> list[Finding]:
+    batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed, known: Columns
+) -> tuple[list[Finding], Columns]:
     raw = [known[effect] for effect in batch] if batch[0] in known else _columns(batch, fitted, records)
-    whole, found, begin = own(np.hstack(raw)), [], 0
+    whole, begin = own(np.hstack(raw)), 0
+    found, kept = list[Finding](), dict[Effect, NDArray[Any]]()
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
-        found.append(judged(effect, whole[:, begin:end], own))
+        remains = whole[:, begin:end]
+        found.append(judged(effect, remains, own))
+        if np.sum(remains**2) > REMAINS * np.sum(given**2):
+            kept[effect] = given.astype(np.float32, copy=effect not in known)
         begin = end
-    return found
+    return found, kept
 
 
-def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) -> list[Array]:
+def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) -> list[NDArray[Any]]:
     """What each effect's quadratures change of the innovations: (n, 1) or (n, 2) [1] each."""
     variants = [variant for effect in batch for variant in quadratures(effect)]
     added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
@@ -127,31 +139,6 @@ def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) ->
     whole *= weights(records)[:, None]
     ends = np.cumsum([len(quadratures(effect)) for effect in batch])
     return np.split(whole, ends[:-1], axis=1)
-
-
-def alike(fitted: Fit, records: Sequence[Record], own: Freed) -> dict[Effect, Array]:
-    """Columns (n, k) [1] of points of the grids that are the same for tables which follow the same references.
-
-    Not those of points that each table's innovations choose, nor those that its nominal parameters mostly explain: of
-    these, too little remains for it to be the same.
-    """
-    trials = [
-        effect
-        for name, kind in every().items()
-        if name not in UNSEEN and kind.name not in SPECTRA
-        for effect in grid(kind, fitted, records, own)
-    ]
-    batches = list(_batched(trials))
-    found = Parallel(n_jobs=-1, require="sharedmem")(delayed(_alike)(batch, fitted, records, own) for batch in batches)
-    return {effect: given for one in found for effect, given in one.items()}
-
-
-def _alike(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> dict[Effect, Array]:
-    found = {}
-    for effect, given in zip(batch, _columns(batch, fitted, records), strict=True):
-        if np.sum(own(given) ** 2) > REMAINS * np.sum(given**2):
-            found[effect] = given.copy()
-    return found
 
 
 def judged(effect: Effect, given: Array, own: Freed) -> Finding:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -22,7 +23,7 @@ from diagnosis.lateness import Lateness, lateness
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import LEAST
 from diagnosis.residual import Candidate
-from diagnosis.scan import Finding, freed, scan
+from diagnosis.scan import Columns, Finding, freed, scan
 from diagnosis.shaking import Shaking, shaking
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -38,6 +39,7 @@ MOST: Final = 3  # classes of effects in one answer
 TRIED: Final = 3  # findings that are fitted with everything else before one is chosen
 WORTH: Final = 0.25  # of the best finding's gain that another needs in order to be tried
 FORM: Final = 0.05  # of the first effect's gain that a further one needs: the first may have another form than its law
+ANOTHER: Final = 0.3  # of what others gained, from which on an effect at its bounds is more than their form's error
 REST: Final = 0.15  # of what the first leaves above every floor; a further effect needs no more than that
 SECOND: Final = 60.0  # chi-square that a further effect has to gain
 DULL: Final = 10.0  # chi-square below which an effect gains nothing
@@ -117,16 +119,18 @@ def search_effects(
     floors: chi-square (draws,) [1] that complete models leave. An effect that takes off a few per cent of what is above
     them names nothing.
     """
-    steps, bent = [_step(nominal, records, segment, left_out)], set[str]()
+    first, known = _step(nominal, records, segment, left_out)
+    steps, aside = [first], set[str]()
     while True:
         here = steps[-1]
-        strong = _strong(steps, thresholds, floors, bent)
+        strong = _strong(steps, thresholds, floors, aside)
         shaken = here.shaking
         if _shakes(here, strong, thresholds, left_out):
             say(f"fitting a random force about {shaken.resonance.frequency:.3g} Hz")
             candidate = replace(here.fitted.candidate, shaken=(*here.fitted.candidate.shaken, shaken.resonance))
             fitted = fit(candidate, records, paths=here.fitted.paths, iterations=4, walk=here.fitted.walk)
-            steps.append(_step(fitted, records, segment, {*left_out, *_dull(steps)}))
+            step, known = _step(fitted, records, segment, {*left_out, *_dull(steps)})
+            steps.append(step)
             continue
         if not strong:
             return tuple(steps)
@@ -136,31 +140,38 @@ def search_effects(
         )
         tried = [(finding.effect.name, fitted) for finding, fitted in zip(strong, fits, strict=True)]
         if len(here.fitted.candidate.effects) > len(nominal.candidate.effects):
-            bent |= {name for name, fitted in tried if _bent(fitted, name)}
-            tried = [(name, fitted) for name, fitted in tried if name not in bent]
+            large = ANOTHER * (nominal.cost - here.fitted.cost)
+            aside |= {name for name, one in tried if _bent(one, name) and here.fitted.cost - one.cost < large}
+            tried = [(name, fitted) for name, fitted in tried if name not in aside]
             if not tried:
                 continue
         best = min((fitted for _, fitted in tried), key=lambda fitted: fitted.cost)
         if here.fitted.cost - best.cost > MUCH:
             best = _started(best, records)
         gained = here.fitted.cost - best.cost
+        if gained < LEAST:
+            aside |= {name for name, _ in tried}
+            continue
         names = {effect.name for effect in best.candidate.effects}
-        if gained < LEAST or len(names) > MOST or len(best.candidate.effects) > MOST + 2:
+        if len(names) > MOST or len(best.candidate.effects) > MOST + 2:
             return tuple(steps)
         rivals = sorted(((name, fitted.cost) for name, fitted in tried), key=lambda rival: rival[1])
-        step = _step(best, records, segment, {*left_out, *_dull(steps)})
+        step, known = _step(best, records, segment, {*left_out, *_dull(steps)}, known)
         steps.append(replace(step, rivals=tuple(rivals)))
-        bent = set()
+        aside = set()
 
 
-def _step(fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64], left_out: Collection[str]) -> Step:
+def _step(
+    fitted: Fit,
+    records: Sequence[Record],
+    segment: NDArray[np.int64],
+    left_out: Collection[str],
+    known: Columns = MappingProxyType({}),
+) -> tuple[Step, Columns]:
+    """A stage, and the scan's columns for the next: an effect changes those of others to second order only."""
     own = freed(fitted, segment)
-    return Step(
-        fitted,
-        tuple(scan(fitted, records, own, left_out)),
-        shaking(fitted, records, own),
-        lateness(fitted, records),
-    )
+    findings, columns = scan(fitted, records, own, left_out, known)
+    return Step(fitted, tuple(findings), shaking(fitted, records, own), lateness(fitted, records)), columns
 
 
 def _dull(steps: Sequence[Step]) -> set[str]:
@@ -182,10 +193,10 @@ def _shakes(here: Step, strong: Sequence[Finding], thresholds: Mapping[str, floa
 
 
 def _strong(
-    steps: Sequence[Step], thresholds: Mapping[str, float], floors: Array, bent: Collection[str] = ()
+    steps: Sequence[Step], thresholds: Mapping[str, float], floors: Array, aside: Collection[str] = ()
 ) -> list[Finding]:
     """The findings to be tried next: above their thresholds, above the form error of what is in the model already, and
-    not among the `bent`."""
+    not put `aside`."""
     here = steps[-1]
     names = {effect.name for effect in here.fitted.candidate.effects}
     gained = steps[0].fitted.cost - here.fitted.cost
@@ -196,7 +207,7 @@ def _strong(
         name = finding.effect.name
         least = LEAST if name in names or not names else further(gained, left, floors)
         needed = max(thresholds.get(name, LEAST), least, SHARE * (left - float(np.mean(floors))))
-        if finding.held_out > needed and members.get(name, 0) < 2 and name not in bent:
+        if finding.held_out > needed and members.get(name, 0) < 2 and name not in aside:
             allowed.append(finding)
     if not allowed:
         return []

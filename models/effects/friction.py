@@ -120,22 +120,34 @@ class Stribeck(Effect):
 
 @hook
 def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value + p[0] * abs(value)
+    memory[0] = max(-1.0, min(memory[0] + now[MOVED] / p[1], 1.0))
+    return value * (1.0 + p[0] * memory[0])
 
 
 @dataclass(frozen=True)
 class DirectionalFriction(Effect):
-    """Friction is larger one way than the other."""
+    """Friction is larger one way than the other.
+
+    For strokes well above lambda: where contacts stick under a load, the law can give energy back.
+    """
 
     name: ClassVar = "directional_friction"
     family: ClassVar = "friction"
-    equation: ClassVar = r"F+a\,|F|\quad(=F(1+a\,\mathrm{sign}\,\dot x)\ \text{where the contacts slip})"
+    equation: ClassVar = (
+        r"F(1+a\,s),\quad \dot s=\dot x/\lambda\ \text{while}\ |s|\le 1"
+        r"\quad(s=\mathrm{sign}\,\dot x\ \text{but for a turn})"
+    )
     source: ClassVar = (
         "Janot, Gautier and Brunot 2019, Data set and reference models of EMPS (friction that differs by direction); "
-        "by the force's sign, so that nothing jumps where the table turns: assumed; sizes assumed"
+        "over a distance, so that nothing jumps where the table turns: assumed; sizes assumed"
     )
     hooks: ClassVar = {"friction": _directional}
     asymmetry: float = parameter("1", "asymmetry a", 0.02, 0.1, "amplitude", signed=True, above=-1, below=1)
+    distance: float = parameter("m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", above=0)
+
+    def memory(self, elements: int) -> int:  # noqa: ARG002
+        """The direction s."""
+        return 1
 
 
 @hook

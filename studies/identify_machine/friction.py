@@ -88,7 +88,8 @@ def _with_drag(
     if drag is not None:
         found.append((ViscousFriction(drag[0]), "coefficient", drag[1], "N s/m"))
     if asymmetry is not None:
-        found.append((DirectionalFriction(asymmetry[0]), "asymmetry", asymmetry[1], "1"))
+        turning = replace(DirectionalFriction.typical(), asymmetry=asymmetry[0])
+        found.append((turning, "asymmetry", asymmetry[1], "1"))
     ours = tuple(f"effects.{kind.name}" for kind in (ViscousFriction, DirectionalFriction))
     sources = {name: source for name, source in machine.sources.items() if not name.startswith(ours)}
     for effect, part, std, unit in found:

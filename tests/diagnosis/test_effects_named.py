@@ -47,7 +47,7 @@ def _scanned(records: tuple[Record, ...]) -> list[Finding]:
     layout = parameters(MACHINE, 1)
     start = fit(Candidate(layout, balanced(layout, records)), records, iterations=3, walk=1e-2)
     fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=4e-3)
-    return scan(fitted, records, freed(fitted, numbered(pieces(records), records)))
+    return scan(fitted, records, freed(fitted, numbered(pieces(records), records)))[0]
 
 
 @pytest.fixture(scope="module")

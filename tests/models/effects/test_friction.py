@@ -27,7 +27,9 @@ def rubbing(path: Path, *effects: Effect) -> Array:
 
 @given(
     MOVES,
-    st.sampled_from([("play", 1e-6), ("directional_friction", 0.07), ("position_dependent_friction", 0.1, 3e-3, 2.0)]),
+    st.sampled_from(
+        [("play", 1e-6), ("directional_friction", 0.07, 2e-6), ("position_dependent_friction", 0.1, 3e-3, 2.0)]
+    ),
     st.floats(0.1, 10),
 )
 def test_what_has_no_clock_is_independent_of_rate(
@@ -106,16 +108,26 @@ def test_stribeck_falls_with_speed(speed: float, rise: float, over: float) -> No
     assert force[-1, -1] == pytest.approx(COULOMB * (1 + rise * math.exp(-((speed / over) ** 2))))
 
 
-@given(st.floats(-0.1, 0.1))
-def test_directional_friction_differs_by_direction_and_never_jumps(asymmetry: float) -> None:
-    effect = make("directional_friction", asymmetry)
+@given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6))
+def test_directional_friction_differs_by_direction_and_never_jumps(asymmetry: float, distance: float) -> None:
+    effect = make("directional_friction", asymmetry, distance)
     there = rubbing(through(SLIDE), effect)
     back = rubbing(through(-SLIDE), effect)
     assert there[-1, -1] == pytest.approx(COULOMB * (1 + asymmetry))
     assert back[-1, -1] == pytest.approx(-COULOMB * (1 - asymmetry))
     turning = rubbing(through(np.concatenate([SLIDE, SLIDE[-1] - SLIDE]), parts=50), effect).ravel()
-    stiffest = (1 + abs(asymmetry)) * sum(FRICTION.stiffness)
+    stiffest = (1 + abs(asymmetry)) * sum(FRICTION.stiffness) + abs(asymmetry) * COULOMB / distance
     assert np.max(np.abs(np.diff(turning))) <= stiffest * SLIDE[1] / 50 * (1 + 1e-9)
+
+
+@given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6))
+def test_the_direction_turns_over_twice_its_distance(asymmetry: float, distance: float) -> None:
+    """Behind a reversal the factor falls from 1 + a to 1 - a in proportion to the way, whatever the force does."""
+    path = through(np.concatenate([SLIDE, SLIDE[-1] - SLIDE]), parts=200)
+    back = slice(200 * SLIDE.size, None)
+    ratio = (rubbing(path, make("directional_friction", asymmetry, distance)) / rubbing(path)).ravel()[back]
+    way = SLIDE[-1] - path.position.ravel()[back]
+    assert ratio == pytest.approx(1 + asymmetry * np.maximum(1 - way / distance, -1))
 
 
 @given(st.floats(0.03, 0.2), st.floats(3e-3, 6e-2), st.floats(0, 2 * math.pi))
@@ -175,5 +187,5 @@ def test_friction_with_play_dissipates(width: float, stroke: float) -> None:
 
 def test_two_effects_act_one_after_another() -> None:
     path = steady(0.05, 50)
-    both = rubbing(path, make("viscous_friction", 40.0), make("directional_friction", 0.1))
+    both = rubbing(path, make("viscous_friction", 40.0), make("directional_friction", 0.1, 2e-6))
     assert both[-1, -1] == pytest.approx((COULOMB + 40 * 0.05) * 1.1)
