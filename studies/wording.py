@@ -34,6 +34,14 @@ def _unbroken(text: str) -> str:
     return text.replace(" ", "\u00a0").replace("/", "/\u2060")
 
 
+def fitted(item: Mapping[str, Any], digits: int, quantity: Callable[[float, str, int], str] = quantity) -> str:
+    """A fitted value with its standard deviation, of which one at the end of its range has none."""
+    value = quantity(item["value"], item["unit"], digits)
+    if item["std"] == 0:
+        return f"{value} at the end of its range"
+    return value if item["std"] is None else f"{value} ± {quantity(item['std'], item['unit'], 2)}"
+
+
 def percent(ratio: float | None) -> str:
     """A relative difference with its sign, in percent."""
     return "–" if ratio is None else f"{100 * ratio:+.1f} %"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from models.quantity import show
-from studies.wording import effect
+from studies.wording import effect, fitted
 
 Results = Mapping[str, Any]
 
@@ -91,13 +91,10 @@ def _parameters(row: Results | None) -> str:
     """The fitted values in brackets; phases are left to the table."""
     if row is None or not row["parameters"]:
         return ""
-    shown = [f"{effect(name)} {_value(item)}" for name, item in sorted(row["parameters"].items()) if name != "phase"]
+    shown = [
+        f"{effect(name)} {fitted(item, 3, show)}" for name, item in sorted(row["parameters"].items()) if name != "phase"
+    ]
     return f" ({', '.join(shown)})"
-
-
-def _value(item: Results) -> str:
-    spread = f" ± {show(item['std'], item['unit'], 2)}" if item["std"] is not None else ""
-    return f"{show(item['value'], item['unit'], 3)}{spread}"
 
 
 def _how_far(verdict: Results, far: Results) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from reports.report import Figure, Report
 from studies.gap_diagnosis import figures
 from studies.gap_diagnosis.answer import listed
-from studies.wording import filters
+from studies.wording import filters, fitted
 
 Results = Mapping[str, Any]
 
@@ -29,7 +30,7 @@ def tell(whole: Results) -> Report:
     ]
     if results["next"] is not None:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
-    extra: dict[str, Callable[..., Any]] = {"listed": listed, "share": _share, "sized": _sized}
+    extra: dict[str, Callable[..., Any]] = {"listed": listed, "share": _share, "sized": partial(fitted, digits=4)}
     title = f"Diagnosis: {whole['machine']['name']}"
     question = "Where does the real machine leave the model, which effect causes it, how far does the gap shrink?"
     tables = {name: keys for name, keys in TABLES.items() if name != "values" or _fitted(results)}
@@ -77,13 +78,6 @@ NEXT = "The references of the proposed experiment, `next_experiment.csv`."
 
 def _share(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.1f} %"
-
-
-def _sized(item: Results) -> str:
-    """A fitted value with its deviation."""
-    quantity = filters()["show"]
-    spread = f" ± {quantity(item['std'], item['unit'], 2)}" if item["std"] is not None else ""
-    return f"{quantity(item['value'], item['unit'], 4)}{spread}"
 
 
 def _fitted(results: Results) -> list[Results]:

@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, _rivals, diagnose, to_json
+from diagnosis import diagnose as module
+from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, _outcome, _rivals, diagnose, to_json
 from diagnosis.fit import SPIKE, largest
 from diagnosis.where import where
 from diagnosis.where_words import _spike
@@ -56,6 +57,13 @@ def test_wrong_nominal_values_are_called_so(cache: Path) -> None:
     found = _found(cache, [], 3)
     assert found.outcome == PARAMETERS
     assert found.how_far.to_json()["gap_refitted"]["force_N"] < found.how_far.to_json()["gap_as_delivered"]["force_N"]
+
+
+def test_a_dead_time_that_is_far_off_is_no_lag(cache: Path) -> None:
+    late = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=MACHINE.plant.dead_time + 8e-5))
+    found = diagnose(MACHINE, recorded(late, PLAN, seed=9), cache=cache)
+    assert found.outcome == PARAMETERS
+    assert "dead_time" in found.effects
 
 
 def test_nothing_is_found_where_nothing_is_wrong(cache: Path) -> None:
@@ -154,3 +162,21 @@ def test_what_explains_as_much_is_a_rival_unless_it_is_in_the_model_too() -> Non
     assert _rivals([first, second]) == (("cogging", "play"),)
     third = _stage(100.0, ("cogging", "play"), [("play", 100.0)])
     assert _rivals([first, second, third]) == ()
+
+
+@pytest.mark.parametrize(
+    ("closure", "interval", "excess", "outcome"),
+    [
+        (0.2, (0.05, 0.7), 0.0, ATTRIBUTED),  # noise hides how much it is
+        (0.05, (-0.6, 0.7), 0.0, NONE),  # perhaps it is nothing
+        (0.1, (0.05, 0.2), 0.0, NONE),  # surely little
+        (0.2, (0.05, 0.7), 5.0, NONE),  # something else is left
+        (0.6, (0.5, 0.7), 5.0, ATTRIBUTED),
+    ],
+)
+def test_a_name_needs_a_gap_that_surely_shrinks(
+    closure: float, interval: tuple[float, float], excess: float, outcome: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_bent", lambda _: False)
+    far: Any = SimpleNamespace(closure=closure, interval=interval)
+    assert _outcome([_stage(100.0, ("play",))], ["play"], far, excess, SPIKE) == outcome

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from diagnosis import residual
+from diagnosis import residual, which
 from diagnosis.fit import at_bounds
 from diagnosis.initial import balanced
-from diagnosis.nominal import parameters
+from diagnosis.motions import numbered, pieces
+from diagnosis.nominal import FURTHER, applied, bounded, parameters
+from diagnosis.null import LEAST
 from diagnosis.residual import Candidate, columns, look, smooth
+from diagnosis.scan import freed, scan
 from diagnosis.shaking import _steady
 from diagnosis.where_words import _drive
-from diagnosis.which import FORM, REST, SECOND, further, refit_within
+from diagnosis.which import ANOTHER, FORM, REST, SECOND, Step, further, refit_within, search_effects
 from models.effects.catalogue import in_order
-from models.effects.friction import DirectionalFriction
+from models.effects.friction import DirectionalFriction, Stribeck
 from models.effects.kernel import ACTING
 from models.effects.motor import Cogging, DacQuantisation
 from tests.diagnosis.tables import recorded, schedules, table
@@ -66,6 +72,73 @@ def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wro
     assert further(1e5, 990.0, floors) == FORM * 1e5  # nothing is surely left: all of it may be form
     assert further(1e5, 5000.0, floors) == REST * 4000.0
     assert further(100.0, 5000.0, floors) == SECOND
+
+
+def _fit(cost: float, *names: str) -> Any:
+    effects = tuple(SimpleNamespace(name=name) for name in names)
+    candidate = SimpleNamespace(effects=effects, shaken=())
+    return SimpleNamespace(cost=cost, candidate=candidate, innovations=np.zeros(3))
+
+
+def _searched(
+    monkeypatch: pytest.MonkeyPatch, promises: Mapping[int, Mapping[str, float]], costs: Mapping[str, float]
+) -> Sequence[Sequence[str]]:
+    """Names at each stage where so many effects in the model leave these promises, and each addition this cost."""
+
+    def step(fitted: Any, *_: Any) -> Any:
+        found = promises.get(len(fitted.candidate.effects), {})
+        findings: Any = [
+            SimpleNamespace(effect=SimpleNamespace(name=name), held_out=gain) for name, gain in found.items()
+        ]
+        return Step(fitted, tuple(findings), SimpleNamespace(steady=0.0), SimpleNamespace()), {}  # type: ignore[arg-type]
+
+    def added(fitted: Any, effect: Any, _: Any) -> Any:
+        return _fit(costs[effect.name], *(one.name for one in fitted.candidate.effects), effect.name)
+
+    monkeypatch.setattr(which, "_step", step)
+    monkeypatch.setattr(which, "_with", added)
+    monkeypatch.setattr(which, "_started", lambda fitted, _: fitted)
+    stages = search_effects(_fit(2000.0), (), np.zeros(0, np.int64), {}, np.zeros(1))
+    return [[effect.name for effect in stage.fitted.candidate.effects] for stage in stages]
+
+
+def test_an_effect_whose_fit_gains_nothing_makes_room_for_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    promises = {0: {"play": 900.0, "cogging": 200.0}}
+    assert _searched(monkeypatch, promises, {"play": 2001.0, "cogging": 1500.0}) == [[], ["cogging"]]
+
+
+@pytest.mark.parametrize(("share", "taken"), [(0.5 * ANOTHER, False), (1.5 * ANOTHER, True)])
+def test_a_second_effect_at_its_bounds_counts_only_if_it_is_large(
+    share: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(which, "_bent", lambda *_: True)
+    costs = {"play": 1000.0, "cogging": 1000.0 - 1000.0 * share}
+    found = _searched(monkeypatch, {0: {"play": 900.0}, 1: {"cogging": 400.0}}, costs)
+    assert found == [[], ["play"], *([["play", "cogging"]] if taken else [])]
+
+
+def test_what_is_known_of_a_scan_tells_the_next_stage_what_its_own_columns_would() -> None:
+    """An effect in the model changes the columns of others to second order only."""
+    records = recorded(MACHINE, PLAN, [Cogging(1.5, 0.035, 1.0), Stribeck(0.1, 2e-3)], seed=13)
+    nominal = refit_within(MACHINE, records)
+    segment = numbered(pieces(records), records)
+    _, known = scan(nominal, records, freed(nominal, segment))
+    first = which._with(nominal, Cogging(1.5, 0.035, 1.0), records)
+    own = freed(first, segment)
+    plain, reused = (
+        {one.effect.name: one.held_out for one in scan(first, records, own, known=k)[0]} for k in ({}, known)
+    )
+    assert max(plain, key=lambda name: plain[name]) == "stribeck"
+    assert reused == pytest.approx(plain, rel=0.05, abs=0.1 * LEAST)
+
+
+@given(st.floats(0, 1e-4), st.floats(-1, 1))
+def test_no_dead_time_goes_below_zero(dead_time: float, share: float) -> None:
+    machine = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=dead_time))
+    layout = parameters(machine, 1)
+    theta = np.where(layout.of("dead_time")[0] == np.arange(layout.count), share * 1e-3, 0.0)
+    moved = applied(layout, bounded(layout, theta)).plant.dead_time
+    assert 0.0 <= moved <= dead_time + FURTHER * layout.deviation[layout.of("dead_time")][0] * (1 + 1e-12)
 
 
 def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,6 +41,7 @@ def test_friction_that_differs_by_direction_is_named_as_what_it_is_in_part(resul
     verdict = results["verdict"]
     assert (verdict["outcome"], verdict["effects"], verdict["partly"]) == ("none_of_these", [], [DIRECTIONAL])
     assert "In part it is directional friction" in results["answer"]["which"]
+    assert "distance 7.5 µm at the end of its range" in results["answer"]["which"]
 
 
 def test_friction_that_differs_by_direction_is_the_first_effect_to_go_into_the_model(results: dict[str, Any]) -> None:
