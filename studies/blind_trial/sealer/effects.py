@@ -80,7 +80,7 @@ def _signed(
 def _directional(size: float, shape: Shape) -> Change:
     """Either sign."""
     sign = 1.0 if shape["sign"] > 0 else -1.0
-    return Change({"directional": sign * size, "turn_length": shape["turn_length"]})
+    return Change({"directional": sign * size, "turn_speed": shape["turn_speed"]})
 
 
 TURN: Final = (0.0, 2 * np.pi)
@@ -154,9 +154,9 @@ CATALOGUE: Final[Mapping[str, Law]] = {
         0.0005,
         0.005,
         0.12,
-        between(turn_length=(1e-6, 5e-6), sign=(-1, 1)),
+        between(turn_speed=(1e-4, 1e-3), sign=(-1, 1)),
         _directional,
-        "follows the direction over a way, not the sign of the speed",
+        "as v/(v^2 + v_d^2)^(1/2): none of it at rest",
     ),
     "position_dependent_friction": Law(
         "1",

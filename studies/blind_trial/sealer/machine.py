@@ -39,7 +39,7 @@ class Physics(NamedTuple):
     stribeck: float = 0.0
     stribeck_speed: float = 0.002
     directional: float = 0.0
-    turn_length: float = 2e-6
+    turn_speed: float = 3e-4
     place: float = 0.0
     place_length: float = 0.02
     place_phase: float = 0.0
@@ -119,9 +119,9 @@ class Moving(NamedTuple):
 
     y: states (STATES,); k: their rates at the four stages (4, STATES); trial: states at a stage; z: elements (E,);
     plays: contacts behind gaps (3,); slow: relaxed force and its three parts, two parts of the aged share, heat,
-    remanent force, factor of warm friction, direction of rolling (-1 .. 1), which follows the way and not the speed;
-    last: acceleration, friction, amplifier's input, applied command; pid: integral, error, derivative, reading;
-    starts, inputs: when each command begins to act [s] and what it is then [N] (n,); active: the one that acts (1,).
+    remanent force, factor of warm friction; last: acceleration, friction, amplifier's input, applied command; pid:
+    integral, error, derivative, reading; starts, inputs: when each command begins to act [s] and what it is then [N]
+    (n,); active: the one that acts (1,).
     """
 
     y: Array

@@ -97,7 +97,7 @@ def rates(p: Physics, m: Moving, held: Held, y: Array, out: Array) -> None:
     slow, u = m.slow, held.u
     x, v = y[0] + y[2] + y[4], y[1] + y[3] + y[5]
     dry = elements_force(p, contact(p, x, m.plays) - held.origin, held.scale, m.z)
-    dry = dry * slow[8] * (1.0 + p.directional * slow[9]) - slow[0]
+    dry = dry * slow[8] * (1.0 + p.directional * v / math.hypot(v, p.turn_speed)) - slow[0]
     if p.friction_lag > 0.0:  # two lags in series
         half = 0.5 * p.friction_lag
         out[10], out[11] = (dry - y[10]) / half, (y[10] - y[11]) / half
@@ -161,9 +161,6 @@ def settle_slow(p: Physics, slow: Array, step: float, moved: float, dry: float, 
         slow[6] += ((u / 30.0) ** 2 - slow[6]) * -math.expm1(-step / p.fade_time)
     if p.remanence != 0.0:
         slow[7] = max(-p.remanence_force, min(slow[7] + du, p.remanence_force))
-    if p.directional != 0.0:
-        fresh = math.exp(-abs(moved) / p.turn_length)
-        slow[9] = fresh * slow[9] + (1.0 - fresh) * (1.0 if moved > 0.0 else -1.0)
     slow[8] = 1.0 - p.warm * math.expm1(-max(t, 0.0) / p.warm_time)
 
 

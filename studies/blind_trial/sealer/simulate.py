@@ -129,7 +129,7 @@ def _at_rest(z: Array, n: int) -> Moving:
         trial=np.zeros(STATES),
         z=z.copy(),
         plays=np.zeros(3),
-        slow=np.zeros(10),
+        slow=np.zeros(9),
         last=np.zeros(4),
         pid=np.zeros(4),
         starts=np.empty(n),

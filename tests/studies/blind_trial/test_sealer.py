@@ -173,6 +173,23 @@ def test_every_effect_moves_the_command(name: str, silent: simulate.Log) -> None
     assert np.abs(log.position).max() < 0.1
 
 
+@pytest.mark.parametrize("speed", [1e-4, 1e-3, 1e-2])
+def test_directional_friction_is_by_the_speed_of_the_table(speed: float) -> None:
+    """Both ways it takes a F_c v/(v^2 + v_d^2)^(1/2) more of the motor, F_c all elements slipping."""
+    way = np.arange(1, round(max(5e-4 / speed, 0.4) / TABLE.sample_time)) * speed * TABLE.sample_time
+    there = np.concatenate([way, np.full(400, way[-1])])
+    path = np.concatenate([there, way[-1] - there])
+    schedule = Schedule(path, path, np.zeros(path.size))
+    fields = {"directional": 0.1, "turn_speed": 1e-3}
+    with_it, without = (simulate.simulate(TABLE, schedule, 5, one, exact=True) for one in (fields, {}))
+    more = with_it.command - without.command
+    stiffness, limit = simulate.spread(TABLE)
+    expected = 0.1 * float(stiffness @ limit) * speed / np.hypot(speed, 1e-3)
+    for begin in (0, there.size):
+        last = slice(begin + way.size - way.size // 5, begin + way.size)  # all elements slip by then
+        assert np.mean(more[last]) == pytest.approx(expected, rel=0.03)
+
+
 def seen(change: Change) -> float:
     logs = [
         simulate.simulate(TABLE, schedule(), 5, change.fields, change.signals, exact=True)
