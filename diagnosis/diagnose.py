@@ -215,12 +215,13 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
 
 
 def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float, spike: float) -> str:
-    """Named where the effects close the gap or nothing significant is left; else something that has no name here."""
+    """Named where the effects surely close some of the gap, and enough of it or all that is significant; else something
+    that has no name here."""
     closed = far.interval[1] if LATENESS in names else far.closure  # which commands were late, no simulation knows
     enough = closed >= (HALF if len(names) < 2 else SEVERAL)
     if len(names) < 2 and excess < EXCESS:
-        enough = enough or (far.interval[0] > 0 and far.interval[1] >= LITTLE)
-    if names and enough and not _bent(steps):
+        enough = enough or far.interval[1] >= LITTLE
+    if names and enough and far.interval[0] > 0 and not _bent(steps):
         return ATTRIBUTED
     if names or excess > MISSING or largest(steps[-1].fitted).deviations > spike:
         return NONE

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from diagnosis.fit import Fit
 from diagnosis.kalman import SUBSTEPS, predictor, responses
 from diagnosis.nominal import Parameters, initial_state
-from diagnosis.residual import Candidate, held, noise
+from diagnosis.residual import Candidate, held, noise, of_each
 from models.compiled import compiled
 from models.friction import deflections
 from models.record import Record
@@ -49,11 +49,10 @@ def balanced(layout: Parameters, records: Sequence[Record]) -> Array:
 def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
     """The fit's candidate with the best starts that moves before the records can have left."""
     candidate, layout = fitted.candidate, fitted.candidate.layout
-    theta, begin = candidate.theta.copy(), 0
-    for i, record in enumerate(records):
-        where = layout.of("initial_friction_state").reshape(layout.records, -1)[i]
-        theta[where] = _of_record(fitted, record, i, begin, where)
-        begin += record.position.size
+    theta, starts = candidate.theta.copy(), layout.of("initial_friction_state").reshape(layout.records, -1)
+    begin = np.cumsum([0, *(record.position.size for record in records)])
+    best = of_each(records, lambda i, record: _of_record(fitted, record, i, int(begin[i]), starts[i]))
+    theta[starts.ravel()] = np.concatenate(best)
     return replace(candidate, theta=theta)
 
 

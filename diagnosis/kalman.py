@@ -209,16 +209,26 @@ def _predict(closed: Array, enter: Array, C: Array, given: Array, reading: Array
 
 @compiled
 def _heads(behind: Array, entering: Array, heads: Array) -> None:
-    """heads[c, b + 1] = behind heads[c, b] + entering[c, b], from rest."""
+    """heads[c, b + 1] = behind heads[c, b] + entering[c, b], from rest.
+
+    Four columns at once, the last as often as needed: a sum waits for its last term, those of four do not wait for one
+    another.
+    """
     count, blocks, size = heads.shape
-    for c in range(count):
-        heads[c, 0, :] = 0.0
+    heads[:, 0, :] = 0.0
+    for first in range(0, count, 4):
+        c, d, e, f = first, min(first + 1, count - 1), min(first + 2, count - 1), min(first + 3, count - 1)
         for b in range(blocks - 1):
             for i in range(size):
-                total = entering[c, b, i]
+                of_c, of_d, of_e, of_f = entering[c, b, i], entering[d, b, i], entering[e, b, i], entering[f, b, i]
                 for j in range(size):
-                    total += behind[i, j] * heads[c, b, j]
-                heads[c, b + 1, i] = total
+                    factor = behind[i, j]
+                    of_c += factor * heads[c, b, j]
+                    of_d += factor * heads[d, b, j]
+                    of_e += factor * heads[e, b, j]
+                    of_f += factor * heads[f, b, j]
+                heads[c, b + 1, i], heads[d, b + 1, i] = of_c, of_d
+                heads[e, b + 1, i], heads[f, b + 1, i] = of_e, of_f
 
 
 @compiled

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from diagnosis.fit import SPIKE, Fit, fit, largest
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import Parameters, bounded, initial_state
-from diagnosis.residual import STARTING, Candidate
+from diagnosis.residual import STARTING, Candidate, of_each
 from diagnosis.scan import Columns, Finding, Freed, freed, scan
 from models.controller import Controller, References
 from models.effects.catalogue import in_order
@@ -141,7 +141,7 @@ def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects))
-    made = [simulated(truth, record, i, 1000 * seed + i) for i, record in enumerate(records)]
+    made = of_each(records, lambda i, record: simulated(truth, record, i, 1000 * seed + i))
     fitted = fit(truth, made, iterations=3, walk=WALK_OF_SCAN)
     return fitted, made, freed(fitted, numbered(pieces(made), made))
 

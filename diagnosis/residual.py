@@ -7,11 +7,13 @@ loops are never compared, because the feedback hides the gap and hysteresis make
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,7 @@ from models.plant import Mode, Plant
 from models.record import Record
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 WALK: Final = 2e-3  # [N a sample] of the unknown force in the predictor: a fast one swallows slow effects
 FIRST: Final = (3.0, 1.0, 0.3, 0.1, 0.05)  # [N a sample] of the smoother, pass by pass, from no knowledge of friction
@@ -71,6 +74,13 @@ class Seen:
     deviation: float
 
 
+def of_each(records: Sequence[Record], found: Callable[[int, Record], T]) -> list[T]:
+    """What is found of each record's index and content, in their order, several at a time: they do not act on each
+    other, and compiled kernels let other threads run."""
+    with ThreadPoolExecutor(min(len(records), os.cpu_count() or 1)) as threads:
+        return list(threads.map(found, range(len(records)), records))
+
+
 def noise(machine: Machine) -> float:
     """Deviation [m] of the reading: the scale's noise, a third of a step where none is stated, and its rounding."""
     scale = machine.scale
@@ -88,8 +98,8 @@ def smooth(
 ) -> tuple[Smoothed, ...]:
     """Every record's path as the candidate's smoother sees it; `before`: what an earlier candidate saw."""
     machine = candidate.machine
-    found = []
-    for i, record in enumerate(records):
+
+    def path(i: int, record: Record) -> Smoothed:
         seen = before[i] if before else None
         for walk in AGAIN if before else FIRST:
             model = predictor(
@@ -97,8 +107,9 @@ def smooth(
             )
             seen = _pass(candidate, machine, model, record, i, seen)
         assert seen is not None
-        found.append(seen)
-    return tuple(found)
+        return seen
+
+    return tuple(of_each(records, path))
 
 
 def _pass(
@@ -155,10 +166,7 @@ def look(
     walk: of the unknown force [N a sample]."""
     machine = candidate.machine
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
-    return tuple(
-        look_at(candidate, machine, model, record, i, path)
-        for i, (record, path) in enumerate(zip(records, paths, strict=True))
-    )
+    return tuple(of_each(records, lambda i, record: look_at(candidate, machine, model, record, i, paths[i])))
 
 
 def look_at(
@@ -246,13 +254,14 @@ def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequen
     """How the whitened innovations of all records, one after another (n,), change with theta: (n, P) [1]."""
     machine, layout = candidate.machine, candidate.layout
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
-    parts = []
-    for i, record in enumerate(records):
+
+    def part(i: int, record: Record) -> Array:
         slopes = np.zeros((layout.count, record.position.size)).T  # a column's samples next to each other
         _plant_slopes(candidate, record, seen[i], model, slopes)
         _force_slopes(candidate, machine, record, i, seen[i], model, slopes)
-        parts.append(slopes)
-    return np.concatenate(parts)
+        return slopes
+
+    return np.concatenate(of_each(records, part))
 
 
 def _plant_slopes(candidate: Candidate, record: Record, seen: Seen, model: Predictor, slopes: Array) -> None:
@@ -332,15 +341,16 @@ def columns(
     of the candidate's effects, to first order: (n, trials) [1]."""
     machine = candidate.machine
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
-    parts = []
-    for i, (record, path) in enumerate(zip(records, paths, strict=True)):
+
+    def part(i: int, record: Record) -> Array:
         found = [
-            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, path, seen[i])
+            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, paths[i], seen[i])
             for trial in trials
         ]
         force, reading = (np.stack(signal) for signal in zip(*found, strict=True))
-        parts.append(responses(model, force, -reading if np.any(reading) else None) / model.deviation)
-    return np.concatenate(parts)
+        return responses(model, force, -reading if np.any(reading) else None) / model.deviation
+
+    return np.concatenate(of_each(records, part))
 
 
 def _differences(

@@ -172,6 +172,7 @@ def test_what_explains_as_much_is_a_rival_unless_it_is_in_the_model_too() -> Non
         (0.1, (0.05, 0.2), 0.0, NONE),  # surely little
         (0.2, (0.05, 0.7), 5.0, NONE),  # something else is left
         (0.6, (0.5, 0.7), 5.0, ATTRIBUTED),
+        (0.6, (-0.05, 0.7), 5.0, NONE),  # much in one place, and perhaps nothing elsewhere
     ],
 )
 def test_a_name_needs_a_gap_that_surely_shrinks(

@@ -126,7 +126,7 @@ def _disabling() -> list[str]:
 def plan(case: str, kind: str, severity: str, entry: int, seed: Sequence[int]) -> Plan:
     """The case of this kind; `entry` counts within the kind's list, `seed` belongs to the case alone."""
     rng = np.random.default_rng(list(seed))
-    table, shift = nominal.load(), nominal.shift_of(rng)
+    table, shift, own = nominal.load(), nominal.shift_of(rng), int(rng.integers(2**31))
     parts: tuple[Part, ...] = ()
     parameters: tuple[str, ...] = ()
     if kind == "clean":
@@ -138,29 +138,33 @@ def plan(case: str, kind: str, severity: str, entry: int, seed: Sequence[int]) -
             shift[name] = nominal.beyond(name, rng) * np.ones_like(shift[name])
     elif kind == "pair":
         names = rng.choice(_disabling(), size=2, replace=False)
-        parts = tuple(sized(table, str(name), CATALOGUE[str(name)], PAIR, rng) for name in names)
+        parts = tuple(sized(table, str(name), CATALOGUE[str(name)], PAIR, rng, own) for name in names)
     elif kind == "outsider":
         name = list(OUTSIDERS)[entry]
-        parts = (sized(table, name, OUTSIDERS[name], SEVERITIES[severity], rng),)
+        parts = (sized(table, name, OUTSIDERS[name], SEVERITIES[severity], rng, own),)
     else:
         name = (_disabling() if kind == "disabled" else list(CATALOGUE))[entry]
         law = CATALOGUE[name]
         if name == REPLAYED:
             parts = (Part(name, law, REPLAY_SIZES[severity], law.shape(rng), None),)
         else:
-            parts = (sized(table, name, law, SEVERITIES[severity], rng),)
-    return Plan(case, kind, severity, parts, shift, parameters, int(rng.integers(2**31)))
+            parts = (sized(table, name, law, SEVERITIES[severity], rng, own),)
+    return Plan(case, kind, severity, parts, shift, parameters, own)
 
 
-def sized(table: Table, name: str, law: Law, goal: float, rng: np.random.Generator, tries: int = 4) -> Part:
-    """An effect whose distance is `goal` to a sixth, or as near as its range allows after `tries` simulations."""
-    shape, seed = law.shape(rng), int(rng.integers(2**31))
+def sized(table: Table, name: str, law: Law, goal: float, rng: np.random.Generator, own: int, tries: int = 4) -> Part:
+    """An effect whose distance is `goal` to a sixth, or as near as its range allows after `tries` simulations.
+
+    own: the seed of the case's records. What comes at random is seen or not by when it comes: one repeated reading in a
+    fast move is told at once, at rest never. So the distance is that of these very records.
+    """
+    shape = law.shape(rng)
     points: list[tuple[float, float]] = []
     size = float(np.clip(law.middle * goal / SEVERITIES["middle"], law.low, law.high))
     for _ in range(tries):
         change = law.change(size, shape)
         logs = [
-            simulate(table, schedule(), seed + i, change.fields, change.signals, exact=True)
+            simulate(table, schedule(), own + i, change.fields, change.signals, exact=True)
             for i, schedule in enumerate((sequential, suite))
         ]
         points.append((size, distance(table, logs)))

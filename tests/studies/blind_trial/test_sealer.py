@@ -22,7 +22,7 @@ from studies.blind_trial.sealer.distance import contact_force, distance
 from studies.blind_trial.sealer.effects import CATALOGUE, Change, Law
 from studies.blind_trial.sealer.machine import POINTS
 from studies.blind_trial.sealer.outsiders import OUTSIDERS
-from studies.blind_trial.sealer.pack import OTHER, Places, commitment, record, seal
+from studies.blind_trial.sealer.pack import EXPERIMENTS, OTHER, Places, commitment, record, seal
 from studies.blind_trial.sealer.physics import elements_force
 from studies.blind_trial.sealer.schedule import Schedule, deadbeat, sampled, sequential, suite
 
@@ -196,6 +196,20 @@ def seen(change: Change) -> float:
         for schedule in (sequential, suite)
     ]
     return distance(TABLE, logs)
+
+
+@pytest.mark.parametrize("name", ["reading_dropouts", "gusts"])
+def test_the_label_tells_how_visible_an_effect_is_in_the_cases_own_records(name: str) -> None:
+    """What comes at random may come where nobody sees it: another draw's distance says nothing."""
+    found = draw.plan("case-1", "outsider", "high", list(OUTSIDERS).index(name), [7, 1, 1])
+    (part,) = found.parts
+    logs = [
+        simulate.simulate(TABLE, EXPERIMENTS[each](), found.seed + i, part.change.fields, part.change.signals, True)
+        for i, each in enumerate(EXPERIMENTS)
+    ]
+    assert part.distance == pytest.approx(distance(TABLE, logs), rel=1e-9)
+    other = replace(found, seed=found.seed + 1)
+    assert record(found, sequential(), 0) != record(other, sequential(), 0)
 
 
 def test_distance_is_none_without_an_effect_and_grows_with_its_size() -> None:
