@@ -7,7 +7,6 @@ loops are never compared, because the feedback hides the gap and hysteresis make
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from types import MappingProxyType
 from typing import Final, TypeVar
 
 import numpy as np
+from joblib import cpu_count
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -77,7 +77,10 @@ class Seen:
 def of_each(records: Sequence[Record], found: Callable[[int, Record], T]) -> list[T]:
     """What is found of each record's index and content, in their order, several at a time: they do not act on each
     other, and compiled kernels let other threads run."""
-    with ThreadPoolExecutor(min(len(records), os.cpu_count() or 1)) as threads:
+    at_once = min(len(records), cpu_count())
+    if at_once == 1:
+        return list(map(found, range(len(records)), records))
+    with ThreadPoolExecutor(at_once) as threads:
         return list(threads.map(found, range(len(records)), records))
 
 

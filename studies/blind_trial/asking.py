@@ -18,6 +18,10 @@ from studies.blind_trial.answerer import failed
 ROOT: Final = Path(__file__).parents[2]
 PATIENCE: Final = 3600.0  # for one case, on cores that others use too [s]
 CASES: Final = 25  # that one process answers
+THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "LOKY_MAX_CPU_COUNT")
+"""Settings of how many threads a process may have (the last is joblib's): one, as the next core has its own case."""
+KEPT: Final = {"MALLOC_MMAP_THRESHOLD_": f"{2**25}", "MALLOC_TRIM_THRESHOLD_": f"{2**32}"}
+"""Memory [bytes] that GNU's allocator keeps: to get large arrays anew from the kernel takes a twentieth of the time."""
 
 
 class Answerer:
@@ -26,7 +30,7 @@ class Answerer:
     def __init__(self, forbidden: tuple[str, ...]) -> None:
         self.left = CASES
         self._errors = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115, closed in `end`
-        threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        threads = dict.fromkeys(THREADS, "1")
         self._process = subprocess.Popen(
             [sys.executable, "-m", "studies.blind_trial.answerer"],
             stdin=subprocess.PIPE,
@@ -34,7 +38,7 @@ class Answerer:
             stderr=self._errors,
             text=True,
             cwd=ROOT,
-            env={**os.environ, **threads},
+            env={**os.environ, **threads, **KEPT},
         )
         self._say({"forbidden": forbidden})
 

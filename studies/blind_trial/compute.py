@@ -26,6 +26,7 @@ DIAGNOSIS: Final = answering.DIAGNOSIS
 CACHE: Final = Path("reports/out/.null")  # thresholds of a machine and a schedule, which the diagnosis keeps
 DEFAULT: Final = 60
 QUICK: Final = 4
+ANSWERED: Final = 0.93  # of a trial's time, when all cases are; then come second measurements
 SOURCE: Final = "what the trial is to reach"
 NOT_SHARED: Final = ("models", "design", "diagnosis")
 BASELINES: Final = ("refit_only", "aic_forward", "sparse_regression")
@@ -63,7 +64,7 @@ def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -
     begin = SEALING if options.pack is None else 0.0
 
     def tell(share: float, text: str) -> None:
-        progress(begin + (0.95 - begin) * share, text)
+        progress(begin + (ANSWERED - begin) * share, text)
 
     answers = answer_all(trial.pack, output / "answers.json", conditions, tell, options.scheduler)
     results: dict[str, Any] = {
@@ -77,7 +78,11 @@ def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -
     }
     bodies = open_key(trial.key, trial.pack) if trial.key is not None else {}
     labels = _labels(bodies)
-    again = _again(trial, labels, answers, output, conditions, options.scheduler) if scored else {}
+
+    def tell_again(share: float, text: str) -> None:
+        progress(ANSWERED + (0.98 - ANSWERED) * share, f"second measurement, {text}")
+
+    again = _again(trial, labels, answers, output, conditions, options.scheduler, tell_again) if scored else {}
     results |= _scored(labels, answers, again)
     results["forms"] = _forms(bodies)
     results["guards"] = _guards(trial, labels, answers)
@@ -133,12 +138,13 @@ def _again(
     output: Path,
     conditions: Conditions,
     scheduler: str | None,
+    tell: Callable[[float, str], None],
 ) -> dict[str, Any]:
     """Closure found on a second measurement, with the interval stated from the first, where both name the effect."""
     if trial.again is None:
         return {"count": 0, "inside": merit.Rate(0, 0).plain(), "pairs": []}
     once = replace(conditions, forbidden=trial.forbidden[:-1], baselines=False, evidence=False)
-    second = answer_all(trial.again, output / "sealed" / "answers_again.json", once, lambda *_: None, scheduler)
+    second = answer_all(trial.again, output / "sealed" / "answers_again.json", once, tell, scheduler)
     pairs: list[dict[str, Any]] = []
     for case, one in second.items():
         first, then = score(labels[case], answers[case]), score(labels[case], one)

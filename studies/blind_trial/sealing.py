@@ -15,7 +15,7 @@ from studies.blind_trial.guard import SEALER, SEALER_FOLDER
 from studies.command import BadInputError
 
 ROOT: Final = Path(__file__).parents[2]
-SEALING: Final = 0.2  # of a trial's time
+SEALING: Final = 0.1  # of a trial's time
 
 
 @dataclass(frozen=True)
