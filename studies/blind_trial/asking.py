@@ -21,7 +21,7 @@ CASES: Final = 25  # that one process answers
 THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "LOKY_MAX_CPU_COUNT")
 """Settings of how many threads a process may have (the last is joblib's): one, as the next core has its own case."""
 KEPT: Final = {"MALLOC_MMAP_THRESHOLD_": f"{2**25}", "MALLOC_TRIM_THRESHOLD_": f"{2**32}"}
-"""Memory [bytes] that GNU's allocator keeps: to get large arrays anew from the kernel takes a twentieth of the time."""
+"""Memory [bytes] that GNU's allocator keeps: large arrays anew from the kernel cost a few per cent of the time."""
 
 
 class Answerer:

@@ -56,8 +56,8 @@ def test_the_adjoint_gives_every_inner_product(seed: int) -> None:
 
 def test_columns_side_by_side_are_the_filter_itself() -> None:
     rng, model = np.random.default_rng(1), _model(shaken=(Resonance(8.0, 0.1, 0.02),))
-    force, reading = rng.standard_normal((4, 403, SUBSTEPS)), rng.standard_normal((4, 403))
-    alone = [innovations(model, force[j], reading[j], np.zeros(model.C.size)) for j in range(4)]
+    force, reading = rng.standard_normal((5, 403, SUBSTEPS)), rng.standard_normal((5, 403))
+    alone = [innovations(model, force[j], reading[j], np.zeros(model.C.size)) for j in range(5)]
     assert np.allclose(responses(model, force, reading), np.stack(alone, axis=1), rtol=1e-10, atol=1e-10)
 
 

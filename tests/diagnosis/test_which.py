@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis import residual, which
-from diagnosis.fit import at_bounds
-from diagnosis.initial import balanced
+from diagnosis.fit import at_bounds, fit
+from diagnosis.initial import balanced, search
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import FURTHER, applied, bounded, parameters
 from diagnosis.null import LEAST
@@ -43,6 +43,17 @@ def test_whether_the_drive_follows_beyond_its_rating_is_read_off_the_records(tru
     follows = truth is MACHINE
     assert found.drive.rated_thrust == (most if follows else WEAK.drive.rated_thrust)
     assert found.sources["drive.rated_thrust"].kind == ("identified" if follows else "paper")
+
+
+def test_records_beside_each_other_give_what_they_give_one_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    records, found = recorded(MACHINE, PLAN, seed=13), []
+    for cores in (1, 2):
+        monkeypatch.setattr(residual, "cpu_count", lambda cores=cores: cores)
+        candidate = Candidate(layout := parameters(MACHINE, len(records)), balanced(layout, records))
+        fitted = fit(candidate, records, iterations=1)
+        found.append((fitted.innovations, fitted.slopes, search(fitted, records).theta))
+    assert all(np.array_equal(*pair) for pair in zip(*found, strict=True))
+    assert found[0][0].size == sum(record.position.size for record in records)
 
 
 def test_a_drive_that_follows_beyond_its_rating_is_said() -> None:

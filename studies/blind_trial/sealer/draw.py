@@ -156,7 +156,8 @@ def sized(table: Table, name: str, law: Law, goal: float, rng: np.random.Generat
     """An effect whose distance is `goal` to a sixth, or as near as its range allows after `tries` simulations.
 
     own: the seed of the case's records. What comes at random is seen or not by when it comes: one repeated reading in a
-    fast move is told at once, at rest never. So the distance is that of these very records.
+    fast move is told at once, at rest never. So the distance is that of these very records,
+    but for what comes at random second in a pair: there the first has drawn before.
     """
     shape = law.shape(rng)
     points: list[tuple[float, float]] = []
