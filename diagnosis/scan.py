@@ -29,7 +29,10 @@ Array = NDArray[np.float64]
 Columns = Mapping[Effect, NDArray[Any]]  # (n, 1) or (n, 2) each [1]
 
 FOLDS: Final = 6
-POINTS: Final = 6  # of a grid over a shape of a decade or two
+POINTS: Final = 6  # of a grid over a shape of a decade or two, but for
+GRID: Final = {"frequency": 22, "length": 18, "pitch": 10} | dict.fromkeys(
+    ("damping", "distance", "forgets", "reload", "rise"), 2
+)
 BATCH: Final = 24  # columns that are filtered side by side
 PEAKS: Final = 4  # of a spectrum that are looked at
 REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
@@ -224,9 +227,7 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed)
 
 
 def _points(name: str, low: float, high: float) -> Array:
-    many = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2, "reload": 2, "rise": 2}.get(
-        name, POINTS
-    )
+    many = GRID.get(name, POINTS)
     if name in {"length", "pitch"}:
         return np.asarray(1 / np.linspace(1 / high, 1 / low, many))
     return np.geomspace(low, high, many)

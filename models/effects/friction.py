@@ -8,6 +8,7 @@ from typing import ClassVar, Final
 
 from models.effects.base import LIMIT, MOVED, STIFFNESS, Effect, H, Numbers, T, V, X, Z, hook, parameter, phase
 
+FORGOTTEN: Final = 5e-3  # s in which a table at rest loses its direction, where it does
 REST_SPEED: Final = 1e-4  # m/s; well below it a contact heals, well above it loses what it gained
 SURVEY: Final = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, A survey of models for machines with friction"
 
@@ -120,13 +121,16 @@ class Stribeck(Effect):
 
 @hook
 def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    memory[0] = max(-1.0, min(memory[0] + now[MOVED] / p[1], 1.0))
+    keep = math.exp(-0.5 * now[H] / FORGOTTEN) if p[2] > 0.5 else 1.0
+    memory[0] = max(-1.0, min((memory[0] * keep + now[MOVED] / p[1]) * keep, 1.0))
     return value * (1.0 + p[0] * memory[0])
 
 
 @dataclass(frozen=True)
 class DirectionalFriction(Effect):
-    """Friction is larger one way than the other.
+    """Friction is larger one way than the other; a table at rest keeps its direction, or has none.
+
+    s is the sign of the speed but for a turn and, where a rest forgets it, for speeds below lambda / tau_0.
 
     For strokes well above lambda: where contacts stick under a load, the law can give energy back.
     """
@@ -134,16 +138,18 @@ class DirectionalFriction(Effect):
     name: ClassVar = "directional_friction"
     family: ClassVar = "friction"
     equation: ClassVar = (
-        r"F(1+a\,s),\quad \dot s=\dot x/\lambda\ \text{while}\ |s|\le 1"
-        r"\quad(s=\mathrm{sign}\,\dot x\ \text{but for a turn})"
+        r"F(1+a\,s),\quad |s|\le 1,\quad \dot s=\dot x/\lambda\ (r\le\tfrac12)\ \text{or}\ "
+        r"\dot s=\dot x/\lambda-s/\tau_0\ (r>\tfrac12),\ \tau_0=5\,\mathrm{ms}"
     )
     source: ClassVar = (
         "Janot, Gautier and Brunot 2019, Data set and reference models of EMPS (friction that differs by direction); "
-        "over a distance, so that nothing jumps where the table turns: assumed; sizes assumed"
+        "over a distance, so that nothing jumps where the table turns, and at rest, which they do not say: assumed; "
+        "tau_0 and sizes assumed"
     )
     hooks: ClassVar = {"friction": _directional}
     asymmetry: float = parameter("1", "asymmetry a", 0.02, 0.1, "amplitude", signed=True, above=-1, below=1)
     distance: float = parameter("m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", above=0)
+    forgets: float = parameter("1", "r: whether a rest forgets it (above 1/2) or not", 0.25, 1.0, "shape", above=0)
 
     def memory(self, elements: int) -> int:  # noqa: ARG002
         """The direction s."""

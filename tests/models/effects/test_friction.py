@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.effects.base import Effect
-from models.effects.friction import REST_SPEED
+from models.effects.friction import FORGOTTEN, REST_SPEED
 from models.effects.kernel import Path, replay
 from models.machine import load
 from tests.models.effects.paths import TS, Array, make, steady, through
@@ -28,7 +28,7 @@ def rubbing(path: Path, *effects: Effect) -> Array:
 @given(
     MOVES,
     st.sampled_from(
-        [("play", 1e-6), ("directional_friction", 0.07, 2e-6), ("position_dependent_friction", 0.1, 3e-3, 2.0)]
+        [("play", 1e-6), ("directional_friction", 0.07, 2e-6, 0.4), ("position_dependent_friction", 0.1, 3e-3, 2.0)]
     ),
     st.floats(0.1, 10),
 )
@@ -47,6 +47,7 @@ def test_what_has_no_clock_is_independent_of_rate(
         ("dwell_breakaway", 0.2, 0.1, 3e-6),
         ("viscous_friction", 50.0),
         ("stribeck", 0.2, 1e-2),
+        ("directional_friction", 0.07, 2e-4, 1.0),
         ("frictional_lag", 1e-3),
         ("friction_drift", 5e-3),
     ],
@@ -108,13 +109,15 @@ def test_stribeck_falls_with_speed(speed: float, rise: float, over: float) -> No
     assert force[-1, -1] == pytest.approx(COULOMB * (1 + rise * math.exp(-((speed / over) ** 2))))
 
 
-@given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6))
-def test_directional_friction_differs_by_direction_and_never_jumps(asymmetry: float, distance: float) -> None:
-    effect = make("directional_friction", asymmetry, distance)
+@given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6), st.sampled_from([0.25, 1.0]))
+def test_directional_friction_differs_by_direction_and_never_jumps(
+    asymmetry: float, distance: float, forgets: float
+) -> None:
+    effect = make("directional_friction", asymmetry, distance, forgets)
     there = rubbing(through(SLIDE), effect)
     back = rubbing(through(-SLIDE), effect)
-    assert there[-1, -1] == pytest.approx(COULOMB * (1 + asymmetry))
-    assert back[-1, -1] == pytest.approx(-COULOMB * (1 - asymmetry))
+    assert there[-2, -1] == pytest.approx(COULOMB * (1 + asymmetry))  # the last sample rests
+    assert back[-2, -1] == pytest.approx(-COULOMB * (1 - asymmetry))
     turning = rubbing(through(np.concatenate([SLIDE, SLIDE[-1] - SLIDE]), parts=50), effect).ravel()
     stiffest = (1 + abs(asymmetry)) * sum(FRICTION.stiffness) + abs(asymmetry) * COULOMB / distance
     assert np.max(np.abs(np.diff(turning))) <= stiffest * SLIDE[1] / 50 * (1 + 1e-9)
@@ -125,9 +128,22 @@ def test_the_direction_turns_over_twice_its_distance(asymmetry: float, distance:
     """Behind a reversal the factor falls from 1 + a to 1 - a in proportion to the way, whatever the force does."""
     path = through(np.concatenate([SLIDE, SLIDE[-1] - SLIDE]), parts=200)
     back = slice(200 * SLIDE.size, None)
-    ratio = (rubbing(path, make("directional_friction", asymmetry, distance)) / rubbing(path)).ravel()[back]
+    ratio = (rubbing(path, make("directional_friction", asymmetry, distance, 0.4)) / rubbing(path)).ravel()[back]
     way = SLIDE[-1] - path.position.ravel()[back]
     assert ratio == pytest.approx(1 + asymmetry * np.maximum(1 - way / distance, -1))
+
+
+@given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6), st.floats(1e-5, 1e-2))
+def test_where_a_rest_forgets_it_the_direction_is_by_the_speed(a: float, distance: float, speed: float) -> None:
+    """min(1, v tau_0 / lambda) of it while the table moves, less by exp(-t / tau_0) once it rests."""
+    count = math.ceil(max(4e-4 / speed, 10 * FORGOTTEN) / TS)
+    path = through(TS * speed * np.minimum(np.arange(count + 60), count), parts=4)
+    ratio = (rubbing(path, make("directional_friction", a, distance, 1.0)) / rubbing(path)).ravel()
+    last = 4 * count
+    s = min(1.0, speed * FORGOTTEN / distance)
+    assert ratio[last - 1] == pytest.approx(1 + a * s, abs=1e-4 * abs(a) + 1e-12)
+    t = (np.arange(ratio.size - last) + 0.5) * TS / 4
+    assert ratio[last:] == pytest.approx(1 + a * s * np.exp(-t / FORGOTTEN), abs=0.03 * abs(a) + 1e-12)
 
 
 @given(st.floats(0.03, 0.2), st.floats(3e-3, 6e-2), st.floats(0, 2 * math.pi))
@@ -187,5 +203,5 @@ def test_friction_with_play_dissipates(width: float, stroke: float) -> None:
 
 def test_two_effects_act_one_after_another() -> None:
     path = steady(0.05, 50)
-    both = rubbing(path, make("viscous_friction", 40.0), make("directional_friction", 0.1, 2e-6))
+    both = rubbing(path, make("viscous_friction", 40.0), make("directional_friction", 0.1, 2e-6, 0.4))
     assert both[-1, -1] == pytest.approx((COULOMB + 40 * 0.05) * 1.1)
