@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from diagnosis.beside import beside
 from diagnosis.fit import Fit, own_spread, weights
 from diagnosis.kalman import predictor, smoothed
 from diagnosis.null import simulated
-from diagnosis.residual import STARTING, Candidate, Seen, Smoothed, look, noise, of_each, smooth
+from diagnosis.residual import STARTING, Candidate, Seen, Smoothed, look, noise, smooth
 from diagnosis.scan import FOLDS, Freed
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -100,7 +101,7 @@ def mirrored(
     """Records that the candidate makes of the same references, with noise; `extra` effects besides."""
     whole = with_sines(candidate)
     whole = replace(whole, effects=in_order((*whole.effects, *extra)))
-    return tuple(of_each(records, lambda i, record: simulated(whole, record, i, seed + i)))
+    return tuple(beside(lambda i, record: simulated(whole, record, i, seed + i), range(len(records)), records))
 
 
 def left_of(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
@@ -182,10 +183,8 @@ def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothe
     model = predictor(
         machine.plant, records[0].sample_time, walk=SEEN_BY, noise=noise(machine), shaken=candidate.shaken
     )
-    looked = look(candidate, records, paths)
 
-    def left(i: int, record: Record) -> tuple[Array, Array, list[float]]:
-        seen = looked[i]
+    def left(i: int, record: Record, seen: Seen) -> tuple[Array, Array, list[float]]:
         start = np.zeros(model.C.size)
         start[0] = record.position[0]
         states = smoothed(model, seen.force, record.position - seen.acts.reading, start)
@@ -195,7 +194,7 @@ def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothe
         # a constant force is an offset of the amplifier, and costs nothing
         return unknown - unknown.mean(), apart, _late(record, made, machine)
 
-    force, apart, late = zip(*of_each(records, left), strict=True)
+    force, apart, late = zip(*beside(left, range(len(records)), records, look(candidate, records, paths)), strict=True)
     differs = [time for times in late for time in times]
     return Gap(_size(force), _size(apart), float(np.mean(differs)) if differs else None)
 

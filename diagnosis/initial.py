@@ -12,15 +12,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.beside import beside
 from diagnosis.fit import Fit
 from diagnosis.kalman import SUBSTEPS, predictor, responses
 from diagnosis.nominal import Parameters, initial_state
-from diagnosis.residual import Candidate, held, noise, of_each
+from diagnosis.residual import Candidate, held, noise
 from models.compiled import compiled
 from models.friction import deflections
 from models.record import Record
@@ -51,8 +53,8 @@ def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
     candidate, layout = fitted.candidate, fitted.candidate.layout
     theta, starts = candidate.theta.copy(), layout.of("initial_friction_state").reshape(layout.records, -1)
     begin = np.cumsum([0, *(record.position.size for record in records)])
-    best = of_each(records, lambda i, record: _of_record(fitted, record, i, int(begin[i]), starts[i]))
-    theta[starts.ravel()] = np.concatenate(best)
+    best = beside(partial(_of_record, fitted), records, range(len(records)), begin[:-1], starts)
+    theta[starts.ravel()] = np.concatenate(list(best))
     return replace(candidate, theta=theta)
 
 

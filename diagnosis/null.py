@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from diagnosis.beside import beside
 from diagnosis.fit import SPIKE, Fit, fit, largest
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import Parameters, bounded, initial_state
-from diagnosis.residual import STARTING, Candidate, of_each
+from diagnosis.residual import STARTING, Candidate
 from diagnosis.scan import Columns, Finding, Freed, freed, scan
 from models.controller import Controller, References
 from models.effects.catalogue import in_order
@@ -114,10 +114,7 @@ def null(
     findings, known = scan(*first)  # its columns are those of the tables that follow, too
     results = [_gains(first, findings)]
     say(f"simulating the null, {min(2, draws)} of {draws}")
-    rest = Parallel(n_jobs=-1, require="sharedmem", return_as="generator")(
-        delayed(_draw)(layout, records, seed, known) for seed in range(1, draws)
-    )
-    for result in rest:
+    for result in beside(lambda seed: _draw(layout, records, seed, known), range(1, draws)):
         results.append(result)
         say(f"simulating the null, {min(len(results) + 1, draws)} of {draws}")
     gains: dict[str, list[float]] = {}
@@ -141,7 +138,7 @@ def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects))
-    made = of_each(records, lambda i, record: simulated(truth, record, i, 1000 * seed + i))
+    made = [*beside(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
     fitted = fit(truth, made, iterations=3, walk=WALK_OF_SCAN)
     return fitted, made, freed(fitted, numbered(pieces(made), made))
 

@@ -15,9 +15,9 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from diagnosis.beside import beside
 from diagnosis.fit import Fit, fit
 from diagnosis.how_far import gap
 from diagnosis.null import LEAST
@@ -105,9 +105,7 @@ def _fits(steps: Sequence[Step], names: Sequence[str], records: Sequence[Record]
         if not any(added(*later) in own for later in pairwise(steps[i:])):  # no second member of a class comes later
             known[frozenset(own)] = steps[i].fitted
     left = [subset for subset in _subsets(names) if subset not in known]
-    found = Parallel(n_jobs=-1, require="sharedmem")(
-        delayed(_with_only)(steps[-1].fitted, set(names) - subset, records) for subset in left
-    )
+    found = beside(lambda subset: _with_only(steps[-1].fitted, set(names) - subset, records), left)
     return known | dict(zip(left, found, strict=True))
 
 

@@ -7,18 +7,17 @@ loops are never compared, because the feedback hides the gap and hysteresis make
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
-from joblib import cpu_count
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from diagnosis.beside import beside
 from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innovations, predictor, responses, smoothed
 from diagnosis.nominal import Parameters, applied, initial_state
 from models.compiled import compiled
@@ -29,7 +28,6 @@ from models.plant import Mode, Plant
 from models.record import Record
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
 
 WALK: Final = 2e-3  # [N a sample] of the unknown force in the predictor: a fast one swallows slow effects
 FIRST: Final = (3.0, 1.0, 0.3, 0.1, 0.05)  # [N a sample] of the smoother, pass by pass, from no knowledge of friction
@@ -74,16 +72,6 @@ class Seen:
     deviation: float
 
 
-def of_each(records: Sequence[Record], found: Callable[[int, Record], T]) -> list[T]:
-    """What is found of each record's index and content, in their order, several at a time: they do not act on each
-    other, and compiled kernels let other threads run."""
-    at_once = min(len(records), cpu_count())
-    if at_once == 1:
-        return list(map(found, range(len(records)), records))
-    with ThreadPoolExecutor(at_once) as threads:
-        return list(threads.map(found, range(len(records)), records))
-
-
 def noise(machine: Machine) -> float:
     """Deviation [m] of the reading: the scale's noise, a third of a step where none is stated, and its rounding."""
     scale = machine.scale
@@ -102,8 +90,7 @@ def smooth(
     """Every record's path as the candidate's smoother sees it; `before`: what an earlier candidate saw."""
     machine = candidate.machine
 
-    def path(i: int, record: Record) -> Smoothed:
-        seen = before[i] if before else None
+    def path(i: int, record: Record, seen: Smoothed | None) -> Smoothed:
         for walk in AGAIN if before else FIRST:
             model = predictor(
                 machine.plant, record.sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken
@@ -112,7 +99,7 @@ def smooth(
         assert seen is not None
         return seen
 
-    return tuple(of_each(records, path))
+    return tuple(beside(path, range(len(records)), records, before or [None] * len(records)))
 
 
 def _pass(
@@ -169,7 +156,7 @@ def look(
     walk: of the unknown force [N a sample]."""
     machine = candidate.machine
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
-    return tuple(of_each(records, lambda i, record: look_at(candidate, machine, model, record, i, paths[i])))
+    return tuple(beside(partial(look_at, candidate, machine, model), records, range(len(records)), paths))
 
 
 def look_at(
@@ -258,13 +245,13 @@ def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequen
     machine, layout = candidate.machine, candidate.layout
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
 
-    def part(i: int, record: Record) -> Array:
+    def part(i: int, record: Record, seen: Seen) -> Array:
         slopes = np.zeros((layout.count, record.position.size)).T  # a column's samples next to each other
-        _plant_slopes(candidate, record, seen[i], model, slopes)
-        _force_slopes(candidate, machine, record, i, seen[i], model, slopes)
+        _plant_slopes(candidate, record, seen, model, slopes)
+        _force_slopes(candidate, machine, record, i, seen, model, slopes)
         return slopes
 
-    return np.concatenate(of_each(records, part))
+    return np.concatenate(list(beside(part, range(len(records)), records, seen)))
 
 
 def _plant_slopes(candidate: Candidate, record: Record, seen: Seen, model: Predictor, slopes: Array) -> None:
@@ -345,15 +332,15 @@ def columns(
     machine = candidate.machine
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
 
-    def part(i: int, record: Record) -> Array:
+    def part(i: int, record: Record, path: Smoothed, seen: Seen) -> Array:
         found = [
-            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, paths[i], seen[i])
+            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, path, seen)
             for trial in trials
         ]
         force, reading = (np.stack(signal) for signal in zip(*found, strict=True))
         return responses(model, force, -reading if np.any(reading) else None) / model.deviation
 
-    return np.concatenate(of_each(records, part))
+    return np.concatenate(list(beside(part, range(len(records)), records, paths, seen)))
 
 
 def _differences(

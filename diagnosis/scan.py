@@ -14,10 +14,10 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from diagnosis.beside import beside
 from diagnosis.fit import FINE, ROOM, Fit, own_spread, weights
 from diagnosis.kalman import adjoint, predictor
 from diagnosis.residual import columns, noise
@@ -101,10 +101,7 @@ def scan(
     inside = {effect.name for effect in fitted.candidate.effects}
     known = {effect: given for effect, given in known.items() if effect.name not in inside}  # its own kind differs more
     batches = [*_batched([e for e in trials if e not in known]), *_batched([e for e in trials if e in known])]
-    each = Parallel(n_jobs=-1, require="sharedmem")(
-        delayed(_findings)(batch, fitted, records, own, known) for batch in batches
-    )
-    for findings, kept in each:
+    for findings, kept in beside(lambda batch: _findings(batch, fitted, records, own, known), batches):
         columns |= kept
         for finding in findings:
             name = finding.effect.name

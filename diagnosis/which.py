@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from diagnosis.beside import beside
 from diagnosis.fit import Fit, at_bounds, fit
 from diagnosis.initial import balanced, search
 from diagnosis.lateness import Lateness, lateness
@@ -135,9 +136,7 @@ def search_effects(
         if not strong:
             return tuple(steps)
         say(f"fitting {', '.join(finding.effect.name for finding in strong)} with all that is nominal")
-        fits = Parallel(n_jobs=-1, require="sharedmem")(
-            delayed(_with)(here.fitted, finding.effect, records) for finding in strong
-        )
+        fits = beside(partial(_with, here.fitted, records=records), [finding.effect for finding in strong])
         tried = [(finding.effect.name, fitted) for finding, fitted in zip(strong, fits, strict=True)]
         if len(here.fitted.candidate.effects) > len(nominal.candidate.effects):
             large = ANOTHER * (nominal.cost - here.fitted.cost)

@@ -48,7 +48,7 @@ def test_whether_the_drive_follows_beyond_its_rating_is_read_off_the_records(tru
 def test_records_beside_each_other_give_what_they_give_one_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
     records, found = recorded(MACHINE, PLAN, seed=13), []
     for cores in (1, 2):
-        monkeypatch.setattr(residual, "cpu_count", lambda cores=cores: cores)
+        monkeypatch.setattr("diagnosis.beside.cpu_count", lambda cores=cores: cores)
         candidate = Candidate(layout := parameters(MACHINE, len(records)), balanced(layout, records))
         fitted = fit(candidate, records, iterations=1)
         found.append((fitted.innovations, fitted.slopes, search(fitted, records).theta))
