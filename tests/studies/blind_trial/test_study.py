@@ -93,6 +93,25 @@ def test_a_label_leaked_in_the_pack_is_a_missed_check(small_pack: Packer, tmp_pa
     assert not check["holds"]
 
 
+def test_a_full_trial_is_held_to_its_time_unless_an_earlier_run_did_a_part(
+    small_pack: Packer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pack = small_pack(*BODIES)
+    monkeypatch.setattr(compute, "FULL", len(BODIES))
+    for held in (True, False):
+        run("--pack", pack, "--key", tmp_path / "pack-key.json", "--output", tmp_path / "out", "--no-report")
+        whole = results(tmp_path / "out")
+        checks = [check for check in whole["checks"] if check["name"] == "time of the whole trial, on two cores"]
+        assert [check["limit"] for check in checks] == [compute.A_CASE * len(BODIES)] * held
+        assert [check["value"] for check in checks] == [whole["results"]["seconds"]["trial"]] * held
+        assert all(check["value"] > 0 for check in checks)
+    monkeypatch.setattr(compute, "FULL", len(BODIES) + 1)
+    run("--pack", pack, "--key", tmp_path / "pack-key.json", "--output", tmp_path / "fewer", "--no-report")
+    assert "time of the whole trial, on two cores" not in {
+        check["name"] for check in results(tmp_path / "fewer")["checks"]
+    }
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
