@@ -60,8 +60,9 @@ def lift(plant: Plant, sample_time: float, samples: int, pid: PID | None, refere
     output = np.asarray(continuous.C)[0]
     predict = output @ (np.eye(continuous.nstates) + 0.5 * sample_time * np.asarray(continuous.A))
     whole, rest = delay_split(plant.dead_time, sample_time)
-    phi, gamma = transition(continuous, sample_time)
-    phi_part, gamma_part = transition(continuous, sample_time - rest)  # where the sample falls in its interval
+    phi, gamma = transition(continuous.A, continuous.B, sample_time)
+    part = sample_time - rest  # where the sample falls in its interval
+    phi_part, gamma_part = transition(continuous.A, continuous.B, part)
     state = np.zeros((continuous.nstates, columns))
     position, middle, command = np.zeros((n + 1, columns)), np.zeros((n, columns)), np.zeros((n, columns))
     error, integral, slope = np.zeros((3, columns))

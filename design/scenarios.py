@@ -182,8 +182,8 @@ class _Sampled:
 def _sampled(plant: Plant, feedback: Feedback) -> _Sampled:
     ts, pid, continuous = feedback.sample_time, feedback.pid, state_space(plant)
     whole, rest = delay_split(plant.dead_time, ts)
-    phi, gamma = transition(continuous, ts)
-    phi_part, gamma_part = transition(continuous, ts - rest)
+    phi, gamma = transition(continuous.A, continuous.B, ts)
+    phi_part, gamma_part = transition(continuous.A, continuous.B, ts - rest)
     output = np.asarray(continuous.C)
     keep = pid.derivative_filter / (pid.derivative_filter + ts)
     zeros = pid.kp * np.array([1.0, -1.0 - keep, keep]) + pid.ki * ts * np.array([1.0, -keep, 0.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -40,8 +41,10 @@ class Evidence:
 def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0) -> Evidence:
     """Beside a diagnosis, of the nominal model re-fitted; disabled: names of effects that are not to be used; SI."""
     nominal, records = found.nominal, found.records
-    lies = where(nominal, records, found.pieces, seed=seed, spike=found.null.spike)
-    apart = confusability(nominal, records, disabled)
+    with ThreadPoolExecutor(1) as aside:
+        lying = aside.submit(where, nominal, records, found.pieces, seed=seed, spike=found.null.spike)
+        apart = confusability(nominal, records, disabled)
+        lies = lying.result()
     return Evidence(lies, apart, _proposal(found, lies, apart, seed))
 
 

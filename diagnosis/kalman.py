@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from models.compiled import compiled
-from models.plant import Plant, state_space, transition
+from models.plant import Plant, matrices, transition
 
 Array = NDArray[np.float64]
 
@@ -61,9 +61,9 @@ class Predictor:
 @lru_cache(maxsize=64)
 def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
     """(A (S, S), B (S, M), C (S,)) of the module's head; the plant's dead time is left to the force; SI."""
-    system = state_space(plant)
-    n = system.nstates
-    phi, gamma = transition(system, sample_time / SUBSTEPS)
+    slope, force, position = matrices(plant)
+    n = len(slope)
+    phi, gamma = transition(slope, force, sample_time / SUBSTEPS)
     inputs = np.empty((n, SUBSTEPS))
     held = gamma[:, 0]
     for s in reversed(range(SUBSTEPS)):
@@ -73,7 +73,7 @@ def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
     a[:n, :n] = np.linalg.matrix_power(phi, SUBSTEPS)
     a[:n, n] = inputs.sum(axis=1)
     b = np.vstack([inputs, np.zeros((1, SUBSTEPS))])
-    return a, b, np.append(np.asarray(system.C)[0], 0.0)
+    return a, b, np.append(position[0], 0.0)
 
 
 @lru_cache(maxsize=64)

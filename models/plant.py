@@ -13,14 +13,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import casadi as ca
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
 from models.quantity import value
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 
@@ -64,8 +67,8 @@ def state_space(plant: Plant, stiffness: float = 0.0) -> control.StateSpace:
 
     Continuous control.StateSpace from thrust [N] to position [m], states as in the module's head.
     """
-    a, b, c = _matrices(plant)
-    return control.StateSpace(a - stiffness * b @ c, b, c, np.zeros((1, 1)), inputs=["u_M"], outputs=["x_T"])
+    a, b, c = matrices(plant)
+    return _space(a - stiffness * b @ c, b, c, None)
 
 
 def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> NDArray[np.complex128]:
@@ -105,11 +108,12 @@ def delay_split(dead_time: float, sample_time: float) -> tuple[int, float]:
     return whole, rest if rest > 1e-9 * sample_time else 0.0
 
 
-def transition(system: control.StateSpace, duration: float) -> tuple[Array, Array]:
-    """(Phi (n, n), Gamma (n, 1)): exact response of the state over `duration` [s] to itself and to a held input."""
-    n = system.nstates
+def transition(a: Array, b: Array, duration: float) -> tuple[Array, Array]:
+    """(Phi (n, n), Gamma (n, 1)): exact response over `duration` [s] of state' = A state + B u, A (n, n) and B (n, 1),
+    to the state and to a held input; SI."""
+    n = len(a)
     exponent = np.zeros((n + 1, n + 1))
-    exponent[:n, :n], exponent[:n, n:] = system.A, system.B
+    exponent[:n, :n], exponent[:n, n:] = a, b
     both = expm(exponent * duration)
     return both[:n, :n], both[:n, n:]
 
@@ -126,9 +130,10 @@ def sampled(
     whole, rest = delay_split(plant.dead_time, sample_time)
     continuous = state_space(plant, stiffness)
     n, memory = continuous.nstates, (whole if whole_delay else 0) + (rest > 0)
-    phi, _ = transition(continuous, sample_time)
-    behind, late = transition(continuous, sample_time - rest)  # the newer command acts for sample_time - rest
-    _, early = transition(continuous, rest)
+    phi, _ = transition(continuous.A, continuous.B, sample_time)
+    acts = sample_time - rest  # the newer command
+    behind, late = transition(continuous.A, continuous.B, acts)
+    _, early = transition(continuous.A, continuous.B, rest)
     inputs = np.zeros((n, memory + 1))  # what u[k], u[k-1], ... contribute to the next state
     inputs[:, memory - (rest > 0)] += late[:, 0]
     if rest > 0:
@@ -141,11 +146,18 @@ def sampled(
     if memory:
         b[n, 0] = 1.0
     c = np.hstack([continuous.C, np.zeros((1, memory))])
-    return control.StateSpace(a, b, c, np.zeros((1, 1)), sample_time, inputs=["u_M"], outputs=["x_T"])
+    return _space(a, b, c, sample_time)
 
 
-def _matrices(plant: Plant) -> tuple[Array, Array, Array]:
-    """A (2m, 2m), B (2m, 1), C (1, 2m) at the plant's parameters."""
+def _space(a: Array, b: Array, c: Array, sample_time: float | None) -> control.StateSpace:
+    import control  # noqa: PLC0415  # brings what draws, and most commands neither use it nor draw
+
+    time = () if sample_time is None else (sample_time,)
+    return control.StateSpace(a, b, c, np.zeros((1, 1)), *time, inputs=["u_M"], outputs=["x_T"])
+
+
+def matrices(plant: Plant) -> tuple[Array, Array, Array]:
+    """A (2m, 2m), B (2m, 1), C (1, 2m) of `state_space` at the plant's parameters; SI."""
     gain = [mode.gain for mode in plant.modes]
     omega = [2 * math.pi * mode.frequency for mode in plant.modes]
     zeta = [mode.damping for mode in plant.modes]

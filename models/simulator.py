@@ -25,7 +25,7 @@ from models.effects.calling import pack
 from models.effects.kernel import run_effects
 from models.kernel import Loop, Run, run_many, run_one
 from models.machine import Machine
-from models.plant import delay_split, state_space, transition
+from models.plant import delay_split, matrices, transition
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -146,9 +146,9 @@ def _prepare(
     counts, step, delay = _parts(plant.dead_time, machine.sample_time, substeps)
     modes = len(plant.modes)
     phi, gamma = np.zeros((2, modes, 4)), np.zeros((2, modes, 2))
-    system = state_space(plant)
+    a, b, _ = matrices(plant)
     for part in np.flatnonzero(counts):
-        whole, held = transition(system, step[part])
+        whole, held = transition(a, b, step[part])
         for j in range(modes):  # the modes do not act on each other: Phi is block diagonal
             phi[part, j] = whole[2 * j : 2 * j + 2, 2 * j : 2 * j + 2].ravel()
             gamma[part, j] = held[2 * j : 2 * j + 2, 0]

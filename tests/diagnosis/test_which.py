@@ -103,7 +103,7 @@ def _searched(
         ]
         return Step(fitted, tuple(findings), SimpleNamespace(steady=0.0), SimpleNamespace()), {}  # type: ignore[arg-type]
 
-    def added(fitted: Any, effect: Any, _: Any) -> Any:
+    def added(fitted: Any, effect: Any, records: Any) -> Any:  # noqa: ARG001
         return _fit(costs[effect.name], *(one.name for one in fitted.candidate.effects), effect.name)
 
     monkeypatch.setattr(which, "_step", step)

@@ -19,7 +19,7 @@ from models.controller import Controller
 from models.exact import respond
 from models.friction import elements
 from models.machine import Machine, load
-from models.plant import sampled, state_space, transition
+from models.plant import matrices, sampled, transition
 from models.record import feeding_sequence
 from models.simulator import simulate, simulate_many
 
@@ -95,7 +95,7 @@ def test_the_naive_method_is_first_order_and_far_worse() -> None:
 
 
 def _naive(machine: Machine, thrust: np.ndarray, substeps: int) -> np.ndarray:
-    phi, gamma = transition(state_space(machine.plant), TS / substeps)
+    phi, gamma = transition(*matrices(machine.plant)[:2], TS / substeps)
     stiffness, limit = np.array(machine.friction.stiffness), np.array(machine.friction.limit)
     state, z, at, positions = np.zeros(len(phi)), np.zeros(len(limit)), 0.0, []
     for k in range(thrust.size):

@@ -23,7 +23,7 @@ from models.effects.catalogue import every
 from models.effects.kernel import Path, replay, run_effects
 from models.friction import elements
 from models.machine import Machine, load
-from models.plant import Plant, state_space, transition
+from models.plant import Plant, matrices, transition
 from models.record import feeding_sequence
 from models.simulator import Response, simulate, simulate_many
 from tests.models.effects.paths import TS, Array
@@ -128,7 +128,7 @@ def test_a_replay_along_the_simulated_path_gives_the_simulated_friction(dead_tim
 
 def moved(plant: Plant, net: Array, sample_time: float) -> Array:
     """Where the plant's modes are at each sample (n,) [m], from rest, under forces (n, M) [N] held over substeps."""
-    phi, gamma = transition(state_space(plant), sample_time / net.shape[1])
+    phi, gamma = transition(*matrices(plant)[:2], sample_time / net.shape[1])
     state, position = np.zeros(len(phi)), np.empty(len(net))
     for k, forces in enumerate(net):
         position[k] = state[0::2].sum()
