@@ -15,7 +15,8 @@ T = TypeVar("T")
 def beside(found: Callable[..., T], *arguments: Iterable[Any]) -> Iterator[T]:
     """As `map`, in the same order, as many at a time as there are cores to use (joblib's LOKY_MAX_CPU_COUNT counts).
 
-    Nothing runs before the first is asked for; ValueError where the arguments are not equally many.
+    Nothing runs before the first is asked for. A call that itself works on several beside each other has as many
+    threads again. Raises ValueError where the arguments are not equally many.
     """
     calls = list(zip(*arguments, strict=True))
     at_once = min(len(calls), cpu_count())

@@ -121,4 +121,5 @@ def _spread_of(effect: Effect, here: Array, covariance: Array) -> dict[str, floa
         axis=1,
     )
     std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
-    return {item.name: float(s) for item, s in zip(parameters_of(type(effect)), std, strict=True)}
+    items = parameters_of(type(effect))
+    return {item.name: float(s) for item, s in zip(items, std, strict=True) if item.role != "switch"}

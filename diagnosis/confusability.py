@@ -30,7 +30,6 @@ from models.record import Record
 Array = NDArray[np.float64]
 
 THRESHOLD: Final = 40.0  # squared distance that counts as told apart: clean tables gain 10 at most, and 30 is room
-POINTS: Final = 3  # of a grid over each shape
 NOTHING: Final = 1e-3  # distance below which no size of an effect shows
 ROOM: Final = 1.5  # by which a size may leave its prior range
 
@@ -149,14 +148,13 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
 def grid(kind: type[Effect]) -> list[Effect]:
     """The effect at its typical shape first, then at the other points of a small grid."""
     typical = kind.typical()
-    axes = []
-    for item in parameters(kind):
-        if item.role in {"shape", "width"}:
-            points = np.geomspace(item.low, item.high, POINTS)
-            axes.append([(item.name, float(point)) for point in points])
+    axes = [
+        [(item.name, point) for point in sorted({item.low, item.typical, item.high})]
+        for item in parameters(kind)
+        if item.role in {"shape", "width", "switch"}
+    ]
     found = [replace(typical, **dict(point)) for point in itertools.product(*axes)]
-    middle = len(found) // 2
-    return [typical, *found[:middle], *found[middle + 1 :]]
+    return [typical, *(other for other in found if other != typical)]
 
 
 def distances(found: Columns, names: Sequence[str]) -> Array:

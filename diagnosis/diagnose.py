@@ -11,15 +11,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from operator import call
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.beside import beside
 from diagnosis.candidates import HALF, Named, candidates
 from diagnosis.fit import Fit, at_bounds, largest, weights
 from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
@@ -101,10 +102,14 @@ def diagnose(
     """
     say = progress or (lambda _share, _text: None)
     say(0.02, "re-fitting what is nominal; thresholds: the same search where nothing is missing")
-    with ThreadPoolExecutor(1) as beside:
-        refitted = beside.submit(refit_within, machine, records)
-        thresholds = null(parameters(machine, len(records)), records, cache=cache, say=lambda text: say(0.1, text))
-        nominal = refitted.result()
+    given = parameters(machine, len(records))
+    nominal, thresholds = beside(
+        call,
+        (
+            lambda: refit_within(machine, records),
+            lambda: null(given, records, cache=cache, say=lambda text: say(0.1, text)),
+        ),
+    )
     layout = nominal.candidate.layout
     found = pieces(records)
     segment = numbered(found, records)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from operator import call
 from typing import Any, Final
 
+from diagnosis.beside import beside
 from diagnosis.confusability import Confusability, confusability
 from diagnosis.confusability import to_json as confusion
 from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Diagnosis
@@ -41,10 +42,13 @@ class Evidence:
 def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0) -> Evidence:
     """Beside a diagnosis, of the nominal model re-fitted; disabled: names of effects that are not to be used; SI."""
     nominal, records = found.nominal, found.records
-    with ThreadPoolExecutor(1) as aside:
-        lying = aside.submit(where, nominal, records, found.pieces, seed=seed, spike=found.null.spike)
-        apart = confusability(nominal, records, disabled)
-        lies = lying.result()
+    lies, apart = beside(
+        call,
+        (
+            lambda: where(nominal, records, found.pieces, seed=seed, spike=found.null.spike),
+            lambda: confusability(nominal, records, disabled),
+        ),
+    )
     return Evidence(lies, apart, _proposal(found, lies, apart, seed))
 
 

@@ -82,7 +82,7 @@ def coordinates(effect: Effect) -> Array:
             size = number
         elif item.role == "phase":
             phase = number
-        else:
+        elif item.role != "switch":
             rows.append(np.log(number))
     linear = _amplitudes(effect)
     if phase is None:

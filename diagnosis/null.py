@@ -1,9 +1,10 @@
 """What the search finds where nothing is missing: the thresholds, by simulating the null on these very schedules.
 
-Tables whose nominal parameters are off by their priors run the records' references in the closed loop, are re-fitted
-and scanned like a record. What an effect gains there on held-out motions, it gains by chance, by quantisation or by
-what the method neglects. The answer depends on machine and schedule only, so it is kept under their hash. Tables that
-follow the same references take nearly the same path, so most effects' columns are computed for the first of them only.
+Tables whose nominal parameters are off by their priors run the records' references in the closed loop, are fitted by a
+step from their truth and scanned like a record. What an effect gains there on held-out motions, it gains by chance, by
+quantisation or by what the method neglects. The answer depends on machine and schedule only, so it is kept under their
+hash. Tables that follow the same references take nearly the same path, so most effects' columns are computed for the
+first of them only.
 """
 
 from __future__ import annotations

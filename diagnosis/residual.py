@@ -245,10 +245,10 @@ def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequen
     machine, layout = candidate.machine, candidate.layout
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
 
-    def part(i: int, record: Record, seen: Seen) -> Array:
+    def part(i: int, record: Record, one: Seen) -> Array:
         slopes = np.zeros((layout.count, record.position.size)).T  # a column's samples next to each other
-        _plant_slopes(candidate, record, seen, model, slopes)
-        _force_slopes(candidate, machine, record, i, seen, model, slopes)
+        _plant_slopes(candidate, record, one, model, slopes)
+        _force_slopes(candidate, machine, record, i, one, model, slopes)
         return slopes
 
     return np.concatenate(list(beside(part, range(len(records)), records, seen)))
@@ -332,9 +332,9 @@ def columns(
     machine = candidate.machine
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
 
-    def part(i: int, record: Record, path: Smoothed, seen: Seen) -> Array:
+    def part(i: int, record: Record, path: Smoothed, one: Seen) -> Array:
         found = [
-            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, path, seen)
+            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, path, one)
             for trial in trials
         ]
         force, reading = (np.stack(signal) for signal in zip(*found, strict=True))

@@ -29,10 +29,8 @@ Array = NDArray[np.float64]
 Columns = Mapping[Effect, NDArray[Any]]  # (n, 1) or (n, 2) each [1]
 
 FOLDS: Final = 6
-POINTS: Final = 6  # of a grid over a shape of a decade or two, but for
-GRID: Final = {"frequency": 22, "length": 18, "pitch": 10} | dict.fromkeys(
-    ("damping", "distance", "forgets", "reload", "rise"), 2
-)
+POINTS: Final = 6  # of a grid over a shape of a decade or two
+GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2}  # of which others have many
 BATCH: Final = 24  # columns that are filtered side by side
 PEAKS: Final = 4  # of a spectrum that are looked at
 REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
@@ -211,7 +209,8 @@ def sized(effect: Effect, factor: Array) -> Effect:
 
 
 def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> list[Effect]:
-    """The effect at the points of its grid: shapes and widths spaced by logarithm, periods from spectra."""
+    """The effect at the points of its grid: shapes and widths spaced by logarithm, periods from spectra, switches
+    both ways."""
     typical = kind.typical()
     spectrum, axes = SPECTRA.get(kind.name), []  # for the first of the shapes
     for item in parameters(kind):
@@ -220,6 +219,8 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed)
             if spectrum:
                 points, spectrum = np.array(spectrum(item.low, item.high, fitted, records, own)), None
             axes.append([(item.name, point) for point in points])
+        elif item.role == "switch":
+            axes.append([(item.name, point) for point in (item.low, item.high)])
     return [replace(typical, **dict(point)) for point in itertools.product(*axes)]
 
 

@@ -131,8 +131,8 @@ def sampled(
     continuous = state_space(plant, stiffness)
     n, memory = continuous.nstates, (whole if whole_delay else 0) + (rest > 0)
     phi, _ = transition(continuous.A, continuous.B, sample_time)
-    acts = sample_time - rest  # the newer command
-    behind, late = transition(continuous.A, continuous.B, acts)
+    part = sample_time - rest  # in which the newer command acts
+    behind, late = transition(continuous.A, continuous.B, part)
     _, early = transition(continuous.A, continuous.B, rest)
     inputs = np.zeros((n, memory + 1))  # what u[k], u[k-1], ... contribute to the next state
     inputs[:, memory - (rest > 0)] += late[:, 0]
@@ -150,7 +150,7 @@ def sampled(
 
 
 def _space(a: Array, b: Array, c: Array, sample_time: float | None) -> control.StateSpace:
-    import control  # noqa: PLC0415  # brings what draws, and most commands neither use it nor draw
+    import control  # noqa: PLC0415  # imports matplotlib, and most commands neither design nor draw
 
     time = () if sample_time is None else (sample_time,)
     return control.StateSpace(a, b, c, np.zeros((1, 1)), *time, inputs=["u_M"], outputs=["x_T"])

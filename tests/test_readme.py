@@ -51,7 +51,7 @@ def test_the_trial_that_it_quotes_is_the_one_that_is_kept() -> None:
         sense = {"<=": "≤", ">=": "≥"}[check["sense"]]
         verdict = "holds" if check["holds"] else "MISSED"
         assert told[check["name"]] == (
-            f"{check['value']:.3g}{unit}",
+            f"{check['value']:.3g}{unit}" if check["value"] < 1000 else f"{check['value']:.0f}{unit}",
             f"{sense} {check['limit']:g}{unit}",
             verdict,
         )

@@ -45,7 +45,7 @@ T, X, V, H, U, MOVED, E, U_LAW = range(8)  # entries of `now`
 Z, STIFFNESS, LIMIT = range(3)  # rows of `contact`
 
 FAMILIES: Final = ("friction", "motor", "structure", "scale", "protocol")
-ROLES: Final = ("amplitude", "shape", "phase", "width")
+ROLES: Final = ("amplitude", "shape", "phase", "width", "switch")
 
 PLACES: Final = {
     "reading": "x [m] -> what the scale shows before noise and rounding [m], once a sample",
@@ -65,7 +65,8 @@ class Parameter:
     """A parameter of an effect: prior range low .. high and a typical size (SI), and the role that it plays.
 
     role: "amplitude" (the force or the reading is proportional to it, to first order; 0 is no effect), "shape" (a time,
-    speed, length or frequency), "phase" (0 .. 2 pi of a sine) or "width" (no proportional parameter; 0 is no effect).
+    speed, length or frequency), "phase" (0 .. 2 pi of a sine), "width" (no proportional parameter; 0 is no effect) or
+    "switch" (which of two laws it is: 0 or 1).
     """
 
     name: str
@@ -95,6 +96,12 @@ def parameter(
 def phase() -> Any:
     """The field of a sine's phase, in radians; A sin(s + phi) = A cos(phi) sin(s) + A sin(phi) cos(s)."""
     return parameter("1", "phase, in radians", 0.0, 2 * math.pi, "phase")
+
+
+def switch(meaning: str) -> Any:
+    """The field that tells which of two laws an effect has, 0 (the usual one) or 1; meaning: what 1 stands for."""
+    declared = value("1", f"{meaning} (1) or not (0)", at_least=0)
+    return dataclasses.field(metadata={**declared.metadata, "prior": ("switch", 0.0, 1.0, 0.0)})
 
 
 def hook(law: Hook) -> Hook:
@@ -127,11 +134,11 @@ class Effect(ABC):
 
     @classmethod
     def typical(cls) -> Self:
-        """The effect at its typical size: the geometric middle of the prior sizes, and a phase of 1."""
+        """The effect at its typical size: the geometric middle of the prior sizes, a phase of 1, no switch set."""
         return cls(**{item.name: item.typical for item in parameters(cls)})
 
     def off(self) -> Self:
-        """The effect with every amplitude and width at 0, which is no effect; shapes and phases stay."""
+        """The effect with every amplitude and width at 0, which is no effect; shapes, phases and switches stay."""
         roles = {item.name: item.role for item in parameters(type(self))}
         return dataclasses.replace(
             self, **{name: 0.0 for name, role in roles.items() if role in {"amplitude", "width"}}

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import LIMIT, MOVED, STIFFNESS, Effect, H, Numbers, T, V, X, Z, hook, parameter, phase
+from models.effects.base import LIMIT, MOVED, STIFFNESS, Effect, H, Numbers, T, V, X, Z, hook, parameter, phase, switch
 
 FORGOTTEN: Final = 5e-3  # s in which a table at rest loses its direction, where it does
 REST_SPEED: Final = 1e-4  # m/s; well below it a contact heals, well above it loses what it gained
@@ -34,8 +34,8 @@ class FrictionRelaxation(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = (
         r"F=\sum_i K_i\left[(1-b)z_i+b\,\zeta_i\right],\quad "
-        r"\dot\zeta_i=\dot z_i-\zeta_i/\tau\ (r\le\tfrac12)\ \text{or}\ "
-        r"\dot\zeta_i=\dot x-\zeta_i/\tau,\ |\zeta_i|\le X_i\ (r>\tfrac12)"
+        r"\dot\zeta_i=\dot z_i-\zeta_i/\tau\ (r=0)\ \text{or}\ "
+        r"\dot\zeta_i=\dot x-\zeta_i/\tau,\ |\zeta_i|\le X_i\ (r=1)"
     )
     source: ClassVar = (
         "Flügge 1975, Viscoelasticity (a Maxwell element beside a spring), here with the slip of each contact; "
@@ -44,7 +44,7 @@ class FrictionRelaxation(Effect):
     hooks: ClassVar = {"friction": _relaxing}
     part: float = parameter("1", "part b of the force that decays", 0.05, 0.3, "amplitude", at_least=0, below=1)
     time: float = parameter("s", "time constant tau", 0.05, 1.0, "shape", above=0)
-    reload: float = parameter("1", "r: whether slip loads it again (above 1/2) or not", 0.25, 1.0, "shape", above=0)
+    reload: float = switch("r: slip loads it again")
 
     def memory(self, elements: int) -> int:
         """A leaking displacement and the last displacement of each element."""
@@ -128,28 +128,28 @@ def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contac
 
 @dataclass(frozen=True)
 class DirectionalFriction(Effect):
-    """Friction is larger one way than the other; a table at rest keeps its direction, or has none.
+    """Friction is larger one way than the other; a table at rest keeps its direction, or loses it.
 
-    s is the sign of the speed but for a turn and, where a rest forgets it, for speeds below lambda / tau_0.
-
-    For strokes well above lambda: where contacts stick under a load, the law can give energy back.
+    s is the sign of the speed but for a turn, over lambda [m], and where a rest loses it for speeds below
+    lambda / tau_0 [m/s]. For strokes that let every contact slip: where contacts stick under a load, the law can give
+    energy back, and their force changes at rest with r = 1.
     """
 
     name: ClassVar = "directional_friction"
     family: ClassVar = "friction"
     equation: ClassVar = (
-        r"F(1+a\,s),\quad |s|\le 1,\quad \dot s=\dot x/\lambda\ (r\le\tfrac12)\ \text{or}\ "
-        r"\dot s=\dot x/\lambda-s/\tau_0\ (r>\tfrac12),\ \tau_0=5\,\mathrm{ms}"
+        r"F(1+a\,s),\quad |s|\le 1,\quad \dot s=\dot x/\lambda\ (r=0)\ \text{or}\ "
+        r"\dot s=\dot x/\lambda-s/\tau_0\ (r=1),\ \tau_0=5\,\mathrm{ms}"
     )
     source: ClassVar = (
         "Janot, Gautier and Brunot 2019, Data set and reference models of EMPS (friction that differs by direction); "
-        "over a distance, so that nothing jumps where the table turns, and at rest, which they do not say: assumed; "
-        "tau_0 and sizes assumed"
+        "over a distance, so that nothing jumps where the table turns, and what a rest does: assumed, as sizes; tau_0 "
+        "assumed such that the direction goes by speeds below 0.1 to 1 mm/s"
     )
     hooks: ClassVar = {"friction": _directional}
     asymmetry: float = parameter("1", "asymmetry a", 0.02, 0.1, "amplitude", signed=True, above=-1, below=1)
     distance: float = parameter("m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", above=0)
-    forgets: float = parameter("1", "r: whether a rest forgets it (above 1/2) or not", 0.25, 1.0, "shape", above=0)
+    forgets: float = switch("r: a rest loses the direction")
 
     def memory(self, elements: int) -> int:  # noqa: ARG002
         """The direction s."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import Effect, H, Numbers, X, hook, parameter, phase
+from models.effects.base import Effect, H, Numbers, X, hook, parameter, phase, switch
 
 RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
 FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated
@@ -173,10 +173,10 @@ class DacQuantisation(Effect):
     name: ClassVar = "dac_quantisation"
     family: ClassVar = "motor"
     equation: ClassVar = (
-        r"q\lfloor u/q+\tfrac12\rfloor\ (r\le\tfrac12)\ \text{or}\ "
-        r"q\left(\lfloor u/q\rfloor+\tfrac12\right)\ (r>\tfrac12)"
+        r"q\lfloor u/q+\tfrac12\rfloor\ (r=0)\ \text{or}\ "
+        r"q\left(\lfloor u/q\rfloor+\tfrac12\right)\ (r=1)"
     )
     source: ClassVar = "Widrow and Kollár 2008, Quantization noise (mid-tread and mid-rise); sizes assumed"
     hooks: ClassVar = {"command": _stepped}
     step: float = parameter("N", "step q", 1e-2, 1e-1, "width", at_least=0)
-    rise: float = parameter("1", "r: whether it jumps at zero (above 1/2) or not", 0.25, 1.0, "shape", above=0)
+    rise: float = switch("r: it jumps at zero")

@@ -12,7 +12,11 @@ from studies.command import Study, main
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of this study beyond those of all."""
     parser.add_argument(
-        "--cases", type=int, metavar="N", help="how many to seal and answer, from 1 on (default: 60; 4 with --quick)"
+        "--cases",
+        type=int,
+        metavar="N",
+        help="how many to seal and answer, from 1 on (default: 60; 4 with --quick). The "
+        "time of 300 or more is checked, too, on two cores, where nothing of an earlier run is in --output",
     )
     parser.add_argument(
         "--pack",

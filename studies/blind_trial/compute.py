@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from joblib import cpu_count
 
 from models.machine import Machine
 from studies.blind_trial import answering
@@ -28,8 +29,9 @@ CACHE: Final = Path("reports/out/.null")  # thresholds of a machine and a schedu
 DEFAULT: Final = 60
 QUICK: Final = 4
 ANSWERED: Final = 0.93  # of a trial's time, when all cases are; then come second measurements
-FULL: Final = 300  # cases from which on a trial is to take no more than A_CASE for each, on two cores
+FULL: Final = 300  # cases from which on a trial is to take no more than A_CASE for each, on so many CORES
 A_CASE: Final = 12.0  # s
+CORES: Final = 2
 SOURCE: Final = "what the trial is to reach"
 NOT_SHARED: Final = ("models", "design", "diagnosis")
 BASELINES: Final = ("refit_only", "aic_forward", "sparse_regression")
@@ -55,7 +57,7 @@ def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -
         if getattr(options, name) is not None:
             raise BadInputError(f"--{name}: a trial runs on the nominal.json of its pack; leave it out")
     output = options.output or Path("reports/out/blind_trial")
-    started, fresh = time.monotonic(), not (output / "answers.json").exists()
+    begun = time.monotonic() if _timed(options, output) else None
     trial = _trial(options, output, progress)
     scored = trial.key is not None
     conditions = Conditions(
@@ -92,10 +94,18 @@ def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -
     results["guards"] = _guards(trial, labels, answers)
     if not scored:
         results["table"] = [_row(name, one) for name, one in answers.items()]
-    if fresh:  # nothing was answered in an earlier run, whose time nobody knows
-        results["seconds"]["trial"] = time.monotonic() - started
+    if begun is not None:
+        results["seconds"]["trial"] = time.monotonic() - begun
     checks = _checks(results, quick=options.quick)
     return Answer(results, tuple(checks), {"answers.json": answers}, tuple(_summary(results)))
+
+
+def _timed(options: argparse.Namespace, output: Path) -> bool:
+    """Whether the time of this run is that of a trial: a pack of its own, nothing of another run in its folder, which
+    may have done a part of it, on the cores that the time is meant for."""
+    begins = not any((output / name).exists() for name in ("sealed", "answers.json"))
+    own = options.pack is None and options.scheduler is None and not options.quick
+    return own and begins and cpu_count() == CORES
 
 
 def _trial(options: argparse.Namespace, output: Path, progress: Progress) -> Trial:
@@ -167,7 +177,7 @@ def _outcome(answer: Mapping[str, Any]) -> str:
 
 
 def _seconds(answers: Mapping[str, Any]) -> dict[str, float | None]:
-    """Wall-clock time of a diagnosis [s], two or more of them side by side; of the whole trial where it is known."""
+    """Wall-clock time of a diagnosis [s], two or more of them side by side; that of the trial is put in later."""
     taken = [float(one["seconds"]) for one in answers.values() if one.get("seconds") is not None]
     if not taken:
         return {"median": None, "slowest": None, "total": None, "trial": None}

@@ -103,7 +103,7 @@ def _of_effect(kind: type[base.Effect]) -> Candidate:
         end = math.inf if below is None else 0.99 * below
         signed = one.low < 0
         least = one.typical**2 / one.high if signed else one.low  # the typical size is the geometric middle
-        ranges.append(Range(one.name, one.unit, least, one.high, one.role != "phase", signed, end))
+        ranges.append(Range(one.name, one.unit, least, one.high, one.role not in {"phase", "switch"}, signed, end))
 
     def put(machine: Machine, values: tuple[float, ...]) -> Machine:
         return replace(machine, effects=catalogue.in_order((*machine.effects, kind(*values))))

@@ -24,8 +24,10 @@ def test_it_is_map_in_the_same_order_whoever_is_done_first(cores: str, monkeypat
 
 @pytest.mark.parametrize("cores", [1, 2])
 def test_as_many_run_at_a_time_as_there_are_cores_to_use(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", str(cores))
-    monkeypatch.setattr("diagnosis.beside.cpu_count", lambda: cores)  # a machine may have one core only
+    if cores == 1:
+        monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
+    else:
+        monkeypatch.setattr("diagnosis.beside.cpu_count", lambda: cores)  # a machine may have one core only
     met = threading.Barrier(2)
 
     def meets(_: int) -> bool:
@@ -36,6 +38,16 @@ def test_as_many_run_at_a_time_as_there_are_cores_to_use(cores: int, monkeypatch
         return True
 
     assert list(beside(meets, range(2))) == [cores == 2] * 2
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_nothing_runs_before_it_is_asked_for(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("diagnosis.beside.cpu_count", lambda: cores)
+    done: list[int] = []
+    found = beside(done.append, [1, 2])
+    assert done == []
+    assert list(found) == [None, None]
+    assert sorted(done) == [1, 2]
 
 
 def test_what_goes_wrong_in_one_is_raised() -> None:

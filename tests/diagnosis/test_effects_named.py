@@ -19,9 +19,9 @@ from diagnosis.scan import UNSEEN, Finding, freed, scan
 from diagnosis.where_controller import replayed
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
-from models.effects.catalogue import every
 from models.record import Record
 from tests.diagnosis.tables import recorded, short, table
+from tests.models.effects.laws import laws
 
 SEVERITIES = (0.5, 1.0, 2.0)  # of the typical amplitude or width
 ALIKE = {  # what a record as short as this can't tell apart, with why
@@ -33,8 +33,8 @@ MACHINE = table()
 PLAN = (short(MACHINE),)
 
 
-def _sized(name: str, factor: float) -> Effect:
-    effect = every()[name].typical()
+def _sized(law: str, factor: float) -> Effect:
+    effect = laws()[law]
     sizes = {
         item.name: factor * getattr(effect, item.name)
         for item in parameters_of(type(effect))
@@ -60,11 +60,11 @@ def by_chance() -> dict[str, float]:
     return most
 
 
-@pytest.mark.parametrize("name", [name for name in every() if name not in UNSEEN])
-def test_the_effect_that_is_in_the_table_is_the_strongest_finding(name: str, by_chance: dict[str, float]) -> None:
-    first = []
+@pytest.mark.parametrize("law", [law for law, effect in laws().items() if effect.name not in UNSEEN])
+def test_the_effect_that_is_in_the_table_is_the_strongest_finding(law: str, by_chance: dict[str, float]) -> None:
+    first, name = [], laws()[law].name
     for seed, severity in enumerate(SEVERITIES):
-        best = _scanned(recorded(MACHINE, PLAN, [_sized(name, severity)], seed=10 + seed))[0]
+        best = _scanned(recorded(MACHINE, PLAN, [_sized(law, severity)], seed=10 + seed))[0]
         if best.held_out > max(LEAST, SAFETY * by_chance[best.effect.name]):
             first.append(best.effect.name)
     assert first, "no severity is seen at all"

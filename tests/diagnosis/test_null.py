@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from diagnosis import null
-from diagnosis.fit import Fit
+from diagnosis.fit import Fit, fit
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import parameters
 from diagnosis.null import SAFETY, Null
@@ -22,13 +23,13 @@ RECORDS = recorded(MACHINE, PLAN, seed=41)
 
 
 def test_columns_of_the_same_table_give_the_findings_that_it_gives_alone() -> None:
-    fit = fitted(MACHINE, RECORDS)
-    own = freed(fit, numbered(pieces(RECORDS), RECORDS))
-    alone, known = scan(fit, RECORDS, own)
+    found = fitted(MACHINE, RECORDS)
+    own = freed(found, numbered(pieces(RECORDS), RECORDS))
+    alone, known = scan(found, RECORDS, own)
     kinds = {effect.name for effect in known}
     assert "current_loop_lag" not in kinds  # the dead time explains nearly all of it
     assert {"cogging", "additional_mode", "viscous_friction"} <= kinds
-    shared, _ = scan(fit, RECORDS, own, known=known)
+    shared, _ = scan(found, RECORDS, own, known=known)
     plain, again = ({one.effect.name: one.held_out for one in findings} for findings in (alone, shared))
     assert again == pytest.approx(plain, rel=1e-4, abs=1e-3)  # columns are kept in single precision
 
@@ -37,13 +38,24 @@ def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatc
     layout = parameters(MACHINE, len(RECORDS))
     shared = null.null(layout, RECORDS, draws=4)
 
-    def alone_scan(fit: Fit, records: Sequence[Record], own: Freed, known: object = None) -> object:  # noqa: ARG001
-        return scan(fit, records, own)
+    def alone_scan(fitted: Fit, records: Sequence[Record], own: Freed, known: object = None) -> object:  # noqa: ARG001
+        return scan(fitted, records, own)
 
     monkeypatch.setattr(null, "scan", alone_scan)
     alone = null.null(layout, RECORDS, draws=4)
     for name, gains in alone.gains.items():  # of the first table, they are the same by construction
         assert max(shared.gains[name][1:]) == pytest.approx(max(gains[1:]), rel=0.3, abs=0.1 * null.LEAST), name
+
+
+def test_one_step_from_the_truth_is_as_good_as_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    layout = parameters(MACHINE, len(RECORDS))
+    step = null.null(layout, RECORDS, draws=3)
+    monkeypatch.setattr(null, "fit", lambda truth, made, *, iterations, walk: fit(truth, made, walk=walk))  # noqa: ARG005
+    whole = null.null(layout, RECORDS, draws=3)
+    for name, gains in whole.gains.items():
+        assert step.gains[name] == pytest.approx(gains, abs=0.1 * null.LEAST), name
+    assert np.array(step.variance) == pytest.approx(np.array(whole.variance), rel=1e-3)
+    assert step.spike == pytest.approx(whole.spike, rel=0.02)
 
 
 def test_a_threshold_is_beyond_the_largest_gain_by_chance() -> None:

@@ -156,7 +156,7 @@ def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(mon
     """Beside an effect on the friction, one that leaves it as it is."""
     records = recorded(MACHINE, PLAN, seed=12)
     layout = parameters(MACHINE, len(records))
-    candidate = Candidate(layout, balanced(layout, records), (DirectionalFriction(0.05, 2e-6, 0.4),))
+    candidate = Candidate(layout, balanced(layout, records), (DirectionalFriction(0.05, 2e-6, 0.0),))
     paths = smooth(candidate, records)
     seen = look(candidate, records, paths)
     trials = [in_order((*candidate.effects, Cogging(1.0, 0.035, 0.3)))]

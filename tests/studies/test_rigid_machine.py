@@ -4,6 +4,8 @@ each does its work, or says in one line what this machine lacks for its question
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -15,23 +17,33 @@ from studies.command import BAD_INPUT, DONE, main
 EMPS = DEFAULT.parent / "emps.toml"
 
 
-@pytest.mark.parametrize("name", ["deadbeat_design", "pid_tradeoff"])
-def test_a_study_designs_for_it_and_tells_of_it(name: str, tmp_path: Path) -> None:
-    study = import_module(f"studies.{name}.__main__").STUDY
-    assert main(study, ["--quick", "--machine", str(EMPS), "--output", str(tmp_path)]) == DONE
-    machine = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["machine"]
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The folder that a study's quick run on it wrote; run once."""
+
+    @cache
+    def run(name: str) -> Path:
+        output = tmp_path_factory.mktemp(name)
+        study = import_module(f"studies.{name}.__main__").STUDY
+        assert main(study, ["--quick", "--machine", str(EMPS), "--output", str(output)]) == DONE
+        return output
+
+    return run
+
+
+@pytest.mark.parametrize("study", ["deadbeat_design", "pid_tradeoff"])
+def test_a_study_designs_for_it_and_tells_of_it(study: str, designed: Callable[[str], Path]) -> None:
+    machine = json.loads((designed(study) / "results.json").read_text(encoding="utf-8"))["machine"]
     assert machine["drive"]["offset_N"] == -3.1648
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = (designed(study) / "report.html").read_text(encoding="utf-8")
     assert "drive: offset" in page
     for nonsense in (">nan<", ">inf<", "None N", "undefined"):
         assert nonsense not in page
 
 
-def test_an_integral_is_found_for_it(tmp_path: Path) -> None:
+def test_an_integral_is_found_for_it(designed: Callable[[str], Path]) -> None:
     """The PID in place has none: the size of the gains is then that of a rule."""
-    study = import_module("studies.pid_tradeoff.__main__").STUDY
-    assert main(study, ["--quick", "--no-report", "--machine", str(EMPS), "--output", str(tmp_path)]) == DONE
-    results = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["results"]
+    results = json.loads((designed("pid_tradeoff") / "results.json").read_text(encoding="utf-8"))["results"]
     assert results["present"]["ki_N_per_ms"] == 0
     assert results["present"]["ms"] == pytest.approx(1.78, abs=0.02)  # and it counts as the stable loop that it is
     assert results["chosen"]["ki_N_per_ms"] > 1e6

@@ -61,13 +61,13 @@ def test_an_effect_says_all_that_is_asked_of_it(name: str) -> None:
     assert {item.role for item in parameters(kind)} & {"amplitude", "width"}
     for item in parameters(kind):
         assert item.role in ROLES
-        assert item.low < item.typical < item.high
-        assert item.low > 0 or item.role == "phase" or item.low == -item.high
+        assert item.low < item.typical < item.high or item.role == "switch"
+        assert item.low > 0 or item.role in {"phase", "switch"} or item.low == -item.high
     assert kind.typical().values().tolist() == [item.typical for item in parameters(kind)]
 
 
 def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:
-    with pytest.raises(ValueError, match="role 'size' is unknown; give one of amplitude, shape, phase, width"):
+    with pytest.raises(ValueError, match="role 'size' is unknown; give one of amplitude, shape, phase, width, switch"):
         parameter("N", "a size", 1.0, 2.0, "size")
     assert parameters(every()["cogging"])[0].typical == pytest.approx(math.sqrt(0.5 * 5))
 

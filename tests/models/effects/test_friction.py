@@ -21,6 +21,10 @@ SLIDE = np.linspace(0.0, 4e-4, 41)  # well beyond the presliding region
 MOVES = st.lists(st.floats(-4e-5, 4e-5), min_size=3, max_size=30)
 
 
+def test_the_time_of_a_rest_is_that_of_the_equation() -> None:
+    assert FORGOTTEN == 5e-3
+
+
 def rubbing(path: Path, *effects: Effect) -> Array:
     return replay(FRICTION, effects, path, 0.0).friction
 
@@ -28,7 +32,7 @@ def rubbing(path: Path, *effects: Effect) -> Array:
 @given(
     MOVES,
     st.sampled_from(
-        [("play", 1e-6), ("directional_friction", 0.07, 2e-6, 0.4), ("position_dependent_friction", 0.1, 3e-3, 2.0)]
+        [("play", 1e-6), ("directional_friction", 0.07, 2e-6, 0.0), ("position_dependent_friction", 0.1, 3e-3, 2.0)]
     ),
     st.floats(0.1, 10),
 )
@@ -109,7 +113,7 @@ def test_stribeck_falls_with_speed(speed: float, rise: float, over: float) -> No
     assert force[-1, -1] == pytest.approx(COULOMB * (1 + rise * math.exp(-((speed / over) ** 2))))
 
 
-@given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6), st.sampled_from([0.25, 1.0]))
+@given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6), st.sampled_from([0.0, 1.0]))
 def test_directional_friction_differs_by_direction_and_never_jumps(
     asymmetry: float, distance: float, forgets: float
 ) -> None:
@@ -128,7 +132,7 @@ def test_the_direction_turns_over_twice_its_distance(asymmetry: float, distance:
     """Behind a reversal the factor falls from 1 + a to 1 - a in proportion to the way, whatever the force does."""
     path = through(np.concatenate([SLIDE, SLIDE[-1] - SLIDE]), parts=200)
     back = slice(200 * SLIDE.size, None)
-    ratio = (rubbing(path, make("directional_friction", asymmetry, distance, 0.4)) / rubbing(path)).ravel()[back]
+    ratio = (rubbing(path, make("directional_friction", asymmetry, distance, 0.0)) / rubbing(path)).ravel()[back]
     way = SLIDE[-1] - path.position.ravel()[back]
     assert ratio == pytest.approx(1 + asymmetry * np.maximum(1 - way / distance, -1))
 
@@ -203,5 +207,5 @@ def test_friction_with_play_dissipates(width: float, stroke: float) -> None:
 
 def test_two_effects_act_one_after_another() -> None:
     path = steady(0.05, 50)
-    both = rubbing(path, make("viscous_friction", 40.0), make("directional_friction", 0.1, 2e-6, 0.4))
+    both = rubbing(path, make("viscous_friction", 40.0), make("directional_friction", 0.1, 2e-6, 0.0))
     assert both[-1, -1] == pytest.approx((COULOMB + 40 * 0.05) * 1.1)

@@ -19,18 +19,20 @@ from models import simulator
 from models.controller import Controller, references
 from models.effects.base import Effect
 from models.effects.calling import pack
-from models.effects.catalogue import every
+from models.effects.catalogue import every, in_order
 from models.effects.kernel import Path, replay, run_effects
 from models.friction import elements
 from models.machine import Machine, load
 from models.plant import Plant, matrices, transition
 from models.record import feeding_sequence
 from models.simulator import Response, simulate, simulate_many
+from tests.models.effects.laws import laws
 from tests.models.effects.paths import TS, Array
 from tests.models.test_simulator import controlled, exact_scale, variation
 
 ROOT = File(__file__).parents[3]
 EVERY: Final = every()
+LAWS: Final = laws()
 TABLE: Final = exact_scale(load())
 CONTROLLER: Final = controlled(TABLE)
 TARGET: Final = feeding_sequence(20e-6, 2, 0.05, TS)
@@ -53,9 +55,9 @@ def bits(response: Response) -> tuple[bytes, ...]:
     return tuple(s.tobytes() for s in (*(getattr(response, n) for n in SIGNALS), record.command, record.position))
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", LAWS)
 def test_an_amplitude_of_zero_is_the_nominal_loop_bit_for_bit(name: str) -> None:
-    off = with_effects(TABLE, EVERY[name].typical().off())
+    off = with_effects(TABLE, LAWS[name].off())
     assert bits(simulate(off, CONTROLLER, TARGET)) == bits(simulate(TABLE, CONTROLLER, TARGET))
 
 
@@ -73,22 +75,22 @@ def test_the_loop_without_hooks_is_the_loop_without_effects(index: int) -> None:
     assert np.array_equal(run.z, nominal.elements)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", LAWS)
 def test_every_effect_shows_in_the_command(name: str) -> None:
     nominal = simulate(TABLE, CONTROLLER, TARGET).record.command
-    acting = simulate(with_effects(TABLE, EVERY[name].typical()), CONTROLLER, TARGET).record.command
-    assert np.max(np.abs(acting - nominal)) > FAINT.get(name, 1e-2)
+    acting = simulate(with_effects(TABLE, LAWS[name]), CONTROLLER, TARGET).record.command
+    assert np.max(np.abs(acting - nominal)) > FAINT.get(LAWS[name].name, 1e-2)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", LAWS)
 def test_every_effect_is_second_order(name: str) -> None:
-    machine = with_effects(TABLE, EVERY[name].typical())
+    machine = with_effects(TABLE, LAWS[name])
     truth = simulate(machine, CONTROLLER, TARGET, substeps=320).position
     coarse, fine = (
         np.max(np.abs(simulate(machine, CONTROLLER, TARGET, substeps=count).position - truth)) for count in (5, 40)
     )
     assert fine < 1e-8  # a tenth of the scale's resolution
-    if name != "dac_quantisation":  # a command beside the edge of a step falls to this side or to that
+    if LAWS[name].name != "dac_quantisation":  # a command beside the edge of a step falls to this side or to that
         assert fine < coarse / 8**1.6
 
 
@@ -102,9 +104,14 @@ def test_many_machines_with_and_without_effects() -> None:
 
 @pytest.mark.parametrize("dead_time", [1e-3, 1.3e-3])
 @pytest.mark.parametrize("damping", [0.0, 20.0])
-def test_a_replay_along_the_simulated_path_gives_the_simulated_friction(dead_time: float, damping: float) -> None:
-    """Open loop, sampled finely enough that the path between the samples is known; every friction effect at once."""
-    effects = tuple(kind.typical() for kind in EVERY.values() if kind.family in {"friction", "motor"})
+@pytest.mark.parametrize("other", [False, True])
+def test_a_replay_along_the_simulated_path_gives_the_simulated_friction(
+    dead_time: float, damping: float, *, other: bool
+) -> None:
+    """Open loop, sampled finely enough that the path between the samples is known; every friction effect at once, those
+    of two laws by the one or by the other."""
+    by_name = {effect.name: effect for effect in (list if other else reversed)(list(LAWS.values()))}
+    effects = in_order([effect for effect in by_name.values() if effect.family in {"friction", "motor"}])
     friction = elements(TABLE.friction.stiffness, TABLE.friction.limit, damping)
     fine, parts = 5e-5, 2
     control = replace(TABLE.control, sample_time=fine, pid=replace(TABLE.control.pid, kp=0.0, ki=0.0, kd=0.0))

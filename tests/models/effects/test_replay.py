@@ -12,6 +12,7 @@ from models.effects.base import Effect, Numbers, U, hook, parameter
 from models.effects.catalogue import every
 from models.effects.kernel import ACTING, Replayed, changed, kept, replay
 from models.machine import load
+from tests.models.effects.laws import laws
 from tests.models.effects.paths import through
 
 FRICTION = load().friction
@@ -24,10 +25,12 @@ def assert_same(one: Replayed, other: Replayed) -> None:
         assert np.array_equal(getattr(one, field.name), getattr(other, field.name)), field.name
 
 
-@pytest.mark.parametrize("beside", ["cogging", "directional_friction", "current_loop_lag", "scale_periodic_error"])
-@pytest.mark.parametrize("name", sorted(every()))
+@pytest.mark.parametrize(
+    "beside", ["cogging", "directional_friction forgets", "current_loop_lag", "scale_periodic_error"]
+)
+@pytest.mark.parametrize("name", sorted(laws()))
 def test_what_an_effect_leaves_as_it_is_need_not_be_computed_again(name: str, beside: str) -> None:
-    before, effect = [every()[beside].typical()], every()[name].typical()
+    before, effect = [laws()[beside]], laws()[name]
     bare = replay(FRICTION, before, PATH, 1e-3)
     now = [*before, effect]
     assert_same(

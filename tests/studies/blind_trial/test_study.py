@@ -32,6 +32,9 @@ def _stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compute, "DIAGNOSIS", "tests.studies.blind_trial.stand_in")
 
 
+TIME = "time of the whole trial, on two cores"
+
+
 def run(*options: Any) -> int:
     return main(STUDY, [str(option) for option in options])
 
@@ -94,22 +97,32 @@ def test_a_label_leaked_in_the_pack_is_a_missed_check(small_pack: Packer, tmp_pa
 
 
 def test_a_full_trial_is_held_to_its_time_unless_an_earlier_run_did_a_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compute, "FULL", 1)
+    monkeypatch.setattr(compute, "cpu_count", lambda: compute.CORES)
+    for held in (True, False):
+        run("--cases", "1", "--seed", "3", "--output", tmp_path / "out", "--no-report")
+        whole = results(tmp_path / "out")
+        checks = [check for check in whole["checks"] if check["name"] == TIME]
+        assert [check["limit"] for check in checks] == [compute.A_CASE] * held
+        assert [check["value"] for check in checks] == [whole["results"]["seconds"]["trial"]] * held
+        assert all(0 < check["value"] < 600 for check in checks)
+
+
+def test_the_time_of_fewer_cases_of_more_cores_or_of_a_given_pack_is_not_checked(
     small_pack: Packer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pack = small_pack(*BODIES)
-    monkeypatch.setattr(compute, "FULL", len(BODIES))
-    for held in (True, False):
-        run("--pack", pack, "--key", tmp_path / "pack-key.json", "--output", tmp_path / "out", "--no-report")
-        whole = results(tmp_path / "out")
-        checks = [check for check in whole["checks"] if check["name"] == "time of the whole trial, on two cores"]
-        assert [check["limit"] for check in checks] == [compute.A_CASE * len(BODIES)] * held
-        assert [check["value"] for check in checks] == [whole["results"]["seconds"]["trial"]] * held
-        assert all(check["value"] > 0 for check in checks)
-    monkeypatch.setattr(compute, "FULL", len(BODIES) + 1)
-    run("--pack", pack, "--key", tmp_path / "pack-key.json", "--output", tmp_path / "fewer", "--no-report")
-    assert "time of the whole trial, on two cores" not in {
-        check["name"] for check in results(tmp_path / "fewer")["checks"]
-    }
+    def held(*options: Any) -> bool:
+        run(*options, "--no-report")
+        return TIME in {check["name"] for check in results(options[-1])["checks"]}
+
+    monkeypatch.setattr(compute, "cpu_count", lambda: compute.CORES)
+    assert not held("--cases", "1", "--output", tmp_path / "few")
+    monkeypatch.setattr(compute, "FULL", 1)
+    assert not held("--pack", small_pack(*BODIES), "--key", tmp_path / "pack-key.json", "--output", tmp_path / "given")
+    monkeypatch.setattr(compute, "cpu_count", lambda: 8)
+    assert not held("--cases", "1", "--output", tmp_path / "many")
 
 
 @pytest.mark.parametrize(
