@@ -27,7 +27,7 @@ BOUND: Final = 3.0  # deviations of diagnosis.nominal.USUAL by which another par
 class Range:
     """One number of a candidate, from low to high (SI): logarithmic, of either sign, or neither (uniform).
 
-    end: what its law allows at most.
+    end: what its law allows at most. whole: 0 or 1.
     """
 
     name: str
@@ -37,11 +37,13 @@ class Range:
     logarithmic: bool = True
     signed: bool = False
     end: float = math.inf
+    whole: bool = False
 
     def at(self, u: float) -> float:
         """The number (SI) at u, 0 .. 1; a signed one is negative in the lower half, largest at both ends."""
         if not self.logarithmic:
-            return self.low + u * (self.high - self.low)
+            number = self.low + u * (self.high - self.low)
+            return float(round(number)) if self.whole else number
         sign, place = (math.copysign(1.0, u - 0.5), abs(2 * u - 1)) if self.signed else (1.0, u)
         return sign * self.low * math.exp(place * math.log(self.high / self.low))
 
@@ -103,7 +105,18 @@ def _of_effect(kind: type[base.Effect]) -> Candidate:
         end = math.inf if below is None else 0.99 * below
         signed = one.low < 0
         least = one.typical**2 / one.high if signed else one.low  # the typical size is the geometric middle
-        ranges.append(Range(one.name, one.unit, least, one.high, one.role not in {"phase", "switch"}, signed, end))
+        ranges.append(
+            Range(
+                one.name,
+                one.unit,
+                least,
+                one.high,
+                one.role not in {"phase", "switch"},
+                signed,
+                end,
+                one.role == "switch",
+            )
+        )
 
     def put(machine: Machine, values: tuple[float, ...]) -> Machine:
         return replace(machine, effects=catalogue.in_order((*machine.effects, kind(*values))))

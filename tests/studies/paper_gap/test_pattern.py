@@ -89,6 +89,8 @@ def test_beyond_begins_where_the_prior_ends_and_stops_where_the_law_does() -> No
 def test_a_range_is_even_on_the_logarithm_or_in_itself() -> None:
     assert Range("a", "1", 1.0, 100.0).at(0.5) == pytest.approx(10.0)
     assert Range("a", "1", 1.0, 3.0, logarithmic=False).at(0.5) == pytest.approx(2.0)
+    switch = Range("a", "1", 0.0, 1.0, logarithmic=False, whole=True)
+    assert [switch.at(u) for u in (0.0, 0.4, 0.6, 1.0)] == [0.0, 0.0, 1.0, 1.0]
 
 
 def test_candidates_change_the_table_and_nothing_of_the_control() -> None:
