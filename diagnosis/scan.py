@@ -21,6 +21,7 @@ from diagnosis.beside import beside
 from diagnosis.fit import FINE, ROOM, Fit, own_spread, weights
 from diagnosis.kalman import adjoint, predictor
 from diagnosis.residual import columns, noise
+from models.compiled import compiled
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import every, in_order
 from models.record import Record
@@ -117,13 +118,12 @@ def _findings(
     batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed, known: Columns
 ) -> tuple[list[Finding], Columns]:
     raw = [known[effect] for effect in batch] if batch[0] in known else _columns(batch, fitted, records)
-    whole, begin = own(np.hstack(raw)), 0
-    found, kept = list[Finding](), dict[Effect, NDArray[Any]]()
+    products, slopes = by_segment(own(np.hstack(raw)), own)
+    found, kept, begin = list[Finding](), dict[Effect, NDArray[Any]](), 0
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
-        remains = whole[:, begin:end]
-        found.append(judged(effect, remains, own))
-        if np.sum(remains**2) > REMAINS * np.sum(given**2):
+        found.append(judged(effect, products[:, begin:end], slopes[:, begin:end], own))
+        if products[:, begin:end, 0].sum() > REMAINS * np.sum(given**2):
             kept[effect] = given.astype(np.float32, copy=effect not in known)
         begin = end
     return found, kept
@@ -139,10 +139,14 @@ def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) ->
     return np.split(whole, ends[:-1], axis=1)
 
 
-def judged(effect: Effect, given: Array, own: Freed) -> Finding:
-    """The effect's amplitude by least squares, and its gains [1]; given (n, k): its freed columns."""
-    grams, slopes = by_segment(given, own)
-    ridge = 1e-9 * np.trace(grams.sum(axis=0)) * np.eye(given.shape[1]) + np.eye(given.shape[1]) * 1e-12
+def judged(effect: Effect, products: Array, slopes: Array, own: Freed) -> Finding:
+    """The effect's amplitude by least squares, and its gains [1], from what `by_segment` says of its one or two freed
+    columns: products (S, k, 2), slopes (S, k)."""
+    grams = np.zeros((*slopes.shape, slopes.shape[1]))
+    for i in range(slopes.shape[1]):
+        grams[:, i, i] = products[:, i, 0]
+        grams[:, i, i + 1 :] = grams[:, i + 1 :, i] = products[:, i, 1:][:, : slopes.shape[1] - i - 1]
+    ridge = (1e-9 * np.trace(grams.sum(axis=0)) + 1e-12) * np.eye(slopes.shape[1])
     total, slope = grams.sum(axis=0) + ridge, slopes.sum(axis=0)
     best = -np.linalg.solve(total, slope)
     if not _possible(effect, best):
@@ -166,18 +170,23 @@ def _possible(effect: Effect, factor: Array) -> bool:
 
 
 def by_segment(given: Array, own: Freed) -> tuple[Array, Array]:
-    """Gram matrices (segments, k, k) of columns (n, k) and their products (segments, k) with the
-    innovations; all [1]."""
-    count, k = own.fold.size, given.shape[1]
-    begin = np.concatenate([[0], np.flatnonzero(np.diff(own.segment)) + 1])
-    number = own.segment[begin]
-    grams, slopes = np.zeros((count, k, k)), np.zeros((count, k))
-    for i in range(k):
-        np.add.at(slopes[:, i], number, np.add.reduceat(given[:, i] * own.e, begin))
-        for j in range(i + 1):
-            np.add.at(grams[:, i, j], number, np.add.reduceat(given[:, i] * given[:, j], begin))
-            grams[:, j, i] = grams[:, i, j]
-    return grams, slopes
+    """Of freed columns (n, k), in each of S segments: products of each with itself and with the next (S, k, 2), and
+    with the innovations (S, k); all [1]."""
+    products, slopes = np.zeros((own.fold.size, given.shape[1], 2)), np.zeros((own.fold.size, given.shape[1]))
+    _sums(given, own.e, own.segment, products, slopes)
+    return products, slopes
+
+
+@compiled
+def _sums(given: Array, e: Array, segment: NDArray[np.int64], products: Array, slopes: Array) -> None:
+    n, k = given.shape
+    for t in range(n):
+        s = segment[t]
+        for i in range(k):
+            slopes[s, i] += given[t, i] * e[t]
+            products[s, i, 0] += given[t, i] * given[t, i]
+        for i in range(k - 1):
+            products[s, i, 1] += given[t, i] * given[t, i + 1]
 
 
 def quadratures(effect: Effect) -> tuple[Effect, ...]:

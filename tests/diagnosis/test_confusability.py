@@ -17,7 +17,7 @@ from diagnosis.motions import numbered, pieces
 from diagnosis.next_experiment import along, next_experiment, showing, virtual
 from diagnosis.nominal import parameters
 from diagnosis.residual import Candidate, columns, look
-from diagnosis.scan import freed, judged, quadratures
+from diagnosis.scan import by_segment, freed, judged, quadratures
 from diagnosis.where import where
 from diagnosis.where_words import words
 from models.controller import Controller
@@ -72,7 +72,7 @@ def test_the_distance_is_what_the_simulated_effect_gains(name: str) -> None:
     own = freed(fit, numbered(pieces(records), records))
     effect = every()[name].typical()
     given = own(columns(fit.candidate, [(effect,)], records, fit.paths, fit.seen) * weights(records)[:, None])
-    gain = judged(effect, given, own).gain
+    gain = judged(effect, *by_segment(given, own), own).gain
     assert gain == pytest.approx(_expected(effect), rel=0.35)
     assert gain > THRESHOLD
 
@@ -159,7 +159,7 @@ def test_the_proposal_holds_when_it_is_run() -> None:
     for effect in (cogging, every()["cable_spring"].typical()):
         variants = [(one,) for one in quadratures(effect)]
         given = own(columns(fit.candidate, variants, records, fit.paths, fit.seen) * weights(records)[:, None])
-        gains[effect.name] = judged(effect, given, own).gain
+        gains[effect.name] = judged(effect, *by_segment(given, own), own).gain
     assert gains["cogging"] - gains["cable_spring"] > THRESHOLD
 
 
