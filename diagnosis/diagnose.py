@@ -26,7 +26,7 @@ from diagnosis.fit import Fit, at_bounds, largest, weights
 from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
 from diagnosis.lateness import LATE
 from diagnosis.motions import Piece, numbered, pieces
-from diagnosis.nominal import Parameters, parameters
+from diagnosis.nominal import parameters
 from diagnosis.null import Null, null
 from diagnosis.orders import Orders, added, in_all_orders, shrinking
 from diagnosis.residual import noise, smooth
@@ -87,6 +87,17 @@ class Diagnosis:
         return self.steps[-1].fitted
 
 
+@dataclass(frozen=True)
+class Baseline:
+    """What every effect is judged against: the nominal machine re-fitted, the records and their pieces, and what the
+    search finds where nothing is missing."""
+
+    nominal: Fit
+    records: tuple[Record, ...]
+    pieces: tuple[Piece, ...]
+    null: Null
+
+
 def diagnose(
     machine: Machine,
     records: Sequence[Record],
@@ -100,6 +111,14 @@ def diagnose(
 
     cache: a folder in which the null's thresholds are kept for other records of the same schedule.
     """
+    found = baseline(machine, records, progress=progress, cache=cache)
+    return diagnosed(found, seed=seed, disabled=disabled, progress=progress)
+
+
+def baseline(
+    machine: Machine, records: Sequence[Record], *, progress: Progress | None = None, cache: Path | None = None
+) -> Baseline:
+    """The first half of `diagnose`: what does not depend on which effects there are in the records."""
     say = progress or (lambda _share, _text: None)
     say(0.02, "re-fitting what is nominal; thresholds: the same search where nothing is missing")
     given = parameters(machine, len(records))
@@ -110,9 +129,16 @@ def diagnose(
             lambda: null(given, records, cache=cache, say=lambda text: say(0.1, text)),
         ),
     )
-    layout = nominal.candidate.layout
-    found = pieces(records)
-    segment = numbered(found, records)
+    return Baseline(nominal, tuple(records), pieces(records), thresholds)
+
+
+def diagnosed(
+    found: Baseline, *, seed: int = 0, disabled: Collection[str] = (), progress: Progress | None = None
+) -> Diagnosis:
+    """The second half: which effects explain what the baseline leaves, and how far the gap shrinks."""
+    say = progress or (lambda _share, _text: None)
+    nominal, records, thresholds = found.nominal, found.records, found.null
+    segment = numbered(found.pieces, records)
     say(0.5, "every effect of the catalogue against what is left")
     steps = search_effects(
         nominal,
@@ -125,21 +151,14 @@ def diagnose(
     )
     orders = in_all_orders(steps, records, thresholds.thresholds, thresholds.floors(records))
     say(0.9, "how far the gap shrinks")
-    return _concluded(layout, records, orders, found, thresholds, seed, disabled)
+    return _concluded(found, orders, seed, disabled)
 
 
-def _concluded(
-    layout: Parameters,
-    records: Sequence[Record],
-    orders: Orders,
-    found: tuple[Piece, ...],
-    thresholds: Null,
-    seed: int,
-    disabled: Collection[str],
-) -> Diagnosis:
-    segment = numbered(found, records)
+def _concluded(found: Baseline, orders: Orders, seed: int, disabled: Collection[str]) -> Diagnosis:
+    records, thresholds, machine = found.records, found.null, found.nominal.candidate.layout.machine
+    segment = numbered(found.pieces, records)
     steps, names, far, outcome = _adequate(orders.steps, records, segment, seed, disabled, thresholds.spike)
-    departs = any(not replayed(layout.machine, record).replays for record in records)
+    departs = any(not replayed(machine, record).replays for record in records)
     stages = steps if outcome == ATTRIBUTED else shrinking(orders, records)
     if departs and "controller_mismatch" not in disabled:  # seen in the log itself, whatever else is left
         if outcome != ATTRIBUTED:
@@ -161,7 +180,7 @@ def _concluded(
     shares = {name: share / sum(kept.values()) for name, share in kept.items()}
     unexplained = 0.0 if outcome in {PARAMETERS, NOTHING} else float(np.clip(1 - far.closure, 0.0, 1.0))
     return Diagnosis(
-        outcome, names, partly, rivals, unexplained, which, far, shares, steps, found, tuple(records), thresholds
+        outcome, names, partly, rivals, unexplained, which, far, shares, steps, found.pieces, records, thresholds
     )
 
 

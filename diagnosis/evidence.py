@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from operator import call
+from pathlib import Path
 from typing import Any, Final
 
 from diagnosis.beside import beside
 from diagnosis.confusability import Confusability, confusability
 from diagnosis.confusability import to_json as confusion
-from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Diagnosis
+from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Baseline, Diagnosis, Progress, baseline, diagnosed
 from diagnosis.next_experiment import Proposal, along, next_experiment, showing
 from diagnosis.where import Where, where
 from diagnosis.where import to_json as place
 from diagnosis.where_words import LEAST, SURE
+from models.machine import Machine
+from models.record import Record
 
 UNSHOWN: Final = 6  # effects that these records cannot show, for which an experiment is looked for
 
@@ -41,15 +44,37 @@ class Evidence:
 
 def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0) -> Evidence:
     """Beside a diagnosis, of the nominal model re-fitted; disabled: names of effects that are not to be used; SI."""
-    nominal, records = found.nominal, found.records
-    lies, apart = beside(
+    return _evidence(found, _looked(found, disabled, seed), seed)
+
+
+def examined(
+    machine: Machine,
+    records: Sequence[Record],
+    *,
+    seed: int = 0,
+    disabled: Collection[str] = (),
+    progress: Progress | None = None,
+    cache: Path | None = None,
+) -> tuple[Diagnosis, Evidence]:
+    """`diagnose` with its evidence, which needs the baseline only: the two are looked for beside each other; SI."""
+    begun = baseline(machine, records, progress=progress, cache=cache)
+    found, looked = beside(
         call,
         (
-            lambda: where(nominal, records, found.pieces, seed=seed, spike=found.null.spike),
-            lambda: confusability(nominal, records, disabled),
+            lambda: diagnosed(begun, seed=seed, disabled=disabled, progress=progress),
+            lambda: _looked(begun, disabled, seed),
         ),
     )
-    return Evidence(lies, apart, _proposal(found, lies, apart, seed))
+    return found, _evidence(found, looked, seed)
+
+
+def _looked(found: Baseline | Diagnosis, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
+    lies = where(found.nominal, found.records, found.pieces, seed=seed, spike=found.null.spike)
+    return lies, confusability(found.nominal, found.records, disabled)
+
+
+def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) -> Evidence:
+    return Evidence(*looked, _proposal(found, *looked, seed))
 
 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.diagnose import diagnose as diagnosis_of
 from diagnosis.diagnose import to_json as verdict_of
-from diagnosis.evidence import Evidence, evidence
+from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments import suite, to_csv
 from diagnosis.motions import Piece
 from diagnosis.where_json import pictures
@@ -45,16 +44,14 @@ def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) 
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
     unused = disabled(options.disable)
     given = _given(machine, options, progress)
-    found = diagnosis_of(
+    found, beside = examined(
         given.machine,
         given.records,
         seed=options.seed,
         disabled=unused,
-        progress=lambda share, text: progress(0.05 + 0.6 * share, text),
+        progress=lambda share, text: progress(0.05 + 0.9 * share, text),
         cache=CACHE,
     )
-    progress(0.7, "where the gap lies, and what these records cannot tell")
-    beside = evidence(found, disabled=unused, seed=options.seed)
     better = improved(found, [str(one["name"]) for one in given.shown])
     adopted = [effect.name for effect in better.effects]
     results = {**_results(found, beside, given, quick=options.quick), "adopted": adopted}

@@ -13,6 +13,7 @@ import pytest
 
 from diagnosis import diagnose as module
 from diagnosis.diagnose import ATTRIBUTED, NONE, NOTHING, PARAMETERS, Diagnosis, _outcome, _rivals, diagnose, to_json
+from diagnosis.evidence import evidence, examined
 from diagnosis.fit import SPIKE, largest
 from diagnosis.where import where
 from diagnosis.where_words import _spike
@@ -143,11 +144,13 @@ def test_a_controller_that_does_not_replay_is_named(cache: Path) -> None:
     assert "controller_mismatch" in found.effects
 
 
-def test_the_answer_is_the_same_each_time(cache: Path) -> None:
+def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(cache: Path) -> None:
     records: tuple[Record, ...] = recorded(MACHINE, PLAN, [ViscousFriction(40.0)], seed=1)
-    first, again = (to_json(diagnose(MACHINE, records, cache=cache)) for _ in range(2))
-    assert np.array_equal(first["how_far"]["closure_interval"], again["how_far"]["closure_interval"])
-    assert first == again
+    found = diagnose(MACHINE, records, cache=cache)
+    again, stands = examined(MACHINE, records, cache=cache)
+    assert np.array_equal(found.how_far.interval, again.how_far.interval)
+    assert to_json(found) == to_json(again)
+    assert stands.to_json() == evidence(found).to_json()
 
 
 def _stage(cost: float, names: Sequence[str], rivals: Sequence[tuple[str, float]] = ()) -> Any:
