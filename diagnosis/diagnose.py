@@ -371,7 +371,8 @@ def _row(named: Named) -> dict[str, Any]:
     if named.effect is not None:
         for item in parameters_of(type(named.effect)):
             number = float(getattr(named.effect, item.name))
-            values[item.name] = {"value": number, "unit": item.unit, "std": named.deviation.get(item.name)}
+            std = named.deviation.get(item.name)
+            values[item.name] = {"value": number, "unit": item.unit, "std": std, "role": item.role}
     return {
         "effect": named.name,
         "parameters": values,

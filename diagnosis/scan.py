@@ -31,7 +31,7 @@ Columns = Mapping[Effect, NDArray[Any]]  # (n, 1) or (n, 2) each [1]
 
 FOLDS: Final = 6
 POINTS: Final = 6  # of a grid over a shape of a decade or two
-GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2}  # of which others have many
+GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2}  # points of these shapes
 BATCH: Final = 24  # columns that are filtered side by side
 PEAKS: Final = 4  # of a spectrum that are looked at
 REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
@@ -142,11 +142,11 @@ def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) ->
 def judged(effect: Effect, products: Array, slopes: Array, own: Freed) -> Finding:
     """The effect's amplitude by least squares, and its gains [1], from what `by_segment` says of its one or two freed
     columns: products (S, k, 2), slopes (S, k)."""
-    grams = np.zeros((*slopes.shape, slopes.shape[1]))
-    for i in range(slopes.shape[1]):
-        grams[:, i, i] = products[:, i, 0]
-        grams[:, i, i + 1 :] = grams[:, i + 1 :, i] = products[:, i, 1:][:, : slopes.shape[1] - i - 1]
-    ridge = (1e-9 * np.trace(grams.sum(axis=0)) + 1e-12) * np.eye(slopes.shape[1])
+    k = slopes.shape[1]
+    grams = products[:, :, :1] * np.eye(k)
+    if k == 2:  # a sine and a cosine
+        grams[:, 0, 1] = grams[:, 1, 0] = products[:, 0, 1]
+    ridge = (1e-9 * np.trace(grams.sum(axis=0)) + 1e-12) * np.eye(k)
     total, slope = grams.sum(axis=0) + ridge, slopes.sum(axis=0)
     best = -np.linalg.solve(total, slope)
     if not _possible(effect, best):
@@ -171,7 +171,7 @@ def _possible(effect: Effect, factor: Array) -> bool:
 
 def by_segment(given: Array, own: Freed) -> tuple[Array, Array]:
     """Of freed columns (n, k), in each of S segments: products of each with itself and with the next (S, k, 2), and
-    with the innovations (S, k); all [1]."""
+    with the innovations (S, k); all [1]. One pass over a whole batch: its columns pass through memory once."""
     products, slopes = np.zeros((own.fold.size, given.shape[1], 2)), np.zeros((own.fold.size, given.shape[1]))
     _sums(given, own.e, own.segment, products, slopes)
     return products, slopes

@@ -99,9 +99,9 @@ def phase() -> Any:
 
 
 def switch(meaning: str) -> Any:
-    """The field that tells which of two laws an effect has, 0 (the usual one) or 1; meaning: what 1 stands for."""
-    declared = value("1", f"{meaning} (1) or not (0)", at_least=0)
-    return dataclasses.field(metadata={**declared.metadata, "prior": ("switch", 0.0, 1.0, 0.0)})
+    """The int field that tells which of two laws an effect has, 0 (the usual one) or 1; meaning: what 1 stands for."""
+    declared = value("1", f"{meaning} (1) or not (0)", at_least=0, below=2)
+    return dataclasses.field(metadata={**declared.metadata, "prior": ("switch", 0, 1, 0)})
 
 
 def hook(law: Hook) -> Hook:

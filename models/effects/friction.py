@@ -44,7 +44,7 @@ class FrictionRelaxation(Effect):
     hooks: ClassVar = {"friction": _relaxing}
     part: float = parameter("1", "part b of the force that decays", 0.05, 0.3, "amplitude", at_least=0, below=1)
     time: float = parameter("s", "time constant tau", 0.05, 1.0, "shape", above=0)
-    reload: float = switch("r: slip loads it again")
+    reload: int = switch("r: slip loads it again")
 
     def memory(self, elements: int) -> int:
         """A leaking displacement and the last displacement of each element."""
@@ -144,12 +144,12 @@ class DirectionalFriction(Effect):
     source: ClassVar = (
         "Janot, Gautier and Brunot 2019, Data set and reference models of EMPS (friction that differs by direction); "
         "over a distance, so that nothing jumps where the table turns, and what a rest does: assumed, as sizes; tau_0 "
-        "assumed such that the direction goes by speeds below 0.1 to 1 mm/s"
+        "such that the direction goes by speeds below 0.1 to 1 mm/s, as that of the blind trial's sealer"
     )
     hooks: ClassVar = {"friction": _directional}
     asymmetry: float = parameter("1", "asymmetry a", 0.02, 0.1, "amplitude", signed=True, above=-1, below=1)
     distance: float = parameter("m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", above=0)
-    forgets: float = switch("r: a rest loses the direction")
+    forgets: int = switch("r: a rest loses the direction")
 
     def memory(self, elements: int) -> int:  # noqa: ARG002
         """The direction s."""

@@ -102,7 +102,7 @@ def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -
 
 def _timed(options: argparse.Namespace, output: Path) -> bool:
     """Whether the time of this run is that of a trial: a pack of its own, nothing of another run in its folder, which
-    may have done a part of it, on the cores that the time is meant for."""
+    may have done a part of it, on the cores that the time is meant for. Thresholds in CACHE count as given."""
     begins = not any((output / name).exists() for name in ("sealed", "answers.json"))
     own = options.pack is None and options.scheduler is None and not options.quick
     return own and begins and cpu_count() == CORES

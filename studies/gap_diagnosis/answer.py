@@ -88,11 +88,13 @@ def _others(verdict: Results) -> str:
 
 
 def _parameters(row: Results | None) -> str:
-    """The fitted values in brackets; phases are left to the table."""
+    """The fitted values in brackets; phases and switches are left to the table."""
     if row is None or not row["parameters"]:
         return ""
     shown = [
-        f"{effect(name)} {fitted(item, 3, show)}" for name, item in sorted(row["parameters"].items()) if name != "phase"
+        f"{effect(name)} {fitted(item, 3, show)}"
+        for name, item in sorted(row["parameters"].items())
+        if item["role"] not in {"phase", "switch"}
     ]
     return f" ({', '.join(shown)})"
 

@@ -49,7 +49,7 @@ def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) 
         given.records,
         seed=options.seed,
         disabled=unused,
-        progress=lambda share, text: progress(0.05 + 0.9 * share, text),
+        progress=lambda share, text: progress(0.05 + 0.8 * share, text),
         cache=CACHE,
     )
     better = improved(found, [str(one["name"]) for one in given.shown])

@@ -43,7 +43,7 @@ class Range:
         """The number (SI) at u, 0 .. 1; a signed one is negative in the lower half, largest at both ends."""
         if not self.logarithmic:
             number = self.low + u * (self.high - self.low)
-            return float(round(number)) if self.whole else number
+            return round(number) if self.whole else number
         sign, place = (math.copysign(1.0, u - 0.5), abs(2 * u - 1)) if self.signed else (1.0, u)
         return sign * self.low * math.exp(place * math.log(self.high / self.low))
 

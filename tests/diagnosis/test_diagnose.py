@@ -25,7 +25,7 @@ from tests.diagnosis.tables import LEAD, recorded, schedules, table
 
 MACHINE = table()
 PLAN = schedules(MACHINE)
-RELAXATION = FrictionRelaxation(0.15, 0.2, 0.25)
+RELAXATION = FrictionRelaxation(0.15, 0.2, 0)
 
 
 @pytest.fixture(scope="module")

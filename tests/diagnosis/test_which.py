@@ -156,7 +156,7 @@ def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(mon
     """Beside an effect on the friction, one that leaves it as it is."""
     records = recorded(MACHINE, PLAN, seed=12)
     layout = parameters(MACHINE, len(records))
-    candidate = Candidate(layout, balanced(layout, records), (DirectionalFriction(0.05, 2e-6, 0.0),))
+    candidate = Candidate(layout, balanced(layout, records), (DirectionalFriction(0.05, 2e-6, 0),))
     paths = smooth(candidate, records)
     seen = look(candidate, records, paths)
     trials = [in_order((*candidate.effects, Cogging(1.0, 0.035, 0.3)))]
@@ -168,6 +168,6 @@ def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(mon
 
 def test_a_step_beyond_its_prior_range_is_no_bent_law() -> None:
     """Many steps tell their size; a shape that only its bound keeps is another law."""
-    assert not at_bounds(DacQuantisation(0.15, 1.0))
+    assert not at_bounds(DacQuantisation(0.15, 1))
     assert not at_bounds(Cogging(1.0, 0.05, 0.3))
     assert at_bounds(Cogging(1.0, 0.09, 0.3))

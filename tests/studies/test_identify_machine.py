@@ -164,7 +164,7 @@ def test_the_example_of_the_readme_runs(tmp_path: Path, records: list[Path], mon
 
 def test_with_friction_that_grows_with_speed_it_goes_into_others_too(tmp_path: Path, table: Machine) -> None:
     """Into those that optimise, too: tests/studies/test_improved_machine.py."""
-    effects = catalogue.in_order([ViscousFriction(60.0), DirectionalFriction(0.05, 2e-6, 0.0)])
+    effects = catalogue.in_order([ViscousFriction(60.0), DirectionalFriction(0.05, 2e-6, 0)])
     path = tmp_path / "machine.toml"
     path.write_text(to_toml(own_curve(replace(table, published=None, effects=effects))), encoding="utf-8")
     assert load(path).effects == effects
@@ -174,7 +174,7 @@ def test_with_friction_that_grows_with_speed_it_goes_into_others_too(tmp_path: P
 
 def test_viscous_friction_and_its_direction_are_written(tmp_path: Path, table: Machine) -> None:
     """From strokes of 20 mm at up to 0.1 m/s, whose friction is a tenth larger forwards; and an offset beside it."""
-    effects = catalogue.in_order([ViscousFriction(80.0), DirectionalFriction(0.1, 2e-6, 0.0)])
+    effects = catalogue.in_order([ViscousFriction(80.0), DirectionalFriction(0.1, 2e-6, 0)])
     t = np.arange(round(10 / table.sample_time)) * table.sample_time
     path = 0.01 * np.sin(2 * np.pi * t * (0.5 + 0.05 * t))
     record = own_records.run(replace(table, effects=effects), path, np.zeros(t.size), 4)

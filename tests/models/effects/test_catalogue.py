@@ -102,7 +102,7 @@ def test_two_effects_of_one_name_in_a_package_are_refused(tmp_path: Path, monkey
 
 def test_a_machine_file_keeps_every_effect(tmp_path: Path) -> None:
     effects = [kind.typical() for kind in every().values()]
-    effects += [make("friction_relaxation", 0.1, 0.8, 1.0)]  # one effect may have two members
+    effects += [make("friction_relaxation", 0.1, 0.8, 1)]  # one effect may have two members
     machine = replace(load(), effects=in_order(reversed(effects)))
     path = tmp_path / "machine.toml"
     path.write_text(to_toml(machine), encoding="utf-8")
@@ -137,6 +137,8 @@ def test_values_of_effects_have_sources(tmp_path: Path) -> None:
         ("[effects]\nplay = 3", "effects.play: is no table; write [effects.play] with its values below"),
         ('[effects.play]\nwidth = "1 N"', "effects.play.width: '1 N' is in N, but this is a quantity in m"),
         ('[effects.play]\nwidht = "1 um"', "effects.play.widht: unknown; did you mean 'width'?"),
+        ('[effects.dac_quantisation]\nstep = "0.1 N"\nrise = "0.4"', "dac_quantisation.rise: '0.4' is no whole number"),
+        ('[effects.dac_quantisation]\nstep = "0.1 N"\nrise = 2', "dac_quantisation.rise: 2 must be below 2"),
         ('[effects.play]\nwidth = "-1 um"', "effects.play.width: -1 µm must be at least 0 m"),
         (
             '[effects.additional_mode]\ngain = "1e-3 1/kg"\nfrequency = "2 kHz"\ndamping = "0.01"',
