@@ -2,7 +2,8 @@
 
 An effect at its typical size changes the whitened innovations by a column. How far that column is from the best that
 another effect and the nominal parameters, within their priors, can make is a distance in units of the noise: its square
-is the chi-square by which the right effect would win. Linear in the effects' sizes; three points of each shape.
+is the chi-square by which the right effect would win. Linear in the effects' sizes; three points of each shape,
+a switch both ways.
 """
 
 from __future__ import annotations
