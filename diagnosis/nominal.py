@@ -38,8 +38,8 @@ class Tolerance:
 
 
 FAR: Final = 3.0  # prior deviations that a value may be off
-FURTHER: Final = 8.0  # that these may be: a load or a drive is changed and forgotten; friction's values add up as it is
-LOOSE: Final = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping", "dead_time")
+FURTHER: Final = 8.0  # that these may be: a load, a drive or the rollers' preload is changed and forgotten
+LOOSE: Final = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level")
 USUAL = Tolerance(0.015, 0.055, 0.005, 0.12, 2e-5, 0.2, 0.03, 0.03, 0.03)
 
 

@@ -205,7 +205,9 @@ CATALOGUE: Final[Mapping[str, Law]] = {
         "s", 1e-06, 1.3e-05, 0.0003, plain, _late, "exponentially distributed, one command in fifteen"
     ),
     "amplifier_deadband": Law("N", 0.005, 0.05, 0.6, plain, fields("deadband"), "u - w tanh(u/w)"),
-    "dac_quantisation": Law("N", 0.01, 0.08, 0.15, plain, fields("dac"), "steps with a jump at zero"),
+    "dac_quantisation": Law(
+        "N", 0.01, 0.08, 0.15, between(ladder=(0.1, 0.25)), fields("dac"), "uneven steps: three bits off their weight"
+    ),
     "additional_mode": Law(
         "1",
         0.002,

@@ -91,6 +91,7 @@ class Physics(NamedTuple):
     eddy: float = 0.0
     eddy_place: float = 0.03
     eddy_width: float = 0.005
+    ladder: float = 0.0
 
 
 class Run(NamedTuple):

@@ -169,9 +169,15 @@ def amplifier(p: Physics, u: float) -> float:
     """The drive's input at a command u: what is small and what is rounded."""
     if p.deadband > 0.0:
         u -= p.deadband * math.tanh(u / p.deadband)
-    if p.dac > 0.0:
-        u = p.dac * (math.floor(u / p.dac) + 0.5)
-    return u
+    return converted(p, u) if p.dac > 0.0 else u
+
+
+@compiled
+def converted(p: Physics, u: float) -> float:
+    """The level [N] of a converter whose three lowest bits weigh more, less and more than they should."""
+    code = math.floor(u / p.dac)
+    uneven = 1.0 * (code % 2 - 0.5) - 0.7 * (code // 2 % 2 - 0.5) + 1.3 * (code // 4 % 2 - 0.5)
+    return float(p.dac * (code + 0.5 + p.ladder * uneven))
 
 
 @compiled
