@@ -211,8 +211,9 @@ def _linearised(
     walk: float,
 ) -> Fit:
     e = np.concatenate([one.innovations for one in seen]) * weight
-    slopes = nominal_slopes(candidate, records, seen, walk) * weight[:, None]
-    own = slopes_of(candidate, records, paths, seen, walk) * weight[:, None]
+    slopes, own = nominal_slopes(candidate, records, seen, walk), slopes_of(candidate, records, paths, seen, walk)
+    slopes *= weight[:, None]
+    own *= weight[:, None]
     return Fit(candidate, tuple(paths), tuple(seen), e, slopes, own, _cost(candidate, seen, weight), walk)
 
 
@@ -223,10 +224,11 @@ def _search(
     cost, what it leaves and the damping for the next step. If none does, the last tried and its larger cost."""
     candidate, layout = here.candidate, here.candidate.layout
     wide = np.concatenate([layout.deviation, own_spread(candidate.effects)])
-    whole = np.hstack([here.slopes, here.own]) * wide
     stands = np.concatenate([candidate.theta / layout.deviation, *(_stand(effect) for effect in candidate.effects)])
-    normal = whole.T @ whole + np.eye(wide.size)
-    onto = -(whole.T @ here.innovations) - stands
+    crossed = here.slopes.T @ here.own
+    whole = np.block([[here.slopes.T @ here.slopes, crossed], [crossed.T, here.own.T @ here.own]])
+    normal = wide[:, None] * whole * wide + np.eye(wide.size)
+    onto = -wide * np.concatenate([here.slopes.T @ here.innovations, here.own.T @ here.innovations]) - stands
     low, high = _room(candidate, wide)
     while True:
         step = within(normal + damping * np.eye(wide.size), onto, low, high) * wide

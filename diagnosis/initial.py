@@ -73,7 +73,7 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
     model = predictor(
         machine.plant, record.sample_time, walk=fitted.walk, noise=noise(machine), shaken=candidate.shaken
     )
-    columns = responses(model, force) / model.deviation
+    columns = responses(model, force)
     part = slice(begin, begin + n)
     others = np.setdiff1d(np.arange(layout.count), where)
     basis = fitted.slopes[part][:, others] * layout.deviation[others]

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 SUBSTEPS: Final = 2  # of a sample interval; the force within one counts as constant
 BLOCK: Final = 8  # samples that a filter of many columns takes at once
+TOGETHER: Final = 8  # columns that it takes at once: what is kept of them on the way is small
 JITTER: Final = 0.08  # [N] a sample: white, for what friction on a smoothed position leaves; clean tables like it best
 
 
@@ -125,25 +126,30 @@ def innovations(model: Predictor, force: Array, reading: Array, start: Array) ->
 
 def responses(model: Predictor, force: Array, reading: Array | None = None) -> Array:
     """What k forces (k, n, M) [N], added to the net force, and additions (k, n) [m] to the reading change of the
-    innovations: (n, k) [m], a column's samples next to each other.
+    whitened innovations: (n, k) [1], a column's samples next to each other.
 
-    BLOCK samples at once: what a block's input does within it is one product with all blocks of all columns, so that
+    BLOCK samples at once: what a block's input does within it is one product with all blocks of a few columns, so that
     only the state at the head of each block is left to a recursion.
     """
     count, n, parts = force.shape
     blocks, size = -(-n // BLOCK), model.C.size
     within, kept, onto, behind = _block(model, model.B)
-    given = _blocked(force.reshape(count, n * parts), blocks, BLOCK * parts)
-    e, entering = given @ within.T, given @ onto.T
-    if reading is not None:
-        own, _, more, _ = _block(model, (model.A @ model.gain)[:, None])
-        given = _blocked(np.asarray(reading), blocks, BLOCK)
-        e += given @ (own + np.eye(BLOCK)).T
-        entering += given @ more.T
-    heads = np.empty((count, blocks, size))
-    _heads(behind, entering.reshape(count, blocks, size), heads)
-    e += heads.reshape(-1, size) @ kept.T
-    return np.asarray(e.reshape(count, blocks * BLOCK)[:, :n].T)
+    own, _, more, _ = _block(model, (model.A @ model.gain)[:, None])
+    e, heads = np.empty((count, blocks * BLOCK)), np.empty((TOGETHER, blocks, size))
+    for first in range(0, count, TOGETHER):
+        some = slice(first, first + TOGETHER)
+        out = e[some].reshape(-1, BLOCK)
+        given = _blocked(force[some].reshape(-1, n * parts), blocks, BLOCK * parts)
+        np.matmul(given, within.T / model.deviation, out=out)
+        entering = given @ onto.T
+        if reading is not None:
+            given = _blocked(np.asarray(reading[some]), blocks, BLOCK)
+            out += given @ ((own + np.eye(BLOCK)).T / model.deviation)
+            entering += given @ more.T
+        of_these = heads[: len(out) // blocks]
+        _heads(behind, entering.reshape(of_these.shape), of_these)
+        out += of_these.reshape(-1, size) @ (kept.T / model.deviation)
+    return np.asarray(e[:, :n].T)
 
 
 def _block(model: Predictor, entry: Array) -> tuple[Array, Array, Array, Array]:

@@ -78,7 +78,7 @@ def mark(model: Predictor) -> Array:
     """What a force of 1 N over the first sample leaves in the whitened innovations: (REACH,) [1]."""
     pulse = np.zeros((1, REACH, SUBSTEPS))
     pulse[0, 0] = 1.0
-    return np.asarray(responses(model, pulse)[:, 0] / model.deviation)
+    return np.asarray(responses(model, pulse)[:, 0])
 
 
 def _signals(fitted: Fit, index: int, record: Record) -> tuple[Array, Array, Array]:

@@ -245,13 +245,15 @@ def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequen
     machine, layout = candidate.machine, candidate.layout
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
 
-    def part(i: int, record: Record, one: Seen) -> Array:
-        slopes = np.zeros((layout.count, record.position.size)).T  # a column's samples next to each other
+    ends = np.cumsum([record.position.size for record in records])
+    whole = np.zeros((layout.count, ends[-1])).T  # a column's samples next to each other
+
+    def fill(i: int, record: Record, one: Seen, slopes: Array) -> None:
         _plant_slopes(candidate, record, one, model, slopes)
         _force_slopes(candidate, machine, record, i, one, model, slopes)
-        return slopes
 
-    return np.concatenate(list(beside(part, range(len(records)), records, seen)))
+    list(beside(fill, range(len(records)), records, seen, np.split(whole, ends[:-1])))
+    return np.asarray(whole)
 
 
 def _plant_slopes(candidate: Candidate, record: Record, seen: Seen, model: Predictor, slopes: Array) -> None:
@@ -296,7 +298,7 @@ def _force_slopes(
     force[1], force[2] = -1.0, -seen.acts.friction
     elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
     _element_slopes(seen.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
-    slopes[:, order] = responses(model, force) / model.deviation
+    slopes[:, order] = responses(model, force)
 
 
 @compiled
@@ -333,12 +335,11 @@ def columns(
     model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
 
     def part(i: int, record: Record, path: Smoothed, one: Seen) -> Array:
-        found = [
-            _differences(replace(candidate, effects=tuple(trial)), candidate, machine, record, i, path, one)
-            for trial in trials
-        ]
-        force, reading = (np.stack(signal) for signal in zip(*found, strict=True))
-        return responses(model, force, -reading if np.any(reading) else None) / model.deviation
+        force, reading = np.empty((len(trials), *one.force.shape)), np.empty((len(trials), record.position.size))
+        for j, trial in enumerate(trials):
+            other = replace(candidate, effects=tuple(trial))
+            force[j], reading[j] = _differences(other, candidate, machine, record, i, path, one)
+        return responses(model, force, -reading if np.any(reading) else None)
 
     return np.concatenate(list(beside(part, range(len(records)), records, paths, seen)))
 

@@ -60,7 +60,8 @@ class Freed:
 
     def __call__(self, given: NDArray[Any]) -> Array:
         """Columns (n, k) freed likewise."""
-        return np.asarray(given - self.basis @ cho_solve(self.factor, self.basis.T @ given), float)
+        out = self.basis @ cho_solve(self.factor, self.basis.T @ given)
+        return np.asarray(np.subtract(given, out, out=out))
 
 
 def freed(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> Freed:

@@ -95,7 +95,7 @@ def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
         here = basis[begin : begin + record.position.size]
         begin += record.position.size
         force = np.repeat(here.T[:, :, None], fitted.seen[i].force.shape[1], axis=2)
-        parts.append(responses(model, force) / model.deviation)
+        parts.append(responses(model, force))
     return np.concatenate(parts)
 
 
@@ -107,7 +107,7 @@ def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
         here = PROBE * basis[begin : begin + record.position.size]
         begin += record.position.size
         force = np.stack([_friction_change(fitted, record, i, added) for added in here.T])
-        parts.append(responses(model, force, -here.T) / model.deviation)
+        parts.append(responses(model, force, -here.T))
     return np.concatenate(parts)
 
 

@@ -89,10 +89,10 @@ def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
         return refit(layout, records, effects)
     drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
     follows = refit(replace(layout, machine=replace(machine, drive=drive, sources=sources)), records, effects)
-    bounded = replace(follows.candidate, layout=layout)
-    if fit(bounded, records, paths=follows.paths, iterations=2, walk=follows.walk).cost > follows.cost:
-        return follows
-    return min(follows, refit(layout, records, effects), key=lambda fitted: fitted.cost)
+    bounded = fit(replace(follows.candidate, layout=layout), records, paths=follows.paths, walk=follows.walk)
+    if follows.cost - bounded.cost > ENOUGH:  # another drive: what it was fitted from may be no good start
+        bounded = refit(layout, records, effects)
+    return min(follows, bounded, key=lambda fitted: fitted.cost)
 
 
 def _started(fitted: Fit, records: Sequence[Record]) -> Fit:

@@ -49,16 +49,17 @@ def test_the_adjoint_gives_every_inner_product(seed: int) -> None:
     rng, model = np.random.default_rng(seed), _model()
     e, force, reading = rng.standard_normal(203), rng.standard_normal((3, 203, SUBSTEPS)), rng.standard_normal((3, 203))
     by_force, by_reading = adjoint(model, e)
-    found = e @ responses(model, force, reading)
+    found = e @ responses(model, force, reading) * model.deviation
     wanted = np.einsum("ns,kns->k", by_force, force) + reading @ by_reading
     assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.max(np.abs(wanted)))
 
 
 def test_columns_side_by_side_are_the_filter_itself() -> None:
     rng, model = np.random.default_rng(1), _model(shaken=(Resonance(8.0, 0.1, 0.02),))
-    force, reading = rng.standard_normal((5, 403, SUBSTEPS)), rng.standard_normal((5, 403))
-    alone = [innovations(model, force[j], reading[j], np.zeros(model.C.size)) for j in range(5)]
-    assert np.allclose(responses(model, force, reading), np.stack(alone, axis=1), rtol=1e-10, atol=1e-10)
+    force, reading = rng.standard_normal((11, 403, SUBSTEPS)), rng.standard_normal((11, 403))
+    alone = [innovations(model, force[j], reading[j], np.zeros(model.C.size)) for j in range(11)]
+    whitened = np.stack(alone, axis=1) / model.deviation
+    assert np.allclose(responses(model, force, reading), whitened, rtol=1e-10, atol=1e-10 / model.deviation)
 
 
 def _simulated(
