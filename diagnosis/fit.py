@@ -202,6 +202,17 @@ def fit(
     return _linearised(candidate, records, known, seen, weight, walk)
 
 
+def one_step(candidate: Candidate, records: Sequence[Record], *, walk: float = WALK) -> Fit:
+    """The candidate fitted by one step, where it stands so near that its paths and slopes are those behind the step;
+    walk: of the unknown force [N a sample]."""
+    weight, paths = weights(records), smooth(candidate, records)
+    here = _linearised(candidate, records, paths, look(candidate, records, paths, walk), weight, walk)
+    moved, cost, seen, _ = _search(here, records, weight, damping=1.0)
+    if cost >= here.cost:
+        return here
+    return replace(here, candidate=moved, seen=seen, innovations=_innovations(seen, weight), cost=cost)
+
+
 def _linearised(
     candidate: Candidate,
     records: Sequence[Record],
@@ -210,11 +221,19 @@ def _linearised(
     weight: Array,
     walk: float,
 ) -> Fit:
-    e = np.concatenate([one.innovations for one in seen]) * weight
     slopes, own = nominal_slopes(candidate, records, seen, walk), slopes_of(candidate, records, paths, seen, walk)
     slopes *= weight[:, None]
     own *= weight[:, None]
-    return Fit(candidate, tuple(paths), tuple(seen), e, slopes, own, _cost(candidate, seen, weight), walk)
+    return Fit(
+        candidate,
+        tuple(paths),
+        tuple(seen),
+        _innovations(seen, weight),
+        slopes,
+        own,
+        _cost(candidate, seen, weight),
+        walk,
+    )
 
 
 def _search(
@@ -300,7 +319,12 @@ def _moved(candidate: Candidate, step: Array) -> Candidate:
 
 def _cost(candidate: Candidate, seen: Sequence[Seen], weight: Array) -> float:
     """-2 log of the posterior, but for a constant."""
-    e = np.concatenate([one.innovations for one in seen]) * weight
+    e = _innovations(seen, weight)
     scale = sum(2 * (one.innovations.size - STARTING) * float(np.log(one.deviation)) for one in seen)
     stands = [candidate.theta / candidate.layout.deviation, *(_stand(effect) for effect in candidate.effects)]
     return float(e @ e) + scale + sum(float(stand @ stand) for stand in stands)
+
+
+def _innovations(seen: Sequence[Seen], weight: Array) -> Array:
+    """Those of all records (n,) [1] that count."""
+    return np.concatenate([one.innovations for one in seen]) * weight

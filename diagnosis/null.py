@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.beside import beside
-from diagnosis.fit import SPIKE, Fit, fit, largest
+from diagnosis.fit import SPIKE, Fit, largest, one_step
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import Parameters, bounded, initial_state
 from diagnosis.residual import STARTING, Candidate
@@ -140,7 +140,7 @@ def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects))
     made = [*beside(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
-    fitted = fit(truth, made, iterations=1, walk=WALK_OF_SCAN)  # it begins at the truth: one step is enough
+    fitted = one_step(truth, made, walk=WALK_OF_SCAN)
     return fitted, made, freed(fitted, numbered(pieces(made), made))
 
 

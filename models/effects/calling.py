@@ -12,7 +12,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from models.compiled import compiled
+from models.compiled import inlined
 from models.effects.base import PLACES, Effect
 
 Array = NDArray[np.float64]
@@ -57,17 +57,16 @@ def pack(effects: Sequence[Effect], elements: int) -> Hooks:
     )
 
 
-@compiled
+@inlined
 def act(place: int, value: float, hooks: Hooks, now: Array, contact: Array) -> float:
     """What the hooks at a place make of a value, one after another; units: PLACES, SI."""
     for j in range(hooks.first[place], hooks.first[place + 1]):
-        span = hooks.span[j]
         value = call(
             hooks.law[j],
             value,
-            hooks.parameters[span[0] : span[1]],
+            hooks.parameters[hooks.span[j, 0] : hooks.span[j, 1]],
             now,
-            hooks.memory[span[2] : span[3]],
+            hooks.memory[hooks.span[j, 2] : hooks.span[j, 3]],
             contact,
         )
     return value

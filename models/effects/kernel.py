@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.compiled import compiled
+from models.compiled import compiled, inlined
 from models.effects.base import MOVED, U_LAW, E, Effect, H, T, U, V, X
 from models.effects.calling import COMMAND, CONTROL, FORCE, FRICTION, LIMIT, PATH, READING, THRUST, Hooks, act, pack
 from models.friction import Friction
@@ -276,7 +276,7 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
     run.z[:] = contact[0]
 
 
-@compiled
+@inlined
 def rubbed(at: float, seen: float, elements: Array, hooks: Hooks, now: Array, contact: Array) -> tuple[float, float]:
     """Moves the friction's contacts to the position `at` [m]: (where they now see themselves [m], friction [N]).
 

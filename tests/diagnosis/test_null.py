@@ -50,7 +50,7 @@ def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatc
 def test_one_step_from_the_truth_is_as_good_as_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     layout = parameters(MACHINE, len(RECORDS))
     step = null.null(layout, RECORDS, draws=3)
-    monkeypatch.setattr(null, "fit", lambda truth, made, *, iterations, walk: fit(truth, made, walk=walk))  # noqa: ARG005
+    monkeypatch.setattr(null, "one_step", fit)
     whole = null.null(layout, RECORDS, draws=3)
     for name, gains in whole.gains.items():
         assert step.gains[name] == pytest.approx(gains, abs=0.1 * null.LEAST), name
