@@ -19,7 +19,7 @@ study: $(ENVIRONMENT)
 	$(BIN)/python -m studies.deadbeat_design
 
 test: check
-	$(BIN)/python -m pytest --numprocesses logical --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 check: $(ENVIRONMENT)
 	$(BIN)/ruff format --check .

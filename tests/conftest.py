@@ -13,16 +13,13 @@ settings.register_profile("reproducible", deadline=None, derandomize=True)
 settings.load_profile("reproducible")
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """On several cores, tests that share a quick run stay in one process, and those of a file, for its fixtures.
+    """Tests that look at quick runs come first, those of one study's behind each other.
 
-    With pytest 9.2 and xdist 3.8 the groups have no effect: xdist writes them into a name that pytest does not read.
-    The quick runs come first: begun last, the longest would keep one core busy while the others have nothing to do.
+    Each of several processes begins with an unbroken part of all tests and takes from the end of another's when it has
+    none left, so that one of them makes nearly all quick runs, each once, and the fixtures of most files are made once.
     """
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(f"quick run of {_study(item)}" if _shared(item) else str(item.path)))
-    items.sort(key=lambda item: not _shared(item))
+    items.sort(key=lambda item: (not _shared(item), _study(item) if _shared(item) else ""))
 
 
 def _shared(item: pytest.Item) -> bool:

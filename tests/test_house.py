@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -24,7 +26,6 @@ MAY_IMPORT = {
 QUANTITIES = re.compile(r"\b(float|Array|ArrayLike|NDArray)\b")
 
 
-# Modules whose docstrings do not all give units yet.
 def modules(package: str) -> Iterator[Path]:
     yield from sorted((ROOT / package).rglob("*.py"))
 
@@ -87,3 +88,9 @@ def test_the_lock_pins_with_hashes_and_names_no_index() -> None:
     wanted = re.findall(r"^[\w-]+", (ROOT / "requirements.in").read_text(encoding="utf-8"), re.MULTILINE)
     locked = {name.removesuffix("==").replace("-", "_") for name in pinned}
     assert {name.replace("-", "_") for name in wanted} <= locked
+
+
+def test_a_diagnosis_does_not_wait_for_what_only_designs_and_reports_use() -> None:
+    script = "import sys, diagnosis.evidence; print(*sorted({'control', 'matplotlib'} & set(sys.modules)))"
+    found = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == []

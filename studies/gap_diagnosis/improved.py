@@ -62,4 +62,5 @@ def _effects(
         std = known.get(id(effect), {})
         for item in parameters_of(type(effect)):
             spread = f"; standard deviation {show(std[item.name], item.unit, 2)}" if item.name in std else ""
+            spread = "; the better of two laws" if item.role == "switch" else spread
             yield f"effects.{path}.{item.name}", Provenance("identified", f"gap_diagnosis of {detail}{spread}")
