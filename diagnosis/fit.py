@@ -203,8 +203,8 @@ def fit(
 
 
 def one_step(candidate: Candidate, records: Sequence[Record], *, walk: float = WALK) -> Fit:
-    """The candidate fitted by one step, where it stands so near that its paths and slopes are those behind the step;
-    walk: of the unknown force [N a sample]."""
+    """The candidate fitted by one step, where it stands so near that the paths and slopes before the step, which it
+    keeps, hold behind it, too; walk: of the unknown force [N a sample]."""
     weight, paths = weights(records), smooth(candidate, records)
     here = _linearised(candidate, records, paths, look(candidate, records, paths, walk), weight, walk)
     moved, cost, seen, _ = _search(here, records, weight, damping=1.0)

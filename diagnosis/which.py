@@ -90,9 +90,10 @@ def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
     drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
     follows = refit(replace(layout, machine=replace(machine, drive=drive, sources=sources)), records, effects)
     bounded = fit(replace(follows.candidate, layout=layout), records, paths=follows.paths, walk=follows.walk)
+    found = [follows, bounded]
     if follows.cost - bounded.cost > ENOUGH:  # another drive: what it was fitted from may be no good start
-        bounded = refit(layout, records, effects)
-    return min(follows, bounded, key=lambda fitted: fitted.cost)
+        found.append(refit(layout, records, effects))
+    return min(found, key=lambda fitted: fitted.cost)
 
 
 def _started(fitted: Fit, records: Sequence[Record]) -> Fit:

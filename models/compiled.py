@@ -20,8 +20,9 @@ def compiled(kernel: Kernel) -> Kernel:
 
 
 def inlined(kernel: Kernel) -> Kernel:
-    """`compiled` for a part of one compiled kernel, in which it is then written out.
+    """`compiled` for a part of compiled kernels, in which it is then written out.
 
-    So the compiler knows there what it knows in that kernel, such as the lengths of local arrays.
+    So the compiler knows there what it knows in that kernel, such as the lengths of local arrays; and where many arrays
+    are handed over for little work, the call costs more than the work.
     """
     return cast(Kernel, numba.njit(inline="always", error_model="numpy", fastmath=False)(kernel))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Final
 
@@ -29,7 +29,8 @@ def improved(found: Diagnosis, records: Sequence[str]) -> Machine:
     detail = ", ".join(records)
     sources = {**nominal.sources, **dict(_refitted(nominal, candidate.machine, detail))}
     if candidate.effects:
-        sources |= dict(_effects(candidate.effects, taken.candidate.effects, deviations_of(taken), detail))
+        stays = {effect.name for effect in nominal.effects}
+        sources |= dict(_effects(candidate.effects, taken.candidate.effects, deviations_of(taken), stays, detail))
     for field in fields(Presliding):  # they follow from the elements, which have moved
         sources[f"presliding.{field.name}"] = Provenance("derived", "from the friction elements")
     return replace(
@@ -54,13 +55,20 @@ def _refitted(before: Machine, after: Machine, detail: str) -> Iterator[tuple[st
 
 
 def _effects(
-    effects: Sequence[Effect], fitted: Sequence[Effect], stds: Sequence[Mapping[str, float]], detail: str
+    effects: Sequence[Effect],
+    fitted: Sequence[Effect],
+    stds: Sequence[Mapping[str, float]],
+    stays: Collection[str],
+    detail: str,
 ) -> Iterator[tuple[str, Provenance]]:
-    """A source for every value of the effects, with its standard deviation where the fit has one."""
+    """A source for every value of the effects, with its standard deviation where the fit has one; stays: names of those
+    whose law the machine file gave, so that nobody chose it."""
     known = {id(effect): std for effect, std in zip(fitted, stds, strict=True)}
     for path, effect in named(effects).items():
         std = known.get(id(effect), {})
         for item in parameters_of(type(effect)):
+            if item.role == "switch" and effect.name in stays:
+                continue
             spread = f"; standard deviation {show(std[item.name], item.unit, 2)}" if item.name in std else ""
             spread = "; the better of two laws" if item.role == "switch" else spread
             yield f"effects.{path}.{item.name}", Provenance("identified", f"gap_diagnosis of {detail}{spread}")

@@ -60,6 +60,9 @@ def test_columns_side_by_side_are_the_filter_itself() -> None:
     alone = [innovations(model, force[j], reading[j], np.zeros(model.C.size)) for j in range(11)]
     whitened = np.stack(alone, axis=1) / model.deviation
     assert np.allclose(responses(model, force, reading), whitened, rtol=1e-10, atol=1e-10 / model.deviation)
+    still = np.zeros(model.C.size)
+    by_force = np.stack([innovations(model, one, np.zeros(403), still) for one in force], axis=1) / model.deviation
+    assert np.allclose(responses(model, force), by_force, rtol=1e-10, atol=1e-10 * np.max(np.abs(by_force)))
 
 
 def _simulated(

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from diagnosis import null
-from diagnosis.fit import Fit, fit
+from diagnosis.fit import Fit, fit, one_step
+from diagnosis.initial import balanced
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import parameters
 from diagnosis.null import SAFETY, Null
+from diagnosis.residual import Candidate
 from diagnosis.scan import Freed, freed, scan
 from models.record import Record
 from tests.diagnosis.tables import recorded, table
@@ -49,6 +51,8 @@ def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatc
 
 def test_one_step_from_the_truth_is_as_good_as_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     layout = parameters(MACHINE, len(RECORDS))
+    start = Candidate(layout, balanced(layout, RECORDS))
+    assert one_step(start, RECORDS).cost < fit(start, RECORDS, iterations=0).cost - null.LEAST
     step = null.null(layout, RECORDS, draws=3)
     monkeypatch.setattr(null, "one_step", fit)
     whole = null.null(layout, RECORDS, draws=3)

@@ -27,6 +27,7 @@ from models.effects.catalogue import in_order
 from models.effects.friction import DirectionalFriction, Stribeck
 from models.effects.kernel import ACTING
 from models.effects.motor import Cogging, DacQuantisation
+from models.friction import elements
 from tests.diagnosis.tables import recorded, schedules, table
 
 MACHINE = table()
@@ -43,6 +44,16 @@ def test_whether_the_drive_follows_beyond_its_rating_is_read_off_the_records(tru
     follows = truth is MACHINE
     assert found.drive.rated_thrust == (most if follows else WEAK.drive.rated_thrust)
     assert found.sources["drive.rated_thrust"].kind == ("identified" if follows else "paper")
+
+
+def test_a_table_whose_contacts_are_all_much_softer_is_re_fitted() -> None:
+    """By more than each contact's own tolerance and three times the level's."""
+    friction = MACHINE.friction
+    softer = elements(0.78 * np.array(friction.stiffness), np.array(friction.limit), friction.damping)
+    records = recorded(replace(MACHINE, friction=softer), PLAN, seed=17, wrong=0.0)
+    found = refit_within(MACHINE, records)
+    assert np.mean(found.innovations**2) < 1.02
+    assert sum(found.candidate.machine.friction.stiffness) == pytest.approx(sum(softer.stiffness), rel=0.02)
 
 
 def test_records_beside_each_other_give_what_they_give_one_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
