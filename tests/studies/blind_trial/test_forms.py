@@ -166,3 +166,7 @@ def test_every_sealed_effect_without_memory_is_looked_at() -> None:
     """But for two that are no curve: the floor's is a signal drawn at random, the controller's one of four changes."""
     plain = {name for name in CATALOGUE if every()[name].hooks and not every()[name].typical().memory(10)}
     assert plain == set(CURVES) | {"floor_vibration", "controller_mismatch"}
+
+
+def test_all_of_the_catalogue_is_sealed_but_what_no_size_shows() -> None:
+    assert set(every()) - set(CATALOGUE) == {"scale_gain_error"}
