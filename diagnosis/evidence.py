@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from operator import call
-from pathlib import Path
 from typing import Any, Final
 
 from diagnosis.beside import beside
 from diagnosis.confusability import Confusability, confusability
 from diagnosis.confusability import to_json as confusion
-from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Baseline, Diagnosis, Progress, baseline, diagnosed
+from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Baseline, Diagnosis, Progress, diagnosed
 from diagnosis.next_experiment import Proposal, along, next_experiment, showing
 from diagnosis.where import Where, where
 from diagnosis.where import to_json as place
 from diagnosis.where_words import LEAST, SURE
-from models.machine import Machine
-from models.record import Record
 
 UNSHOWN: Final = 6  # effects that these records cannot show, for which an experiment is looked for
 
@@ -48,16 +45,9 @@ def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0)
 
 
 def examined(
-    machine: Machine,
-    records: Sequence[Record],
-    *,
-    seed: int = 0,
-    disabled: Collection[str] = (),
-    progress: Progress | None = None,
-    cache: Path | None = None,
+    begun: Baseline, *, seed: int = 0, disabled: Collection[str] = (), progress: Progress | None = None
 ) -> tuple[Diagnosis, Evidence]:
-    """`diagnose` with its evidence, which needs the baseline only: the two are looked for beside each other; SI."""
-    begun = baseline(machine, records, progress=progress, cache=cache)
+    """`diagnosed` with its evidence, which needs the baseline only: the two are looked for beside each other; SI."""
     found, looked = beside(
         call,
         (

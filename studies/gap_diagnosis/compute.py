@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnose import Diagnosis, baseline
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments import suite, to_csv
@@ -44,14 +44,12 @@ def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) 
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
     unused = disabled(options.disable)
     given = _given(machine, options, progress)
-    found, beside = examined(
-        given.machine,
-        given.records,
-        seed=options.seed,
-        disabled=unused,
-        progress=lambda share, text: progress(0.05 + 0.8 * share, text),
-        cache=CACHE,
-    )
+
+    def say(share: float, text: str) -> None:
+        progress(0.05 + 0.8 * share, text)
+
+    begun = baseline(given.machine, given.records, progress=say, cache=CACHE)
+    found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
     better = improved(found, [str(one["name"]) for one in given.shown])
     adopted = [effect.name for effect in better.effects]
     results = {**_results(found, beside, given, quick=options.quick), "adopted": adopted}
