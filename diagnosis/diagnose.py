@@ -23,7 +23,21 @@ from numpy.typing import NDArray
 from diagnosis.beside import beside
 from diagnosis.candidates import HALF, Named, candidates
 from diagnosis.fit import Fit, at_bounds, largest, weights
-from diagnosis.how_far import Gap, HowFar, Late, closure, gap, held_out, left_of, mirrored, signal
+from diagnosis.how_far import (
+    Closed,
+    Gap,
+    HowFar,
+    Late,
+    Least,
+    closure,
+    gap,
+    held_out,
+    left_of,
+    measured,
+    mirrored,
+    signal,
+)
+from diagnosis.kalman import JITTER
 from diagnosis.lateness import LATE
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import parameters
@@ -58,10 +72,21 @@ MIRRORS: Final = 2  # simulated records of the final model, whose mean is the fl
 
 
 @dataclass(frozen=True)
+class Baseline:
+    """What every effect is judged against: the nominal machine re-fitted, the records and their pieces, and what the
+    search finds where nothing is missing."""
+
+    nominal: Fit
+    records: tuple[Record, ...]
+    pieces: tuple[Piece, ...]
+    null: Null
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """All that was found: the outcome, the names, the stages of the search, what is left, how far the gap shrinks, the
-    effects' shares of it over all orders of addition [1]. partly: effects that take off a part of what is left, where
-    none explains it."""
+    effects' shares of it over all orders of addition [1], and the baseline that it began with. partly: effects that
+    take off a part of what is left, where none explains it."""
 
     outcome: str
     effects: tuple[str, ...]
@@ -72,30 +97,12 @@ class Diagnosis:
     how_far: HowFar
     shares: Mapping[str, float]
     steps: tuple[Step, ...]
-    pieces: tuple[Piece, ...]
-    records: tuple[Record, ...]
-    null: Null
-
-    @property
-    def nominal(self) -> Fit:
-        """The re-fitted nominal machine."""
-        return self.steps[0].fitted
+    baseline: Baseline
 
     @property
     def final(self) -> Fit:
         """The model with the effects in it."""
         return self.steps[-1].fitted
-
-
-@dataclass(frozen=True)
-class Baseline:
-    """What every effect is judged against: the nominal machine re-fitted, the records and their pieces, and what the
-    search finds where nothing is missing."""
-
-    nominal: Fit
-    records: tuple[Record, ...]
-    pieces: tuple[Piece, ...]
-    null: Null
 
 
 def diagnose(
@@ -156,8 +163,7 @@ def diagnosed(
 
 def _concluded(found: Baseline, orders: Orders, seed: int, disabled: Collection[str]) -> Diagnosis:
     records, thresholds, machine = found.records, found.null, found.nominal.candidate.layout.machine
-    segment = numbered(found.pieces, records)
-    steps, names, far, outcome = _adequate(orders.steps, records, segment, seed, disabled, thresholds.spike)
+    steps, names, closed, outcome = _adequate(found, orders.steps, seed, disabled)
     departs = any(not replayed(machine, record).replays for record in records)
     stages = steps if outcome == ATTRIBUTED else shrinking(orders, records)
     if departs and "controller_mismatch" not in disabled:  # seen in the log itself, whatever else is left
@@ -166,7 +172,8 @@ def _concluded(found: Baseline, orders: Orders, seed: int, disabled: Collection[
         names, outcome = ("controller_mismatch", *names), ATTRIBUTED
     if stages[-1].fitted is not steps[-1].fitted:
         steps = stages
-        far, _ = _how_far(steps, records, segment, seed, disabled)
+        closed = _closed(found, steps, seed, disabled)
+    far = _how_far(found, steps, closed)
     partly = _names(steps) if outcome == NONE else ()
     rivals = _rivals(steps) if outcome == ATTRIBUTED else ()
     if rivals:
@@ -179,29 +186,22 @@ def _concluded(found: Baseline, orders: Orders, seed: int, disabled: Collection[
     kept = {name: share for name, share in orders.shares.items() if name in (*names, *partly)}
     shares = {name: share / sum(kept.values()) for name, share in kept.items()}
     unexplained = 0.0 if outcome in {PARAMETERS, NOTHING} else float(np.clip(1 - far.closure, 0.0, 1.0))
-    return Diagnosis(
-        outcome, names, partly, rivals, unexplained, which, far, shares, steps, found.pieces, records, thresholds
-    )
+    return Diagnosis(outcome, names, partly, rivals, unexplained, which, far, shares, steps, found)
 
 
 def _adequate(
-    steps: tuple[Step, ...],
-    records: Sequence[Record],
-    segment: NDArray[np.int64],
-    seed: int,
-    disabled: Collection[str],
-    spike: float,
-) -> tuple[tuple[Step, ...], tuple[str, ...], HowFar, str]:
-    """As many stages of the search as explain enough together, their names, gaps and outcome; all if none do."""
+    found: Baseline, steps: tuple[Step, ...], seed: int, disabled: Collection[str]
+) -> tuple[tuple[Step, ...], tuple[str, ...], Closed, str]:
+    """As many stages of the search as explain enough together, their names, closure and outcome; all if none do."""
     looked, endless = [], _endless(steps)
     for count in range(len(steps), min(len(steps), 2) - 1, -1):
         stages = steps[:count]
-        far, excess = _how_far(stages, records, segment, seed, disabled)
+        closed = _closed(found, stages, seed, disabled)
         names = _names(stages)
         if _late(steps[-1], disabled):
             names = (*names, LATENESS)
-        outcome = NONE if endless.intersection(names) else _outcome(stages, names, far, excess, spike)
-        looked.append((stages, names, far, outcome))
+        outcome = NONE if endless.intersection(names) else _outcome(stages, names, closed, found.null.spike)
+        looked.append((stages, names, closed, outcome))
         if looked[-1][-1] != NONE:
             return looked[-1]
     return looked[0]
@@ -238,16 +238,16 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
     return tuple(sorted(gains, key=lambda name: -gains[name]))
 
 
-def _outcome(steps: Sequence[Step], names: Sequence[str], far: HowFar, excess: float, spike: float) -> str:
+def _outcome(steps: Sequence[Step], names: Sequence[str], far: Closed, spike: float) -> str:
     """Named where the effects surely close some of the gap, and enough of it or all that is significant; else something
     that has no name here."""
     closed = far.interval[1] if LATENESS in names else far.closure  # which commands were late, no simulation knows
     enough = closed >= (HALF if len(names) < 2 else SEVERAL)
-    if len(names) < 2 and excess < EXCESS:
+    if len(names) < 2 and far.excess < EXCESS:
         enough = enough or far.interval[1] >= LITTLE
     if names and enough and far.interval[0] > 0 and not _bent(steps):
         return ATTRIBUTED
-    if names or excess > MISSING or largest(steps[-1].fitted).deviations > spike:
+    if names or far.excess > MISSING or largest(steps[-1].fitted).deviations > spike:
         return NONE
     return PARAMETERS if shifted(steps[0].fitted) > SHIFTED else NOTHING
 
@@ -309,34 +309,45 @@ def _wrong(fitted: Fit) -> tuple[str, ...]:
     )
 
 
-def _how_far(
-    steps: Sequence[Step], records: Sequence[Record], segment: NDArray[np.int64], seed: int, disabled: Collection[str]
-) -> tuple[HowFar, float]:
-    """The gaps of all stages and the closure; and by how much what is left exceeds the floor, in deviations of
-    their noise [1]."""
-    first, final = steps[0].fitted, steps[-1].fitted
+def _how_far(found: Baseline, steps: Sequence[Step], closed: Closed) -> HowFar:
+    """The gaps of all stages beside the closure."""
+    records, first = found.records, steps[0].fitted
     delivered = _as_delivered(first)
-    made = [mirrored(final.candidate, records, seed + 500 + 10 * i) for i in range(MIRRORS)]
     stages: list[tuple[str, Gap]] = [("as delivered", gap(delivered, records, smooth(delivered, records)))]
     stages.append(("re-fitted", gap(first.candidate, records, first.paths)))
     for before, after in pairwise(steps):
         stages.append((added(before, after), gap(after.fitted.candidate, records, after.fitted.paths)))
-    floor = gap(final.candidate, made[0], smooth(final.candidate, made[0]))
-    own = freed(final, segment)
-    weight, late = weights(records), list[Late]()
-    left = held_out(final, own) * _deviations(final) * noise(final.candidate.machine) * weight
-    least = [left_of(final.candidate, one, final.walk) for one in made]
+    return HowFar(tuple(stages), closed.floor.gap(), closed.floor.source, closed.closure, closed.interval)
+
+
+def _closed(found: Baseline, steps: Sequence[Step], seed: int, disabled: Collection[str]) -> Closed:
+    """How much of the gap the stages close."""
+    records, first, final = found.records, steps[0].fitted, steps[-1].fitted
+    rough = final.candidate.jitter > JITTER
+    floor = (measured(final, records, found.pieces) if rough else None) or _simulated(found, steps, seed, disabled)
+    weight = weights(records) * ~np.isnan(floor.innovations[0])
+    least, late = [np.nan_to_num(one) * weight for one in floor.innovations], floor.late
+    segment = numbered(found.pieces, records)
+    left = held_out(final, freed(final, segment)) * _deviations(final) * noise(final.candidate.machine) * weight
+    share, interval = closure(signal(first.seen, first.candidate.machine) * weight, left, least, segment, late)
+    fitted = signal(final.seen, final.candidate.machine) * weight
+    more = np.mean([one.energy(floor) for one, floor in zip(late, least, strict=True)]) if late else 0.0
+    excess = float(fitted @ fitted / (np.mean([one @ one for one in least]) + more) - 1)
+    spread = np.sqrt(2 / np.count_nonzero(weight) * (1 + 1 / len(least)))  # of a ratio of white noises
+    return Closed(share, interval, excess / float(spread), floor)
+
+
+def _simulated(found: Baseline, steps: Sequence[Step], seed: int, disabled: Collection[str]) -> Least:
+    """The floor from records that the last stage's model made of the same references."""
+    records, final, late = found.records, steps[-1].fitted, tuple[Late, ...]()
+    made = [mirrored(final.candidate, records, seed + 500 + 10 * i) for i in range(MIRRORS)]
     if _late(steps[-1], disabled):
         part = (steps[-1].lateness.size / records[0].sample_time) ** 2
         many = TimingJitter(max(part, MANY))
         again = [mirrored(final.candidate, records, seed + 500 + 10 * i, [many]) for i in range(MIRRORS)]
-        late = [Late(left_of(final.candidate, one, final.walk), part / many.part) for one in again]
-    closed, interval = closure(signal(first.seen, first.candidate.machine) * weight, left, least, segment, late)
-    fitted = signal(final.seen, final.candidate.machine) * weight
-    more = np.mean([one.energy(floor) for one, floor in zip(late, least, strict=True)]) if late else 0.0
-    excess = float(fitted @ fitted / (np.mean([one @ one for one in least]) + more) - 1)
-    spread = np.sqrt(2 / np.count_nonzero(weight) * (1 + 1 / MIRRORS))  # of a ratio of white noises
-    return HowFar(tuple(stages), floor, closed, interval), excess / float(spread)
+        late = tuple(Late(left_of(final.candidate, one, final.walk), part / many.part) for one in again)
+    least = tuple(left_of(final.candidate, one, final.walk) for one in made)
+    return Least(least, late, "simulated", lambda: gap(final.candidate, made[0], smooth(final.candidate, made[0])))
 
 
 def _deviations(fitted: Fit) -> Array:

@@ -41,7 +41,7 @@ class Evidence:
 
 def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0) -> Evidence:
     """Beside a diagnosis, of the nominal model re-fitted; disabled: names of effects that are not to be used; SI."""
-    return _evidence(found, _looked(found, disabled, seed), seed)
+    return _evidence(found, _looked(found.baseline, disabled, seed), seed)
 
 
 def examined(
@@ -58,7 +58,7 @@ def examined(
     return found, _evidence(found, looked, seed)
 
 
-def _looked(found: Baseline | Diagnosis, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
+def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
     lies = where(found.nominal, found.records, found.pieces, seed=seed, spike=found.null.spike)
     return lies, confusability(found.nominal, found.records, disabled)
 
@@ -68,7 +68,7 @@ def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) 
 
 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
-    machine, named = found.nominal.candidate.machine, found.effects
+    machine, named = found.baseline.nominal.candidate.machine, found.effects
     if found.outcome == AMBIGUOUS:
         return next_experiment(found.equivalent[0] if found.equivalent else named, machine, seed=seed)
     if found.outcome == NONE:

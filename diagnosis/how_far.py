@@ -3,13 +3,14 @@
 The closure C = (G_refit^2 - G_effect^2) / (G_refit^2 - G_floor^2) compares the innovations of the re-fitted nominal
 machine with those of the model with the effects, on motions on which the effects' parameters were not fitted. The floor
 is what the same method leaves of a record that this very model made, simulated: quantisation, noise and what the method
-itself neglects are in it. All three are weighted over frequency by the share of the gap in what the re-fit leaves
-(N. Wiener's filter): the floor's noise is another in the simulation, and elsewhere would only blur the difference.
+itself neglects are in it. Where a drive is rougher than its model, the floor is what does not repeat between equal
+motions. All three are weighted over frequency by the share of the gap in what the re-fit leaves (N. Wiener's filter):
+the floor's noise is another in the simulation, and elsewhere would only blur the difference.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -19,7 +20,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.beside import beside
 from diagnosis.fit import Fit, own_spread, weights
-from diagnosis.kalman import predictor, smoothed
+from diagnosis.kalman import smoothed
+from diagnosis.motions import Piece, repeated, rms, scatter
 from diagnosis.null import simulated
 from diagnosis.residual import STARTING, Candidate, Seen, Smoothed, look, noise, smooth
 from diagnosis.scan import FOLDS, Freed
@@ -53,10 +55,12 @@ class Gap:
 
 @dataclass(frozen=True)
 class HowFar:
-    """The gaps by stage, in order, each with what was added; the floor; the closure and its 95 % interval [1]."""
+    """The gaps by stage, in order, each with what was added; the floor and where it is from: "simulated" or "repeats";
+    the closure and its 95 % interval [1]."""
 
     stages: tuple[tuple[str, Gap], ...]
     floor: Gap
+    source: str
     closure: float
     interval: tuple[float, float]
 
@@ -69,6 +73,7 @@ class HowFar:
             "gap_refitted": named["re-fitted"].to_json(),
             "gap_after": last.to_json(),
             "floor": self.floor.to_json(),
+            "floor_source": self.source,
             "closure": self.closure,
             "closure_interval": list(self.interval),
             "held_out": True,
@@ -87,6 +92,28 @@ class Late:
     def energy(self, floor: Array) -> float:
         """What the late commands add to the sum of squares of the floor (n,) [m^2]."""
         return self.part * float(self.innovations @ self.innovations - floor @ floor)
+
+
+@dataclass(frozen=True)
+class Least:
+    """The floor: its innovations (n,) [m] by draw, no number where it is not known, what late commands add, where it is
+    from ("simulated" or "repeats"), and its gap, which is asked for once an answer stands."""
+
+    innovations: tuple[Array, ...]
+    late: tuple[Late, ...]
+    source: str
+    gap: Callable[[], Gap]
+
+
+@dataclass(frozen=True)
+class Closed:
+    """The closure on motions left out, its 95 % interval [1], by how much what is left exceeds the floor, in deviations
+    of their noise [1], and that floor."""
+
+    closure: float
+    interval: tuple[float, float]
+    excess: float
+    floor: Least
 
 
 def with_sines(candidate: Candidate) -> Candidate:
@@ -179,24 +206,47 @@ def _closed(sums: Array) -> Array:
 
 def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed]) -> Gap:
     """What a candidate leaves of the records."""
+    force, apart, late = _left(candidate, records, paths)
+    differs = [time for times in late for time in times]
+    return Gap(rms(force), rms(apart), float(np.mean(differs)) if differs else None)
+
+
+def _left(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed]
+) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[list[float], ...]]:
+    """By record: the unknown force (n,) [N], by how much the position in the closed loop is another (n,) [m], and the
+    settling of each motion [s]; no number before the state has settled."""
     machine = candidate.machine
-    model = predictor(
-        machine.plant, records[0].sample_time, walk=SEEN_BY, noise=noise(machine), shaken=candidate.shaken
-    )
+    model = candidate.predictor(records[0].sample_time, SEEN_BY)
 
     def left(i: int, record: Record, seen: Seen) -> tuple[Array, Array, list[float]]:
         start = np.zeros(model.C.size)
         start[0] = record.position[0]
         states = smoothed(model, seen.force, record.position - seen.acts.reading, start)
-        unknown = states[STARTING:, 2 * len(machine.plant.modes)]
+        unknown = states[:, 2 * len(machine.plant.modes)]
         made = simulated(quiet(candidate), record, i, 0)
-        apart = (made.position - record.position)[STARTING:]
+        apart = made.position - record.position
+        unknown[:STARTING] = apart[:STARTING] = np.nan
         # a constant force is an offset of the amplifier, and costs nothing
-        return unknown - unknown.mean(), apart, _late(record, made, machine)
+        return unknown - np.nanmean(unknown), apart, _late(record, made, machine)
 
     force, apart, late = zip(*beside(left, range(len(records)), records, look(candidate, records, paths)), strict=True)
-    differs = [time for times in late for time in times]
-    return Gap(_size(force), _size(apart), float(np.mean(differs)) if differs else None)
+    return force, apart, late
+
+
+def measured(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Least | None:
+    """The floor from what does not repeat between equal motions; None where none are equal."""
+    groups = repeated(pieces, records)
+    if not groups:
+        return None
+
+    def scattered() -> Gap:
+        force, apart, _ = _left(fitted.candidate, records, fitted.paths)
+        return Gap(rms(scatter(groups, pieces, force)), rms(scatter(groups, pieces, apart)), None)
+
+    ends = np.cumsum([record.position.size for record in records])[:-1]
+    own = np.split(signal(fitted.seen, fitted.candidate.machine), ends)
+    return Least((np.concatenate(scatter(groups, pieces, own)),), (), "repeats", scattered)
 
 
 def quiet(candidate: Candidate) -> Candidate:
@@ -204,10 +254,6 @@ def quiet(candidate: Candidate) -> Candidate:
     machine = candidate.layout.machine
     still = replace(machine, scale=replace(machine.scale, noise=1e-15, resolution=0.0))
     return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still)))
-
-
-def _size(parts: Sequence[Array]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def _late(record: Record, made: Record, machine: Machine) -> list[float]:

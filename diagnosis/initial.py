@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from diagnosis.beside import beside
 from diagnosis.fit import Fit
-from diagnosis.kalman import SUBSTEPS, predictor, responses
+from diagnosis.kalman import SUBSTEPS, responses
 from diagnosis.nominal import Parameters, initial_state
-from diagnosis.residual import Candidate, held, noise
+from diagnosis.residual import Candidate, held
 from models.compiled import compiled
 from models.friction import deflections
 from models.record import Record
@@ -70,10 +70,7 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
     apart = np.flatnonzero(np.any(changed != 0, axis=(0, 1)))
     n = min((apart[-1] // SUBSTEPS if apart.size else 0) + TAIL, record.position.size)
     force = -(changed[:, :, : n * SUBSTEPS] * k[:, None]).reshape(GRID * limit.size, n, SUBSTEPS)
-    model = predictor(
-        machine.plant, record.sample_time, walk=fitted.walk, noise=noise(machine), shaken=candidate.shaken
-    )
-    columns = responses(model, force)
+    columns = responses(candidate.predictor(record.sample_time, fitted.walk), force)
     part = slice(begin, begin + n)
     others = np.setdiff1d(np.arange(layout.count), where)
     basis = fitted.slopes[part][:, others] * layout.deviation[others]

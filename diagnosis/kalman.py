@@ -79,9 +79,16 @@ def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
 
 @lru_cache(maxsize=64)
 def predictor(
-    plant: Plant, sample_time: float, *, walk: float, noise: float, shaken: tuple[Resonance, ...] = ()
+    plant: Plant,
+    sample_time: float,
+    *,
+    walk: float,
+    noise: float,
+    jitter: float = JITTER,
+    shaken: tuple[Resonance, ...] = (),
 ) -> Predictor:
-    """The steady filter for an unknown force that walks by `walk` [N] a sample under a reading's `noise` [m].
+    """The steady filter for an unknown force that walks by `walk` [N] a sample, and has a white part of deviation
+    `jitter` [N], under a reading's `noise` [m].
 
     shaken: random forces besides; each adds two states behind d, of which the first is the force.
     The answer is kept for the same machine: its arrays are not to be written to.
@@ -90,7 +97,7 @@ def predictor(
     walking = len(a) - 1
     held = a[:, walking].copy()
     held[walking] = 0.0
-    q = JITTER**2 * np.outer(held, held)
+    q = jitter**2 * np.outer(held, held)
     q[walking, walking] += walk**2
     for one in shaken:
         a, b, c, q = _shaken(one, sample_time, held, (a, b, c, q))

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from diagnosis.fit import Fit
-from diagnosis.kalman import SUBSTEPS, Predictor, predictor, responses
+from diagnosis.kalman import SUBSTEPS, Predictor, responses
 from diagnosis.motions import Piece, pieces, repeated
-from diagnosis.residual import STARTING, noise
+from diagnosis.residual import STARTING
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -59,9 +59,8 @@ class _Met:
 
 def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     """How much the commands' lateness varies; 0 without repeated motions, which alone can show that it does."""
-    machine = fitted.candidate.machine
     ts = records[0].sample_time
-    model = predictor(machine.plant, ts, walk=fitted.walk, noise=noise(machine), shaken=fitted.candidate.shaken)
+    model = fitted.candidate.predictor(ts, fitted.walk)
     left, found = mark(model), pieces(records)
     signals = [_signals(fitted, i, record) for i, record in enumerate(records)]
     groups = [[found[i] for i in group if found[i].start >= STARTING] for group in repeated(found, records)]

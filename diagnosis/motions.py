@@ -87,6 +87,23 @@ def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[
     return tuple(tuple(group) for group in groups.values() if len(group) > 1)
 
 
+def scatter(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> tuple[Array, ...]:
+    """What of every record's signal (n,) [any unit] does not repeat: its difference from the mean course of equal
+    motions, of the deviation of one of them; not a number where nothing repeats."""
+    apart = tuple(np.full(signal.size, np.nan) for signal in signals)
+    for group in groups:
+        parts = [(pieces[i].record, slice(pieces[i].start, pieces[i].stop)) for i in group]
+        mean = np.mean([signals[record][part] for record, part in parts], axis=0)
+        for record, part in parts:
+            apart[record][part] = (signals[record][part] - mean) * (len(group) / (len(group) - 1)) ** 0.5
+    return apart
+
+
+def rms(parts: Sequence[Array]) -> float:
+    """Root of the mean square of the samples of all parts (n,) that are numbers; [their unit]."""
+    return float(np.sqrt(np.nanmean(np.concatenate(list(parts)) ** 2)))
+
+
 def _near(groups: dict[tuple[object, ...], list[int]], alike: tuple[object, ...]) -> list[list[int]]:
     return [group for key, group in groups.items() if key[: len(alike)] == alike]
 

@@ -77,9 +77,11 @@ def shrinking(found: Orders, records: Sequence[Record]) -> tuple[Step, ...]:
     """The stages of those effects of the search that each shrink the unknown force, the one that shrinks it most
     first: parts of an explanation, where it has no whole."""
     names, ordered, fits = set(found.shares), list[str](), dict(found.fits)
-    for name in sorted(names):  # what the others made of the nominal parameters is no good start for one alone
-        alone = _with_only(found.steps[-1].fitted, names - {name}, records, found.steps[0].fitted)
-        fits[frozenset({name})] = min(alone, fits[frozenset({name})], key=lambda fitted: fitted.cost)
+    final, start = found.steps[-1].fitted, found.steps[0].fitted
+    alone = beside(lambda name: _with_only(final, names - {name}, records, start), sorted(names))
+    for name, fitted in zip(sorted(names), list(alone), strict=True):
+        # what the others made of the nominal parameters is no good start for one alone
+        fits[frozenset({name})] = min(fitted, fits[frozenset({name})], key=lambda fitted: fitted.cost)
     least = _force(fits[frozenset()], records)
     while names:
         forces = {name: _force(fits[frozenset((*ordered, name))], records) for name in sorted(names)}

@@ -18,7 +18,17 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis.beside import beside
-from diagnosis.kalman import SUBSTEPS, Predictor, Resonance, discretised, innovations, predictor, responses, smoothed
+from diagnosis.kalman import (
+    JITTER,
+    SUBSTEPS,
+    Predictor,
+    Resonance,
+    discretised,
+    innovations,
+    predictor,
+    responses,
+    smoothed,
+)
 from diagnosis.nominal import Parameters, applied, initial_state
 from models.compiled import compiled
 from models.effects.base import Effect
@@ -37,17 +47,31 @@ STARTING: Final = 60  # samples at the start of a record in which the state sett
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model of the machine: theta (P,) of the nominal parameters, effects in the catalogue's order, random forces."""
+    """A model of the machine: theta (P,) of the nominal parameters, effects in the catalogue's order, random forces,
+    and the deviation [N] of the white force that it leaves open."""
 
     layout: Parameters
     theta: Array
     effects: tuple[Effect, ...] = ()
     shaken: tuple[Resonance, ...] = ()
+    jitter: float = JITTER
 
     @property
     def machine(self) -> Machine:
         """The nominal machine with theta put in."""
         return applied(self.layout, self.theta)
+
+    def predictor(self, sample_time: float, walk: float) -> Predictor:
+        """Of its machine, for an unknown force that walks by `walk` [N] a sample of `sample_time` [s]."""
+        machine = self.machine
+        return predictor(
+            machine.plant,
+            sample_time,
+            walk=walk,
+            noise=noise(machine),
+            jitter=self.jitter,
+            shaken=self.shaken,
+        )
 
 
 @dataclass(frozen=True)
@@ -92,10 +116,7 @@ def smooth(
 
     def path(i: int, record: Record, seen: Smoothed | None) -> Smoothed:
         for walk in AGAIN if before else FIRST:
-            model = predictor(
-                machine.plant, record.sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken
-            )
-            seen = _pass(candidate, machine, model, record, i, seen)
+            seen = _pass(candidate, machine, candidate.predictor(record.sample_time, walk), record, i, seen)
         assert seen is not None
         return seen
 
@@ -155,7 +176,7 @@ def look(
     """What the candidate leaves of every record, its friction and effects evaluated along `paths`;
     walk: of the unknown force [N a sample]."""
     machine = candidate.machine
-    model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
+    model = candidate.predictor(records[0].sample_time, walk)
     return tuple(beside(partial(look_at, candidate, machine, model), records, range(len(records)), paths))
 
 
@@ -243,7 +264,7 @@ def _of_mode(mode: Mode, sample_time: float) -> tuple[Array, Array]:
 def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequence[Seen], walk: float = WALK) -> Array:
     """How the whitened innovations of all records, one after another (n,), change with theta: (n, P) [1]."""
     machine, layout = candidate.machine, candidate.layout
-    model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
+    model = candidate.predictor(records[0].sample_time, walk)
 
     ends = np.cumsum([record.position.size for record in records])
     whole = np.zeros((layout.count, ends[-1])).T  # a column's samples next to each other
@@ -332,7 +353,7 @@ def columns(
     """By how much the whitened innovations of all records, one after another, differ with each of the `trials` in place
     of the candidate's effects, to first order: (n, trials) [1]."""
     machine = candidate.machine
-    model = predictor(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine), shaken=candidate.shaken)
+    model = candidate.predictor(records[0].sample_time, walk)
 
     def part(i: int, record: Record, path: Smoothed, one: Seen) -> Array:
         force, reading = np.empty((len(trials), *one.force.shape)), np.empty((len(trials), record.position.size))

@@ -19,8 +19,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.beside import beside
 from diagnosis.fit import FINE, ROOM, Fit, own_spread, weights
-from diagnosis.kalman import adjoint, predictor
-from diagnosis.residual import columns, noise
+from diagnosis.kalman import adjoint
+from diagnosis.residual import columns
 from models.compiled import compiled
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import every, in_order
@@ -244,10 +244,7 @@ def _points(name: str, low: float, high: float) -> Array:
 def adjoints(fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[tuple[Record, Array, Array]]:
     """For each record what any force (n,) and any reading (n,) would have in common with the innovations
     [1/N], [1/m]."""
-    machine = fitted.candidate.machine
-    model = predictor(
-        machine.plant, records[0].sample_time, walk=fitted.walk, noise=noise(machine), shaken=fitted.candidate.shaken
-    )
+    model = fitted.candidate.predictor(records[0].sample_time, fitted.walk)
     begin = 0
     for record in records:
         force, reading = adjoint(model, own.e[begin : begin + record.position.size])

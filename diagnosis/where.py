@@ -103,7 +103,7 @@ def where(
     samples = labelled(records, pieces, motion, weights(records), machine.specification.settling_time)
     slow, fast = unknown(fitted, records, SLOW), unknown(fitted, records, FAST)
     likely = unknown(fitted, records, likeliest(fitted, records))
-    least = unseen(machine, ts, likely)
+    least = unseen(fitted.candidate, ts, likely)
     d, known = centred(np.concatenate(likely.values), samples), coordinates(fitted, records, samples)
     place = np.concatenate([path.path.at_samples for path in fitted.paths])
     both = samples.kind * len(PHASES) + samples.phase
@@ -122,7 +122,7 @@ def where(
         motions_by_phase=shares(
             d**2, least**2, both, [f"{kind} | {phase}" for kind in samples.kinds for phase in PHASES], samples, seed
         ),
-        by_band=by_band(fast.values, answer(machine, ts, FAST)[0], noise(machine), ts, samples, seed),
+        by_band=by_band(fast.values, answer(fitted.candidate, ts, FAST)[0], noise(machine), ts, samples, seed),
         by_wave=by_wave(d, place, least, samples, seed),
         by_coordinate=explained,
         together=together(d, known, samples, seed),

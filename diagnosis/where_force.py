@@ -9,7 +9,7 @@ n samples.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from diagnosis.fit import Fit
-from diagnosis.kalman import JITTER, SUBSTEPS, Predictor, Resonance, discretised, innovations, predictor, smoothed
-from diagnosis.motions import Piece, repeated
-from diagnosis.residual import AGAIN, STARTING, modal, noise
-from models.machine import Machine
+from diagnosis.kalman import JITTER, SUBSTEPS, Predictor, discretised, innovations, smoothed
+from diagnosis.motions import Piece, repeated, rms, scatter
+from diagnosis.residual import AGAIN, STARTING, Candidate, modal, noise
 from models.plant import Plant
 from models.record import Record
 
@@ -73,24 +72,27 @@ def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
 
 def unknown(fitted: Fit, records: Sequence[Record], walk: float) -> Force:
     """The unknown force for a walk [N a sample], in newtons of thrust."""
-    machine = fitted.candidate.machine
-    model = _model(machine, records[0].sample_time, walk, fitted.candidate.shaken)
+    candidate, ts = fitted.candidate, records[0].sample_time
+    machine, model = candidate.machine, candidate.predictor(ts, walk)
     place, values = 2 * len(machine.plant.modes), []  # of the force among the states
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
         values.append(smoothed(model, fitted.seen[i].force, reading, _start(model, reading))[:, place])
-    deviation = steady_deviation(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine))
-    part = noise(machine) * float(np.linalg.norm(answer(machine, records[0].sample_time, walk)[0]))
+    deviation = steady_deviation(machine.plant, ts, walk=walk, noise=noise(machine), jitter=candidate.jitter)
+    part = noise(machine) * float(np.linalg.norm(answer(candidate, ts, walk)[0]))
     return Force(walk, tuple(values), deviation, part)
 
 
-def answer(machine: Machine, sample_time: float, walk: float) -> tuple[Array, Array]:
-    """What one reading of 1 m in the middle makes of the smoothed force [N] and position [m]: (2 REACH + 1,) each."""
-    model = _model(machine, sample_time, walk)
+def answer(candidate: Candidate, sample_time: float, walk: float) -> tuple[Array, Array]:
+    """What one reading of 1 m in the middle makes of the smoothed force [N] and position [m]: (2 REACH + 1,) each.
+
+    Without the candidate's random forces.
+    """
+    model = replace(candidate, shaken=()).predictor(sample_time, walk)
     reading = np.zeros(2 * REACH + 1)
     reading[REACH] = 1.0
     states = smoothed(model, np.zeros((reading.size, SUBSTEPS)), reading, np.zeros(model.C.size))
-    return states[:, 2 * len(machine.plant.modes)], states @ model.C
+    return states[:, model.C.size - 1], states @ model.C
 
 
 def likeliest(fitted: Fit, records: Sequence[Record]) -> float:
@@ -101,15 +103,11 @@ def likeliest(fitted: Fit, records: Sequence[Record]) -> float:
 
 def _chances(fitted: Fit, records: Sequence[Record], walk: float) -> Iterator[float]:
     """Logarithm of each record's likelihood, but for a constant."""
-    model = _model(fitted.candidate.machine, records[0].sample_time, walk, fitted.candidate.shaken)
+    model = fitted.candidate.predictor(records[0].sample_time, walk)
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
         e = innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:] / model.deviation
         yield -0.5 * float(e @ e) - e.size * float(np.log(model.deviation))
-
-
-def _model(machine: Machine, sample_time: float, walk: float, shaken: Sequence[Resonance] = ()) -> Predictor:
-    return predictor(machine.plant, sample_time, walk=walk, noise=noise(machine), shaken=shaken)
 
 
 def _start(model: Predictor, reading: Array) -> Array:
@@ -118,12 +116,12 @@ def _start(model: Predictor, reading: Array) -> Array:
     return start
 
 
-def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float) -> float:
+def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float, jitter: float = JITTER) -> float:
     """Deviation [N] of the smoothed force far from a record's ends: P = P+ + G (P - P-) G', steady."""
     a, _, c = discretised(plant, sample_time)
     held = a[:, -1].copy()
     held[-1] = 0.0
-    q = JITTER**2 * np.outer(held, held)
+    q = jitter**2 * np.outer(held, held)
     q[-1, -1] += walk**2
     before = solve_discrete_are(a.T, c[:, None], q / noise**2, np.eye(1)) * noise**2
     gain = before @ c / (float(c @ before @ c) + noise**2)
@@ -135,10 +133,11 @@ def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: fl
     return float(np.sqrt(max(smooth[-1, -1], 0.0)))
 
 
-def unseen(machine: Machine, sample_time: float, force: Force) -> float:
+def unseen(candidate: Candidate, sample_time: float, force: Force) -> float:
     """Deviation [N] that d has where nothing is unknown: from the scale's noise, and from what noise leaves of the
     position at which the friction is evaluated, while all contacts stick."""
-    position = noise(machine) * np.linalg.norm(answer(machine, sample_time, AGAIN[-1])[1])
+    machine = candidate.machine
+    position = noise(machine) * np.linalg.norm(answer(candidate, sample_time, AGAIN[-1])[1])
     return float(np.hypot(force.noise, sum(machine.friction.stiffness) * position))
 
 
@@ -149,42 +148,27 @@ def floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], force
         return _from_innovations(fitted, records)
     position = [record.position - record.reference for record in records]
     split = np.cumsum([record.position.size for record in records])[:-1]
-    within = [
-        _within(groups, pieces, signal) for signal in (force.values, position, np.split(fitted.innovations, split))
-    ]
+    signals = (force.values, position, np.split(fitted.innovations, split))
+    size, place, left = (rms(scatter(groups, pieces, signal)) for signal in signals)
     spread = _about_the_mean(groups, pieces, force.values)
-    repeats = float(np.clip(1 - within[0] / spread, 0.0, 1.0)) if spread > 0 else 0.0
-    size, place, left = (float(np.sqrt(variance)) for variance in within)
+    repeats = float(np.clip(1 - size**2 / spread, 0.0, 1.0)) if spread > 0 else 0.0
     return Floor("repeats", size, place, left, len(groups), sum(len(group) for group in groups), repeats)
 
 
 def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
     """A fast unknown force takes up whatever else there is: what it leaves is the scale's noise."""
-    machine = fitted.candidate.machine
-    model = _model(machine, records[0].sample_time, FAST, fitted.candidate.shaken)
+    candidate, ts = fitted.candidate, records[0].sample_time
+    model = candidate.predictor(ts, FAST)
     left = []
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
         left.append(innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:])
     size = float(np.sqrt(np.mean(np.concatenate(left) ** 2))) / model.deviation
-    force = size * unseen(machine, records[0].sample_time, unknown(fitted, records, SLOW))
-    return Floor("innovations", force, size * noise(machine), size, 0, 0, None)
-
-
-def _members(group: Sequence[int], pieces: Sequence[Piece], signals: Sequence[Array]) -> Array:
-    return np.array([signals[pieces[i].record][pieces[i].start : pieces[i].stop] for i in group])
-
-
-def _within(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> float:
-    """Pooled variance about the mean course of each group; [square of the signal's unit]."""
-    total, freedom = 0.0, 0
-    for group in groups:
-        members = _members(group, pieces, signals)
-        total += float(np.sum((members - members.mean(axis=0)) ** 2))
-        freedom += (len(group) - 1) * members.shape[1]
-    return total / freedom
+    force = size * unseen(candidate, ts, unknown(fitted, records, SLOW))
+    return Floor("innovations", force, size * noise(candidate.machine), size, 0, 0, None)
 
 
 def _about_the_mean(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> float:
     """Variance of a signal over all motions that repeat; [square of the signal's unit]."""
-    return float(np.var(np.concatenate([_members(group, pieces, signals).ravel() for group in groups])))
+    every = [signals[pieces[i].record][pieces[i].start : pieces[i].stop] for group in groups for i in group]
+    return float(np.var(np.concatenate(every)))

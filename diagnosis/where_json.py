@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from diagnosis.motions import Piece, repeated
-from diagnosis.residual import noise
+from diagnosis.residual import Candidate, noise
 from diagnosis.where import Where
 from diagnosis.where_coordinates import PITCHES, Explained, periodogram
 from diagnosis.where_force import FAST, answer
 from diagnosis.where_maps import PHASES, WAVES, Shares, bands
 from diagnosis.where_side import verdict
 from diagnosis.where_words import kind
-from models.machine import Machine
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -138,12 +137,13 @@ def _explained(one: Explained) -> dict[str, Any]:
     }
 
 
-def pictures(found: Where, machine: Machine, records: Sequence[Record], pieces: Sequence[Piece]) -> dict[str, Any]:
-    """The unknown force over time with its band, over the motions that hold most of it, and its spectra; SI."""
+def pictures(found: Where, candidate: Candidate, records: Sequence[Record], pieces: Sequence[Piece]) -> dict[str, Any]:
+    """The unknown force that a candidate leaves: over time with its band, over the motions that hold most of it, and
+    its spectra; SI."""
     return {
         "force": [_over_time(found, record, i) for i, record in enumerate(records)],
         "courses": _courses(found, records, pieces),
-        "spectrum": _spectrum(found, machine, records),
+        "spectrum": _spectrum(found, candidate, records),
         "periods": _periods(found),
     }
 
@@ -200,7 +200,7 @@ def _course(found: Where, records: Sequence[Record], group: Sequence[Piece]) -> 
     }
 
 
-def _spectrum(found: Where, machine: Machine, records: Sequence[Record]) -> dict[str, Any]:
+def _spectrum(found: Where, candidate: Candidate, records: Sequence[Record]) -> dict[str, Any]:
     """Power density of the fast force, and of what the scale's noise makes of it, over frequency."""
     ts = records[0].sample_time
     length = min(8192, *(record.position.size for record in records))
@@ -208,8 +208,8 @@ def _spectrum(found: Where, machine: Machine, records: Sequence[Record]) -> dict
     frequency = parts[0][0][1:]
     sizes = np.array([record.position.size for record in records], float)
     power = np.average([part[1][1:] for part in parts], axis=0, weights=sizes)
-    response = answer(machine, ts, FAST)[0]
-    floor = 2 * ts * noise(machine) ** 2 * np.abs(np.fft.rfft(response)) ** 2
+    response = answer(candidate, ts, FAST)[0]
+    floor = 2 * ts * noise(candidate.machine) ** 2 * np.abs(np.fft.rfft(response)) ** 2
     there = np.interp(frequency, np.fft.rfftfreq(response.size, ts), floor)
     edges = np.unique(np.geomspace(1, frequency.size, LINES).astype(int) - 1)
     count = np.diff(np.append(edges, frequency.size))

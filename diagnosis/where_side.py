@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.fit import Fit, weights
-from diagnosis.kalman import Predictor, adjoint, predictor, responses
+from diagnosis.kalman import Predictor, adjoint, responses
 from diagnosis.nominal import initial_state
-from diagnosis.residual import noise, shifted
+from diagnosis.residual import shifted
 from diagnosis.scan import Freed
 from diagnosis.where_coordinates import Coordinate, by_motion, folds, hats, held_out
 from diagnosis.where_maps import Samples
@@ -80,11 +80,7 @@ def _gain(columns: Array, own: Freed, records: Sequence[Record], samples: Sample
 
 
 def _model(fitted: Fit, records: Sequence[Record]) -> Predictor:
-    candidate = fitted.candidate
-    machine = candidate.machine
-    return predictor(
-        machine.plant, records[0].sample_time, walk=fitted.walk, noise=noise(machine), shaken=candidate.shaken
-    )
+    return fitted.candidate.predictor(records[0].sample_time, fitted.walk)
 
 
 def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:

@@ -43,7 +43,7 @@ def catalogue() -> tuple[str, ...]:
 
 def answers(found: Diagnosis, disabled: Collection[str]) -> dict[str, Any]:
     """What each baseline answers to a case that was diagnosed, as {"verdict"}; its seed and records are the same."""
-    missing = float(np.mean(np.square(found.nominal.innovations))) > LEFT
+    missing = float(np.mean(np.square(found.baseline.nominal.innovations))) > LEFT
     return {
         "refit_only": _verdict((), missing),
         "aic_forward": _verdict(_aic(found, disabled), missing),
@@ -58,7 +58,7 @@ def _verdict(names: Sequence[str], missing: bool) -> dict[str, Any]:
 
 def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
     """Names in the order in which Akaike's criterion takes them; every effect at the shape that fits alone best."""
-    own = freed(found.nominal, _segments(found))
+    own = freed(found.baseline.nominal, _segments(found))
     findings = [one for one in found.steps[0].findings if one.effect.name not in disabled and one.gain > 0]
     blocks = [_columns(found, own, one.effect) for one in findings]
     if not blocks:
@@ -88,23 +88,25 @@ def _gain(gram: Array, slope: Array, inside: NDArray[np.bool_]) -> float:
 
 
 def _segments(found: Diagnosis) -> NDArray[np.int64]:
-    return numbered(found.pieces, found.records)
+    return numbered(found.baseline.pieces, found.baseline.records)
 
 
 def _columns(found: Diagnosis, own: Freed, effect: Any) -> Array:
     """What the effect changes of the innovations, freed of the nominal parameters (n, k)."""
-    fitted = found.nominal
+    fitted = found.baseline.nominal
     variants = [in_order((*fitted.candidate.effects, variant)) for variant in quadratures(effect)]
-    given = columns(fitted.candidate, variants, found.records, fitted.paths, fitted.seen, fitted.walk)
-    return own(given * weights(found.records)[:, None])
+    given = columns(fitted.candidate, variants, found.baseline.records, fitted.paths, fitted.seen, fitted.walk)
+    return own(given * weights(found.baseline.records)[:, None])
 
 
 def _sparse(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
     """The classes of the functions that thresholded least squares keeps, by what they explain."""
     from pysindy import STLSQ
 
-    force = np.concatenate(unknown(found.nominal, found.records, SLOW).values)
-    library = [_library(one, seen) for one, seen in zip(found.records, found.nominal.paths, strict=True)]
+    force = np.concatenate(unknown(found.baseline.nominal, found.baseline.records, SLOW).values)
+    library = [
+        _library(one, seen) for one, seen in zip(found.baseline.records, found.baseline.nominal.paths, strict=True)
+    ]
     names = [name for name in library[0] if name not in disabled]
     whole = np.hstack([np.concatenate([one[name] for one in library]) for name in names])
     owner = np.repeat(names, [library[0][name].shape[1] for name in names])

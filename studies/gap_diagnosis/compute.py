@@ -12,6 +12,7 @@ from diagnosis.diagnose import Diagnosis, baseline
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments import suite, to_csv
+from diagnosis.kalman import JITTER
 from diagnosis.motions import Piece
 from diagnosis.where_json import pictures
 from models.effects.base import parameters
@@ -108,10 +109,13 @@ def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -
         "confusability": more["confusability"],
         "quick": quick,
         "truth": given.truth,
-        "records": _with_motions(given.shown, found.pieces),
+        "records": _with_motions(given.shown, found.baseline.pieces),
         "shifts": _shifts(found),
+        "white_force_N": {"usual": JITTER, "taken": found.baseline.nominal.candidate.jitter},
         "catalogue": {name: _entry(name) for name in every()},
-        "pictures": pictures(beside.where, found.nominal.candidate.machine, found.records, found.pieces),
+        "pictures": pictures(
+            beside.where, found.baseline.nominal.candidate, found.baseline.records, found.baseline.pieces
+        ),
         "next": _next(beside, given.machine),
     }
     return {**results, "answer": sentences(results)}
@@ -124,7 +128,7 @@ def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -
 
 def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
     """By how many deviations of its tolerance the re-fit moved each kind of nominal value at most; starts left out."""
-    layout, theta = found.nominal.candidate.layout, found.nominal.candidate.theta
+    layout, theta = found.baseline.nominal.candidate.layout, found.baseline.nominal.candidate.theta
     rows = []
     for name in dict.fromkeys(layout.names):
         if name != "initial_friction_state":

@@ -21,10 +21,10 @@ ADOPTED: Final = ("attributed", "ambiguous")  # outcomes whose effects go into t
 def improved(found: Diagnosis, records: Sequence[str]) -> Machine:
     """The machine that explains the records best, as far as the verdict goes: with the effects where they are named,
     re-fitted where the re-fit explains something, as delivered where there was nothing to explain. SI inside."""
-    nominal = found.nominal.candidate.layout.machine
+    nominal = found.baseline.nominal.candidate.layout.machine
     if found.outcome == "nothing_to_explain":
         return nominal
-    taken = found.final if found.outcome in ADOPTED else found.nominal
+    taken = found.final if found.outcome in ADOPTED else found.baseline.nominal
     candidate = with_sines(taken.candidate)
     detail = ", ".join(records)
     sources = {**nominal.sources, **dict(_refitted(nominal, candidate.machine, detail))}

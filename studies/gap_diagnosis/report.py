@@ -48,8 +48,8 @@ TABLES = {
 WATERFALL = (
     "What each model leaves: the unknown force, the position of the simulated closed loop against the record, and how "
     "far its settling times are from the record's. Dashed: the floor, what the last model leaves of a record that it "
-    "made itself. Dotted: what flexible curves over all coordinates, which name nothing, leave of the force on motions "
-    "left out."
+    "made itself or, of a drive rougher than its model, what does not repeat between equal motions. Dotted: what "
+    "flexible curves over all coordinates, which name nothing, leave of the force on motions left out."
 )
 FORCE = (
     "The force $d$ that the re-fitted model lacks, from all of the record (past and future), at two settings: a slow "

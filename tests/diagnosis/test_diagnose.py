@@ -112,14 +112,15 @@ def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(cache: Pat
     size, when = 5e-7, 1.5
     found = _found(cache, [Glitch(size, LEAD + when)], 7)
     assert (found.outcome, found.effects) == (NONE, ())
-    most = largest(found.nominal)
+    begun = found.baseline
+    most = largest(begun.nominal)
     assert most.sample == round(when / MACHINE.sample_time)  # of both records
-    assert most.deviations > found.null.spike >= SPIKE
-    seen = where(found.nominal, found.records, found.pieces, spike=found.null.spike)
+    assert most.deviations > begun.null.spike >= SPIKE
+    seen = where(begun.nominal, begun.records, begun.pieces, spike=begun.null.spike)
     said = list(_spike(seen))
     assert said[0].startswith("Single samples stand out: the reading at 1.5 s of record ")
     assert said[0] in seen.statements
-    assert not list(_spike(where(found.nominal, found.records, found.pieces, spike=1.01 * most.deviations)))
+    assert not list(_spike(where(begun.nominal, begun.records, begun.pieces, spike=1.01 * most.deviations)))
 
 
 @hook
@@ -193,5 +194,5 @@ def test_a_name_needs_a_gap_that_surely_shrinks(
     closure: float, interval: tuple[float, float], excess: float, outcome: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "_bent", lambda _: False)
-    far: Any = SimpleNamespace(closure=closure, interval=interval)
-    assert _outcome([_stage(100.0, ("play",))], ["play"], far, excess, SPIKE) == outcome
+    closed: Any = SimpleNamespace(closure=closure, interval=interval, excess=excess)
+    assert _outcome([_stage(100.0, ("play",))], ["play"], closed, SPIKE) == outcome

@@ -145,7 +145,7 @@ def test_the_json_has_the_agreed_keys_and_is_one(relaxing: Where) -> None:
     )
     assert all(low < high for low, high, _ in plain["by_band_Hz"])
     records, fit = case("friction_relaxation")
-    shown = json.loads(to_text(pictures(relaxing, fit.candidate.machine, records, pieces(records))))
+    shown = json.loads(to_text(pictures(relaxing, fit.candidate, records, pieces(records))))
     assert len(shown["force"]) == len(records)
     assert shown["courses"][0]["name"].startswith("moves of about")
 
