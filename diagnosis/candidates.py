@@ -22,6 +22,7 @@ from models.effects.base import parameters as parameters_of
 Array = NDArray[np.float64]
 
 HALF: Final = 0.5  # of the gap that one effect must close to be named: a wrong name closes less
+SEEDS: Final = (16180, 27182, 31337, 141421, 17320)  # of the trials that the probabilities were read off
 SURE: Final = 0.98  # probability of a name, be it far above its threshold or not
 NEAR: Final = 0.35  # probability of what just stays below its threshold
 PARTLY: Final = 0.37  # probability of what passes it and yet leaves too much unexplained for a name
@@ -76,10 +77,10 @@ def candidates(
 def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
     """How likely it is that this effect is in the machine [1]; place: in the list, the best first.
 
-    The constants were read off 1500 cases of earlier trials (seeds 16180, 27182, 31337, 141421, 17320), never off those
-    of the one that the README quotes: how often a name was right (931 of 948, just above its threshold as often as far
-    above it), and how often the first on the list was in the machine where nothing was named though it passed its
-    threshold (53 of 145; far above it 13 of 189), or where it stayed below (too few cases to read more than a guess).
+    The constants were read off the 1500 cases of trials with SEEDS, never off those of the one that the README quotes:
+    how often a name was right (931 of 948; of the 109 near their thresholds 108), and how often the first on the list
+    was in the machine where nothing was named though it passed its threshold (53 of 145; far above it 13 of 189), or
+    where it stayed below (too few cases to read more than a guess).
     Effects that explain alike share the probability.
     """
     over = row.gain / row.threshold

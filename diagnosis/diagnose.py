@@ -81,6 +81,14 @@ class Baseline:
     pieces: tuple[Piece, ...]
     null: Null
 
+    @property
+    def floors(self) -> Array:
+        """Chi-square (draws,) [1] that complete models leave of the records: of tables of the null, or, of a drive that
+        is rougher than they are, what its weights make of it."""
+        if self.nominal.candidate.jitter > JITTER:
+            return np.array([float(np.sum(weights(self.records)))])
+        return self.null.floors(self.records)
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -152,11 +160,11 @@ def diagnosed(
         records,
         segment,
         thresholds.thresholds,
-        thresholds.floors(records),
+        found.floors,
         disabled,
         lambda text: say(0.7, text),
     )
-    orders = in_all_orders(steps, records, thresholds.thresholds, thresholds.floors(records))
+    orders = in_all_orders(steps, records, thresholds.thresholds, found.floors)
     say(0.9, "how far the gap shrinks")
     return _concluded(found, orders, seed, disabled)
 
@@ -238,16 +246,17 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
     return tuple(sorted(gains, key=lambda name: -gains[name]))
 
 
-def _outcome(steps: Sequence[Step], names: Sequence[str], far: Closed, spike: float) -> str:
+def _outcome(steps: Sequence[Step], names: Sequence[str], closed: Closed, spike: float) -> str:
     """Named where the effects surely close some of the gap, and enough of it or all that is significant; else something
-    that has no name here."""
-    closed = far.interval[1] if LATENESS in names else far.closure  # which commands were late, no simulation knows
-    enough = closed >= (HALF if len(names) < 2 else SEVERAL)
-    if len(names) < 2 and far.excess < EXCESS:
-        enough = enough or far.interval[1] >= LITTLE
-    if names and enough and far.interval[0] > 0 and not _bent(steps):
+    that has no name here, be it a force without a law."""
+    share = closed.interval[1] if LATENESS in names else closed.closure  # which commands were late, no simulation knows
+    enough = share >= (HALF if len(names) < 2 else SEVERAL)
+    rough = steps[-1].fitted.candidate.jitter > JITTER
+    if len(names) < 2 and closed.excess < EXCESS and not rough:  # whose floor is as rough as what it is the floor of
+        enough = enough or closed.interval[1] >= LITTLE
+    if names and enough and closed.interval[0] > 0 and not _bent(steps):
         return ATTRIBUTED
-    if names or far.excess > MISSING or largest(steps[-1].fitted).deviations > spike:
+    if names or rough or closed.excess > MISSING or largest(steps[-1].fitted).deviations > spike:
         return NONE
     return PARAMETERS if shifted(steps[0].fitted) > SHIFTED else NOTHING
 
@@ -324,16 +333,20 @@ def _closed(found: Baseline, steps: Sequence[Step], seed: int, disabled: Collect
     """How much of the gap the stages close."""
     records, first, final = found.records, steps[0].fitted, steps[-1].fitted
     rough = final.candidate.jitter > JITTER
-    floor = (measured(final, records, found.pieces) if rough else None) or _simulated(found, steps, seed, disabled)
-    weight = weights(records) * ~np.isnan(floor.innovations[0])
-    least, late = [np.nan_to_num(one) * weight for one in floor.innovations], floor.late
-    segment = numbered(found.pieces, records)
-    left = held_out(final, freed(final, segment)) * _deviations(final) * noise(final.candidate.machine) * weight
-    share, interval = closure(signal(first.seen, first.candidate.machine) * weight, left, least, segment, late)
-    fitted = signal(final.seen, final.candidate.machine) * weight
+    if rough and not _late(steps[-1], disabled):  # of which commands were late, only a simulation tells
+        floor = measured(final, records, found.pieces)
+    else:
+        floor = _simulated(found, steps, seed, disabled)
+    known = ~np.isnan(floor.innovations[0])
+    weight, number = weights(records), numbered(found.pieces, records)
+    left = held_out(final, freed(final, number)) * _deviations(final) * noise(final.candidate.machine) * weight
+    before, fitted = (signal(one.seen, one.candidate.machine) * weight for one in (first, final))
+    _, segment = np.unique(number[known], return_inverse=True)
+    least, late = [one[known] for one in floor.innovations], floor.late
+    share, interval = closure(before[known], left[known], least, segment, late)
     more = np.mean([one.energy(floor) for one, floor in zip(late, least, strict=True)]) if late else 0.0
-    excess = float(fitted @ fitted / (np.mean([one @ one for one in least]) + more) - 1)
-    spread = np.sqrt(2 / np.count_nonzero(weight) * (1 + 1 / len(least)))  # of a ratio of white noises
+    excess = float(fitted[known] @ fitted[known] / (np.mean([one @ one for one in least]) + more) - 1)
+    spread = np.sqrt(2 / np.count_nonzero(weight[known]) * floor.spread)  # of a ratio of white noises
     return Closed(share, interval, excess / float(spread), floor)
 
 
@@ -347,7 +360,13 @@ def _simulated(found: Baseline, steps: Sequence[Step], seed: int, disabled: Coll
         again = [mirrored(final.candidate, records, seed + 500 + 10 * i, [many]) for i in range(MIRRORS)]
         late = tuple(Late(left_of(final.candidate, one, final.walk), part / many.part) for one in again)
     least = tuple(left_of(final.candidate, one, final.walk) for one in made)
-    return Least(least, late, "simulated", lambda: gap(final.candidate, made[0], smooth(final.candidate, made[0])))
+    return Least(
+        least,
+        late,
+        1 + 1 / MIRRORS,
+        "simulated",
+        lambda: gap(final.candidate, made[0], smooth(final.candidate, made[0])),
+    )
 
 
 def _deviations(fitted: Fit) -> Array:

@@ -68,13 +68,14 @@ def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) 
 
 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
-    machine, named = found.baseline.nominal.candidate.machine, found.effects
+    candidate, named = found.baseline.nominal.candidate, found.effects
+    machine, jitter = candidate.machine, candidate.jitter
     if found.outcome == AMBIGUOUS:
-        return next_experiment(found.equivalent[0] if found.equivalent else named, machine, seed=seed)
+        return next_experiment(found.equivalent[0] if found.equivalent else named, machine, seed=seed, jitter=jitter)
     if found.outcome == NONE:
         best = lies.coordinate
         return along(best.name if best.share > LEAST and best.p < SURE else None, machine)
     if found.outcome == ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
-        return next_experiment([*named[:1], *near], machine, seed=seed) if near else None
-    return showing(apart.not_identifiable[:UNSHOWN], machine, seed=seed)
+        return next_experiment([*named[:1], *near], machine, seed=seed, jitter=jitter) if near else None
+    return showing(apart.not_identifiable[:UNSHOWN], machine, seed=seed, jitter=jitter)

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.motions import Piece, repeated, scatter
 from diagnosis.nominal import bounded
 from diagnosis.residual import STARTING, WALK, Candidate, Seen, Smoothed, columns, look, nominal_slopes, smooth
 from models.effects.base import Effect, Parameter, parameters
@@ -29,6 +30,7 @@ FINE: Final = {"scale_periodic_error": 1e-5, "dac_quantisation": 1e-5}  # many p
 ENOUGH: Final = 10.0  # a step that gains less chi-square ends the fit
 
 
+FEW: Final = 4  # equal motions, of all groups together, that tell what does not repeat
 SPIKE: Final = 8.0  # deviations, of an innovation that no noise makes
 
 
@@ -53,6 +55,17 @@ def weights(records: Sequence[Record]) -> Array:
     for part in parts:
         part[:STARTING] = 0.0
     return np.concatenate(parts)
+
+
+def unrepeated(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Array:
+    """What of a fit's innovations (n,) [1] does not repeat between equal motions; not a number where nothing is equal,
+    nor anywhere if only FEW motions are."""
+    groups, whole = repeated(pieces, records), fitted.innovations.copy()
+    if sum(map(len, groups)) < FEW:
+        return np.full(whole.size, np.nan)
+    whole[weights(records) == 0] = np.nan
+    ends = np.cumsum([record.position.size for record in records])[:-1]
+    return np.concatenate(scatter(groups, pieces, np.split(whole, ends)))
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 The closure C = (G_refit^2 - G_effect^2) / (G_refit^2 - G_floor^2) compares the innovations of the re-fitted nominal
 machine with those of the model with the effects, on motions on which the effects' parameters were not fitted. The floor
 is what the same method leaves of a record that this very model made, simulated: quantisation, noise and what the method
-itself neglects are in it. Where a drive is rougher than its model, the floor is what does not repeat between equal
-motions. All three are weighted over frequency by the share of the gap in what the re-fit leaves (N. Wiener's filter):
-the floor's noise is another in the simulation, and elsewhere would only blur the difference.
+itself neglects are in it. Where a drive is rougher than its model and motions repeat, the floor is what does not, and
+all three are of those motions only. They are weighted over frequency by the share of the gap in what the re-fit leaves
+(N. Wiener's filter): the floor's noise is another in the simulation, and elsewhere would only blur the difference.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.beside import beside
-from diagnosis.fit import Fit, own_spread, weights
+from diagnosis.fit import Fit, own_spread, unrepeated, weights
 from diagnosis.kalman import smoothed
 from diagnosis.motions import Piece, repeated, rms, scatter
 from diagnosis.null import simulated
-from diagnosis.residual import STARTING, Candidate, Seen, Smoothed, look, noise, smooth
+from diagnosis.residual import STARTING, Candidate, Seen, Smoothed, look, noise, seeing, smooth
 from diagnosis.scan import FOLDS, Freed
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -96,11 +96,13 @@ class Late:
 
 @dataclass(frozen=True)
 class Least:
-    """The floor: its innovations (n,) [m] by draw, no number where it is not known, what late commands add, where it is
-    from ("simulated" or "repeats"), and its gap, which is asked for once an answer stands."""
+    """The floor: its innovations (n,) [m] by draw, no number where it is not known; what late commands add; `spread`,
+    the variance of what a complete model leaves over the floor, in that of one mean square of white noise; where it is
+    from ("simulated" or "repeats"); its gap, which is asked for once an answer stands."""
 
     innovations: tuple[Array, ...]
     late: tuple[Late, ...]
+    spread: float
     source: str
     gap: Callable[[], Gap]
 
@@ -217,7 +219,7 @@ def _left(
     """By record: the unknown force (n,) [N], by how much the position in the closed loop is another (n,) [m], and the
     settling of each motion [s]; no number before the state has settled."""
     machine = candidate.machine
-    model = candidate.predictor(records[0].sample_time, SEEN_BY)
+    model = seeing(candidate, records[0].sample_time, SEEN_BY)
 
     def left(i: int, record: Record, seen: Seen) -> tuple[Array, Array, list[float]]:
         start = np.zeros(model.C.size)
@@ -234,19 +236,17 @@ def _left(
     return force, apart, late
 
 
-def measured(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Least | None:
-    """The floor from what does not repeat between equal motions; None where none are equal."""
+def measured(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Least:
+    """The floor from what does not repeat between equal motions. An effect that does not repeat is floor here."""
     groups = repeated(pieces, records)
-    if not groups:
-        return None
 
     def scattered() -> Gap:
         force, apart, _ = _left(fitted.candidate, records, fitted.paths)
         return Gap(rms(scatter(groups, pieces, force)), rms(scatter(groups, pieces, apart)), None)
 
-    ends = np.cumsum([record.position.size for record in records])[:-1]
-    own = np.split(signal(fitted.seen, fitted.candidate.machine), ends)
-    return Least((np.concatenate(scatter(groups, pieces, own)),), (), "repeats", scattered)
+    size = fitted.seen[0].deviation * noise(fitted.candidate.machine)
+    spread = len(groups) / (sum(map(len, groups)) - len(groups))
+    return Least((unrepeated(fitted, records, pieces) * size,), (), spread, "repeats", scattered)
 
 
 def quiet(candidate: Candidate) -> Candidate:

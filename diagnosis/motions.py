@@ -89,7 +89,7 @@ def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[
 
 def scatter(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> tuple[Array, ...]:
     """What of every record's signal (n,) [any unit] does not repeat: its difference from the mean course of equal
-    motions, of the deviation of one of them; not a number where nothing repeats."""
+    motions, of the deviation of one of them; not a number where nothing repeats. Each motion counts alike."""
     apart = tuple(np.full(signal.size, np.nan) for signal in signals)
     for group in groups:
         parts = [(pieces[i].record, slice(pieces[i].start, pieces[i].stop)) for i in group]

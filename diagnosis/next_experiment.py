@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from diagnosis.confusability import THRESHOLD, distances, products
 from diagnosis.experiments import Experiment, Schedule, menu, together
 from diagnosis.fit import Fit, weights
+from diagnosis.kalman import JITTER
 from diagnosis.nominal import parameters
 from diagnosis.residual import WALK, Candidate, look, nominal_slopes, smooth
 from diagnosis.where_words import words
@@ -43,15 +44,17 @@ class Proposal:
     reaches: float
 
 
-def next_experiment(members: Sequence[str], machine: Machine, *, seed: int = 0) -> Proposal | None:
+def next_experiment(
+    members: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER
+) -> Proposal | None:
     """What to run on the machine in order to tell the members apart, or to see the one that there is; None without any.
 
-    The menu's settings are in its sentence, with their units.
+    The menu's settings are in its sentence, with their units; jitter: the white force of this drive [N].
     """
     asked = [name for name in members if name in every() and name not in UNSEEN][:MOST]
     if not asked:
         return None
-    tried = [(one, _reached(machine, one, asked, seed)) for one in menu(machine)]
+    tried = [(one, _reached(machine, one, asked, seed, jitter)) for one in menu(machine)]
     enough = [(one, reached) for one, reached in tried if reached >= SPARE * THRESHOLD]
     if enough:
         best, reached = min(enough, key=lambda item: item[0].schedule.target.size)
@@ -108,13 +111,13 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
     return Proposal(sentence, one.schedule, float("nan"))
 
 
-def showing(names: Sequence[str], machine: Machine, *, seed: int = 0) -> Proposal | None:
+def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER) -> Proposal | None:
     """What shows the most of these effects at their typical sizes [SI], which earlier records could not; None where no
     experiment of the menu shows any."""
     asked = [name for name in names if name in every() and name not in UNSEEN]
     if not asked:
         return None
-    seen = [(one, np.diag(_distances(machine, one, asked, seed)) ** 2 >= THRESHOLD) for one in menu(machine)]
+    seen = [(one, np.diag(_distances(machine, one, asked, seed, jitter)) ** 2 >= THRESHOLD) for one in menu(machine)]
     best, shown = max(seen, key=lambda item: (np.count_nonzero(item[1]), -item[0].schedule.target.size))
     if not np.any(shown):
         return None
@@ -126,29 +129,29 @@ def showing(names: Sequence[str], machine: Machine, *, seed: int = 0) -> Proposa
     return Proposal(sentence, best.schedule, THRESHOLD)
 
 
-def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int) -> float:
+def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, jitter: float) -> float:
     """The smallest squared distance [1] between any two of the effects, or of the one from the nominal parameters."""
-    square = _distances(machine, one, asked, seed) ** 2
+    square = _distances(machine, one, asked, seed, jitter) ** 2
     if len(asked) > 1:
         np.fill_diagonal(square, np.inf)
     return float(np.min(square))
 
 
-def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: int) -> Array:
-    fitted, record = virtual(machine, one.schedule, seed)
+def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, jitter: float) -> Array:
+    fitted, record = virtual(machine, one.schedule, seed, jitter)
     return distances(products(fitted, [record], asked), tuple(asked))
 
 
-def virtual(machine: Machine, planned: Schedule, seed: int = 0) -> tuple[Fit, Record]:
-    """The record that the nominal machine would make of a schedule, and the linearisation along it; nothing is fitted.
-    Forces in [N]."""
+def virtual(machine: Machine, planned: Schedule, seed: int = 0, jitter: float = JITTER) -> tuple[Fit, Record]:
+    """The record that the nominal machine would make of a schedule, and the linearisation along it, weighed by a white
+    force of deviation `jitter` [N]; nothing is fitted. Forces in [N]."""
     scale = machine.scale
     noisy = replace(machine, effects=(), scale=replace(scale, noise=scale.noise or 0.3 * scale.resolution))
     control = machine.control
     controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
     record = simulate(noisy, controller, planned.target, given=planned.given, seed=seed).record
     layout = parameters(noisy, 1)
-    candidate = Candidate(layout, np.zeros(layout.count))
+    candidate = Candidate(layout, np.zeros(layout.count), jitter=jitter)
     paths = smooth(candidate, [record])
     seen = look(candidate, [record], paths)
     weight = weights([record])

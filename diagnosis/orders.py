@@ -77,10 +77,10 @@ def shrinking(found: Orders, records: Sequence[Record]) -> tuple[Step, ...]:
     """The stages of those effects of the search that each shrink the unknown force, the one that shrinks it most
     first: parts of an explanation, where it has no whole."""
     names, ordered, fits = set(found.shares), list[str](), dict(found.fits)
-    final, start = found.steps[-1].fitted, found.steps[0].fitted
+    final = found.steps[-1].fitted
+    start = found.steps[0].fitted  # what the others made of the nominal parameters is no good start for one alone
     alone = beside(lambda name: _with_only(final, names - {name}, records, start), sorted(names))
     for name, fitted in zip(sorted(names), list(alone), strict=True):
-        # what the others made of the nominal parameters is no good start for one alone
         fits[frozenset({name})] = min(fitted, fits[frozenset({name})], key=lambda fitted: fitted.cost)
     least = _force(fits[frozenset()], records)
     while names:

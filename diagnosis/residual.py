@@ -96,6 +96,12 @@ class Seen:
     deviation: float
 
 
+def seeing(candidate: Candidate, sample_time: float, walk: float) -> Predictor:
+    """The predictor that shows a force as large as it is: rough drives are weighed by a white force that would hide a
+    part of it; walk [N a sample], sample_time [s]."""
+    return replace(candidate, jitter=JITTER).predictor(sample_time, walk)
+
+
 def noise(machine: Machine) -> float:
     """Deviation [m] of the reading: the scale's noise, a third of a step where none is stated, and its rounding."""
     scale = machine.scale

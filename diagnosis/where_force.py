@@ -19,7 +19,7 @@ from scipy.linalg import solve_discrete_are
 from diagnosis.fit import Fit
 from diagnosis.kalman import JITTER, SUBSTEPS, Predictor, discretised, innovations, smoothed
 from diagnosis.motions import Piece, repeated, rms, scatter
-from diagnosis.residual import AGAIN, STARTING, Candidate, modal, noise
+from diagnosis.residual import AGAIN, STARTING, Candidate, modal, noise, seeing
 from models.plant import Plant
 from models.record import Record
 
@@ -72,14 +72,13 @@ def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
 
 def unknown(fitted: Fit, records: Sequence[Record], walk: float) -> Force:
     """The unknown force for a walk [N a sample], in newtons of thrust."""
-    candidate, ts = fitted.candidate, records[0].sample_time
-    machine, model = candidate.machine, candidate.predictor(ts, walk)
+    machine, model = fitted.candidate.machine, seeing(fitted.candidate, records[0].sample_time, walk)
     place, values = 2 * len(machine.plant.modes), []  # of the force among the states
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
         values.append(smoothed(model, fitted.seen[i].force, reading, _start(model, reading))[:, place])
-    deviation = steady_deviation(machine.plant, ts, walk=walk, noise=noise(machine), jitter=candidate.jitter)
-    part = noise(machine) * float(np.linalg.norm(answer(candidate, ts, walk)[0]))
+    deviation = steady_deviation(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine))
+    part = noise(machine) * float(np.linalg.norm(answer(fitted.candidate, records[0].sample_time, walk)[0]))
     return Force(walk, tuple(values), deviation, part)
 
 
@@ -88,7 +87,7 @@ def answer(candidate: Candidate, sample_time: float, walk: float) -> tuple[Array
 
     Without the candidate's random forces.
     """
-    model = replace(candidate, shaken=()).predictor(sample_time, walk)
+    model = seeing(replace(candidate, shaken=()), sample_time, walk)
     reading = np.zeros(2 * REACH + 1)
     reading[REACH] = 1.0
     states = smoothed(model, np.zeros((reading.size, SUBSTEPS)), reading, np.zeros(model.C.size))
@@ -103,7 +102,7 @@ def likeliest(fitted: Fit, records: Sequence[Record]) -> float:
 
 def _chances(fitted: Fit, records: Sequence[Record], walk: float) -> Iterator[float]:
     """Logarithm of each record's likelihood, but for a constant."""
-    model = fitted.candidate.predictor(records[0].sample_time, walk)
+    model = seeing(fitted.candidate, records[0].sample_time, walk)
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
         e = innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:] / model.deviation
@@ -116,12 +115,12 @@ def _start(model: Predictor, reading: Array) -> Array:
     return start
 
 
-def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float, jitter: float = JITTER) -> float:
+def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float) -> float:
     """Deviation [N] of the smoothed force far from a record's ends: P = P+ + G (P - P-) G', steady."""
     a, _, c = discretised(plant, sample_time)
     held = a[:, -1].copy()
     held[-1] = 0.0
-    q = jitter**2 * np.outer(held, held)
+    q = JITTER**2 * np.outer(held, held)
     q[-1, -1] += walk**2
     before = solve_discrete_are(a.T, c[:, None], q / noise**2, np.eye(1)) * noise**2
     gain = before @ c / (float(c @ before @ c) + noise**2)
@@ -158,7 +157,7 @@ def floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], force
 def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
     """A fast unknown force takes up whatever else there is: what it leaves is the scale's noise."""
     candidate, ts = fitted.candidate, records[0].sample_time
-    model = candidate.predictor(ts, FAST)
+    model = seeing(candidate, ts, FAST)
     left = []
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)

@@ -18,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.beside import beside
-from diagnosis.fit import Fit, at_bounds, fit
+from diagnosis.fit import Fit, at_bounds, fit, unrepeated
 from diagnosis.initial import balanced, search
+from diagnosis.kalman import JITTER
 from diagnosis.lateness import Lateness, lateness
+from diagnosis.motions import pieces
 from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import LEAST
 from diagnosis.residual import Candidate
@@ -53,8 +55,10 @@ FOLLOWED: Final = Provenance("identified", "the largest command of the records, 
 AGAIN: Final = 2  # times that the starts are searched once more
 MUCH: Final = 200.0  # chi-square that an effect gains where the starts may have stood in for it
 ENOUGH: Final = 20.0  # chi-square
-ROUGH: Final = 5.0  # variance of the innovations, beyond which their weights are wrong; sealed tables leave below 2
-COARSER: Final = 2.0  # ratio of the white forces that are tried
+ROUGH: Final = 3.0  # variance of what does not repeat, beyond which a drive is rougher than its weights say
+WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
+LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
+CLOSE: Final = 0.05  # relative difference of white forces that are the same
 
 
 @dataclass(frozen=True)
@@ -84,21 +88,38 @@ def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, 
 def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
     """The nominal re-fit, under the white force that it needs. Where commands go beyond the rated thrust, the drive
     that followed them is tried as well: many do so for a while."""
-    return coarser(_within_rating(machine, records), records)
+    return weighed(_within_rating(machine, records), records)
 
 
-def coarser(fitted: Fit, records: Sequence[Record]) -> Fit:
-    """The fit where it leaves no more than about what its weights promise; else under the white force [N] that makes
-    the records the most probable: weights that promise what no model of this kind can keep drive what is nominal to its
-    bounds (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, take the diffusion for such a sign)."""
-    if float(np.mean(fitted.innovations**2)) < ROUGH:
+def weighed(fitted: Fit, records: Sequence[Record]) -> Fit:
+    """The fit as it is, unless what does not repeat between equal motions is far more than its weights promise: then
+    fitted again under the white force [N] with which it leaves as much as they promise. Weights that a drive does not
+    keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
+    (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood)."""
+    if fitted.candidate.jitter == JITTER and not _scatter(fitted, records) > ROUGH:
         return fitted
-    while True:
-        candidate = replace(fitted.candidate, jitter=COARSER * fitted.candidate.jitter)
-        better = _started(fit(candidate, records, paths=fitted.paths, walk=fitted.walk), records)
-        if fitted.cost - better.cost < ENOUGH:
-            return fitted
-        fitted = better
+    slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
+    for _ in range(WEIGHED):
+        before = fitted.candidate.jitter
+        jitter = max(before * variance ** (1 / slope), JITTER)
+        if abs(jitter / before - 1) < CLOSE:
+            break
+        fitted = fit(replace(fitted.candidate, jitter=jitter), records, paths=fitted.paths, walk=fitted.walk)
+        after = _variance(fitted)
+        slope = float(np.clip(-np.log(after / variance) / np.log(jitter / before), LEAST_SLOPE, 2.0))
+        variance = after
+    return _started(fitted, records)
+
+
+def _variance(fitted: Fit) -> float:
+    return float(np.mean(fitted.innovations**2))
+
+
+def _scatter(fitted: Fit, records: Sequence[Record]) -> float:
+    """Variance [1] of what does not repeat between equal motions; not a number where too few are equal."""
+    apart = unrepeated(fitted, records, pieces(records))
+    known = apart[~np.isnan(apart)]
+    return float(np.mean(known**2)) if known.size else float("nan")
 
 
 def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
@@ -168,6 +189,8 @@ def search_effects(
         best = min((fitted for _, fitted in tried), key=lambda fitted: fitted.cost)
         if here.fitted.cost - best.cost > MUCH:
             best = _started(best, records)
+        if best.candidate.jitter > JITTER:  # some of the white force was this effect
+            best = weighed(best, records)
         gained = here.fitted.cost - best.cost
         if gained < LEAST:
             aside |= {name for name, _ in tried}

@@ -72,6 +72,12 @@ def _which(results: Results) -> str:
                 f". In part it is {' and '.join(shown)}: with it, {show(after, 'N', 3)} (rms) of unknown force are "
                 f"left of {show(before, 'N', 3)}"
             )
+        rough = results["white_force_N"]
+        if rough["taken"] > rough["usual"]:
+            told += (
+                f". The drive is rougher than its model: its force scatters by {show(rough['taken'], 'N', 2)} from "
+                "sample to sample, for which no effect here is a law"
+            )
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return f"{told}."
         return f"{told}; put the log or the controller right first, because what is left may be theirs."
@@ -100,32 +106,34 @@ def _parameters(row: Results | None) -> str:
 
 
 def _how_far(verdict: Results, far: Results) -> str:
-    floor = far["floor"]
+    floor = _gap(far["floor"])
+    if far["floor_source"] == "repeats":
+        floor += ", which is what does not repeat between equal motions"
     if verdict["outcome"] == "nothing_to_explain":
         return (
             f"As delivered the model leaves {_gap(far['gap_as_delivered'])} of position; a table that is exactly the "
-            f"model would leave {_gap(floor)}."
+            f"model would leave {floor}."
         )
     if verdict["outcome"] == "parameters":
         moved = _from_to(far["gap_as_delivered"], far["gap_refitted"])
-        return f"The re-fit takes it {moved}; the floor is {_gap(floor)}."
+        return f"The re-fit takes it {moved}; the floor is {floor}."
     low, high = far["closure_interval"]
     if verdict["outcome"] == "none_of_these" and len(far["stages"]) <= UNNAMED:
         return (
             "No effect takes enough off it to go into the model; the re-fitted model leaves "
-            f"{_gap(far['gap_refitted'])} of position, its floor is {_gap(floor)}."
+            f"{_gap(far['gap_refitted'])} of position, its floor is {floor}."
         )
     if verdict["outcome"] == "none_of_these":
         return (
             f"What goes into the model closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "
             f"{100 * high:.0f} %) of what separates the re-fitted model from its floor on motions left out, too little "
             f"for a name; the re-fitted model leaves {_gap(far['gap_refitted'])} of position, its floor is "
-            f"{_gap(floor)}."
+            f"{floor}."
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     return (
         f"On motions left out this closes {100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of what "
-        f"separates the re-fitted model from its floor: {moved}; the floor is {_gap(floor)}."
+        f"separates the re-fitted model from its floor: {moved}; the floor is {floor}."
     )
 
 

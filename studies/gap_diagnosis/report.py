@@ -48,7 +48,7 @@ TABLES = {
 WATERFALL = (
     "What each model leaves: the unknown force, the position of the simulated closed loop against the record, and how "
     "far its settling times are from the record's. Dashed: the floor, what the last model leaves of a record that it "
-    "made itself or, of a drive rougher than its model, what does not repeat between equal motions. Dotted: what "
+    "made itself or, of a drive rougher than its model, what does not repeat where motions do. Dotted: what "
     "flexible curves over all coordinates, which name nothing, leave of the force on motions left out."
 )
 FORCE = (

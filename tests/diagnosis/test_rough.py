@@ -1,0 +1,172 @@
+"""A drive that is rougher than the model's own noise: weights that its records bear out, a floor from what repeats."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diagnosis import which
+from diagnosis.diagnose import ATTRIBUTED, NONE, Diagnosis, diagnose
+from diagnosis.experiments import amplitude_ladder, repeated_strokes, sequence
+from diagnosis.fit import Fit, unrepeated
+from diagnosis.how_far import gap, measured, signal
+from diagnosis.kalman import JITTER
+from diagnosis.motions import Piece, pieces, rms, scatter
+from diagnosis.next_experiment import virtual
+from diagnosis.nominal import applied, parameters
+from diagnosis.which import refit_within, weighed
+from models.effects.base import Effect, Numbers, T, hook, parameter
+from models.effects.friction import ViscousFriction
+from models.machine import Machine
+from models.record import Record
+from tests.diagnosis.tables import recorded, table
+
+MACHINE = table()
+PLAN = (sequence(MACHINE, repeats=2), repeated_strokes(MACHINE, passes=4))
+SIZE = 2.0  # N
+SEED = 21
+
+
+@hook
+def _knocking(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    chance = 43758.5453 * math.sin(12.9898 * math.floor(now[T] / p[1]))
+    return float(value + p[0] * 12.0**0.5 * (chance - math.floor(chance) - 0.5))
+
+
+@dataclass(frozen=True)
+class Knocks(Effect):
+    """A force that is another in every sample, and no other time the same."""
+
+    name: ClassVar = "knocks"
+    family: ClassVar = "structure"
+    equation: ClassVar = "d"
+    source: ClassVar = "a test"
+    hooks: ClassVar = {"force": _knocking}
+    clocked: ClassVar = True
+    size: float = parameter("N", "deviation", 0.1, 10.0, "amplitude")
+    period: float = parameter("s", "how long each lasts", 1e-4, 1e-3, "shape", above=0)
+
+
+KNOCKS = Knocks(SIZE, MACHINE.sample_time)
+
+
+def _off() -> Machine:
+    """A machine file whose mass is 5 % off, and whose contacts are 8 %."""
+    layout = parameters(MACHINE, 1)
+    theta = np.zeros(layout.count)
+    theta[layout.of("payload_mass")], theta[layout.of("friction_level")] = 0.05, -0.08
+    return applied(layout, theta)
+
+
+def _mass(machine: Machine) -> float:
+    return float(1 / sum(mode.gain for mode in machine.plant.modes if mode.frequency == 0))
+
+
+@pytest.fixture(scope="module")
+def rough() -> tuple[Record, ...]:
+    return recorded(MACHINE, PLAN, [KNOCKS], seed=SEED, wrong=0.0)
+
+
+@pytest.fixture(scope="module")
+def fitted(rough: tuple[Record, ...]) -> Fit:
+    return refit_within(_off(), rough)
+
+
+@pytest.fixture(scope="module")
+def found(rough: tuple[Record, ...], tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return diagnose(MACHINE, rough, cache=tmp_path_factory.mktemp("null"))
+
+
+def test_the_white_force_of_a_rough_drive_is_found(fitted: Fit) -> None:
+    assert fitted.candidate.jitter == pytest.approx(SIZE, rel=0.15)
+    assert np.mean(fitted.innovations**2) == pytest.approx(1.0, abs=0.12)
+
+
+def test_what_is_nominal_is_found_on_a_rough_drive(
+    fitted: Fit, rough: tuple[Record, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under the usual weights the knocks pass for what is nominal."""
+    monkeypatch.setattr(which, "ROUGH", np.inf)
+    usual = refit_within(_off(), rough)
+    assert _mass(fitted.candidate.machine) == pytest.approx(_mass(MACHINE), rel=0.01)
+    stiffness = [sum(one.candidate.machine.friction.stiffness) for one in (fitted, usual)]
+    true = sum(MACHINE.friction.stiffness)
+    assert stiffness[0] == pytest.approx(true, rel=0.04)
+    assert abs(stiffness[0] - true) < 0.5 * abs(stiffness[1] - true)
+
+
+def test_a_drive_that_is_as_smooth_as_its_model_keeps_its_weights() -> None:
+    records = recorded(MACHINE, PLAN, seed=SEED)
+    found = refit_within(MACHINE, records)
+    assert found.candidate.jitter == JITTER
+    assert weighed(found, records) is found
+
+
+def test_the_floor_of_a_rough_drive_is_what_does_not_repeat(fitted: Fit, rough: tuple[Record, ...]) -> None:
+    """The knocks are all that is wrong: as much as there is left does not repeat."""
+    least = measured(fitted, rough, pieces(rough))
+    assert least.source == "repeats"
+    (own,) = least.innovations
+    known = ~np.isnan(own)
+    left = signal(fitted.seen, fitted.candidate.machine)
+    assert np.mean(own[known] ** 2) == pytest.approx(np.mean(left[known] ** 2), rel=0.1)
+    assert least.gap().force == pytest.approx(gap(fitted.candidate, rough, fitted.paths).force, rel=0.3)
+
+
+def test_where_nothing_repeats_nothing_is_called_rough() -> None:
+    (records,) = [recorded(MACHINE, PLAN[:1], [KNOCKS], seed=SEED, wrong=0.0)]
+    once = (records[0].part(0, records[0].position.size // 2),)
+    found = refit_within(MACHINE, once)
+    assert np.isnan(unrepeated(found, once, pieces(once))).all()
+    assert found.candidate.jitter == JITTER
+
+
+def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) -> None:
+    assert (found.outcome, found.effects, found.partly) == (NONE, (), ())
+    assert found.how_far.source == "repeats"
+    assert found.baseline.floors == pytest.approx(sum(record.position.size - 60 for record in found.baseline.records))
+
+
+def test_an_effect_on_a_rough_drive_is_named(tmp_path: Path) -> None:
+    records = recorded(MACHINE, PLAN, [KNOCKS, ViscousFriction(200.0)], seed=SEED, wrong=0.0)
+    found = diagnose(MACHINE, records, cache=tmp_path)
+    assert (found.outcome, found.effects) == (ATTRIBUTED, ("viscous_friction",))
+    (drag,) = found.final.candidate.effects
+    assert drag.values()[0] == pytest.approx(200.0, rel=0.1)
+    assert found.how_far.interval[0] > 0.5
+
+
+def test_a_strong_effect_on_a_smooth_table_makes_it_no_rough_one(tmp_path: Path) -> None:
+    """It leaves as much as a rough drive does, and every time the same."""
+    records = recorded(MACHINE, PLAN, [ViscousFriction(400.0)], seed=SEED, wrong=0.0)
+    found = diagnose(MACHINE, records, cache=tmp_path)
+    assert np.mean(found.baseline.nominal.innovations**2) > 10.0
+    assert (found.outcome, found.effects) == (ATTRIBUTED, ("viscous_friction",))
+    assert found.baseline.nominal.candidate.jitter == JITTER
+    assert found.how_far.source == "simulated"
+
+
+def test_an_experiment_shows_less_of_a_rough_drive() -> None:
+    """The linearisation that experiments are compared by takes the white force that the records showed."""
+    planned = amplitude_ladder(MACHINE, (10e-6,))
+    sizes = [np.linalg.norm(virtual(MACHINE, planned, jitter=jitter)[0].slopes) for jitter in (JITTER, SIZE)]
+    assert sizes[1] < 0.5 * sizes[0]
+
+
+@given(st.integers(2, 6), st.floats(0.1, 10.0), st.integers(0, 2**16))
+def test_what_does_not_repeat_has_the_deviation_of_the_noise(count: int, size: float, seed: int) -> None:
+    """Whatever the mean course is, and whatever lies between the motions."""
+    rng, length = np.random.default_rng(seed), 20000
+    course = np.tile(rng.standard_normal(length) * 100.0, count + 1)
+    noisy = course + size * rng.standard_normal(course.size)
+    equal = [Piece(0, i * length, (i + 1) * length, "a move", 1, 0.0) for i in range(count)]
+    (found,) = scatter([range(count)], equal, [noisy])
+    assert np.isnan(found[count * length :]).all()
+    assert rms([found]) == pytest.approx(size, rel=0.03)
