@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS := 1
 help:
 	@echo 'make study      design the deadbeat feedforward for the default machine, validate it, write its report'
 	@echo 'make test       format, lint, types and all tests'
-	@echo 'make benchmark  time and error of the simulator beside what one would use instead'
+	@echo 'make benchmark  time and error of the simulator beside what one would use instead, times of designs and diagnosis'
 	@echo 'make baseline   keep the quick runs that the tests compare with'
 	@echo 'make lock       pin the newest dependencies of requirements.in in requirements.lock'
 	@echo 'make clean      remove the environment, caches and generated reports'
@@ -29,6 +29,7 @@ check: $(ENVIRONMENT)
 benchmark: $(ENVIRONMENT)
 	$(BIN)/python -m tests.benchmark
 	$(BIN)/python -m tests.benchmark.optimal_control
+	$(BIN)/python -m tests.benchmark.diagnosis
 
 # What the tests compare quick runs with: only after a change of results that was meant, and read before it is committed.
 baseline: $(ENVIRONMENT)
