@@ -43,7 +43,7 @@ from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import parameters
 from diagnosis.null import Null, null
 from diagnosis.orders import Orders, added, in_all_orders, shrinking
-from diagnosis.residual import noise, smooth
+from diagnosis.residual import look, noise, smooth
 from diagnosis.scan import freed
 from diagnosis.where_controller import replayed
 from diagnosis.which import MOST, Step, refit_within, search_effects
@@ -340,7 +340,9 @@ def _closed(found: Baseline, steps: Sequence[Step], seed: int, disabled: Collect
     known = ~np.isnan(floor.innovations[0])
     weight, number = weights(records), numbered(found.pieces, records)
     left = held_out(final, freed(final, number)) * _deviations(final) * noise(final.candidate.machine) * weight
-    before, fitted = (signal(one.seen, one.candidate.machine) * weight for one in (first, final))
+    alike = replace(first.candidate, jitter=final.candidate.jitter)  # what two filters leave can't be compared
+    seen = first.seen if alike.jitter == first.candidate.jitter else look(alike, records, first.paths, first.walk)
+    before, fitted = (signal(*one) * weight for one in ((seen, alike.machine), (final.seen, final.candidate.machine)))
     _, segment = np.unique(number[known], return_inverse=True)
     least, late = [one[known] for one in floor.innovations], floor.late
     share, interval = closure(before[known], left[known], least, segment, late)
