@@ -11,6 +11,7 @@ import pytest
 
 from design.controller import default_controller
 from design.deadbeat import Constraints, DesignError, synthesise
+from diagnosis.candidates import SEEDS
 from models.machine import load
 from studies.validation import validate
 
@@ -41,6 +42,7 @@ def test_the_trial_that_it_quotes_is_the_one_that_is_kept() -> None:
     assert manifest["outputs"]["results.json"] == hashlib.sha256((folder / "results.json").read_bytes()).hexdigest()
     assert kept["results"]["cases"] >= 300
     assert f"{kept['results']['cases']} cases of seed {kept['results']['seed']}" in README
+    assert kept["results"]["seed"] not in SEEDS  # its probabilities were not read off its own cases
     rows = re.findall(r"^\| ([^|`]+) \| ([^|]+) \| ([≤≥] [^|]+) \| (holds|MISSED) \|$", README, re.MULTILINE)
     told = {name: (value, target, verdict) for name, value, target, verdict in rows}
     guards = 4
