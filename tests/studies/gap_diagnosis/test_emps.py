@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,10 +36,15 @@ def data() -> Path:
 
 
 @pytest.fixture(scope="module")
-def results(data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def folder(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("emps") / "out"
-    assert main(STUDY, [str(data), "--machine", str(MACHINE), "--no-report", "--output", str(output)]) == DONE
-    return dict(json.loads((output / "results.json").read_text(encoding="utf-8"))["results"])
+    assert main(STUDY, [str(data), "--machine", str(MACHINE), "--output", str(output)]) == DONE
+    return output
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"])
 
 
 def test_its_controller_replays_but_for_the_noise_of_the_log(results: dict[str, Any]) -> None:
@@ -85,6 +91,12 @@ def test_the_re_fit_of_another_machine_finds_what_its_authors_publish(data: Path
     assert 1 / adopted.plant.modes[0].gain == pytest.approx(95.11, rel=0.01)
     assert drag.values()[0] == pytest.approx(203.5, rel=0.06)
     assert adopted.friction.limit[0] * adopted.friction.stiffness[0] == pytest.approx(20.39, rel=0.06)
+
+
+def test_the_report_says_how_rough_the_drive_is(folder: Path) -> None:
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "This drive is rougher than the method expects" in page
+    assert re.search(r"<h\d[^>]*id=\"next-experiment\"", page)  # a heading of its own behind those words
 
 
 def test_its_floor_is_what_does_not_repeat(results: dict[str, Any]) -> None:
