@@ -37,7 +37,6 @@ from diagnosis.how_far import (
     mirrored,
     signal,
 )
-from diagnosis.kalman import JITTER
 from diagnosis.lateness import LATE
 from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import parameters
@@ -85,7 +84,7 @@ class Baseline:
     def floors(self) -> Array:
         """Chi-square (draws,) [1] that complete models leave of the records: of tables of the null, or, of a drive that
         is rougher than they are, what its weights make of it."""
-        if self.nominal.candidate.jitter > JITTER:
+        if self.nominal.candidate.rough:
             return np.array([float(np.sum(weights(self.records)))])
         return self.null.floors(self.records)
 
@@ -251,7 +250,7 @@ def _outcome(steps: Sequence[Step], names: Sequence[str], closed: Closed, spike:
     that has no name here, be it a force without a law."""
     share = closed.interval[1] if LATENESS in names else closed.closure  # which commands were late, no simulation knows
     enough = share >= (HALF if len(names) < 2 else SEVERAL)
-    rough = steps[-1].fitted.candidate.jitter > JITTER
+    rough = steps[-1].fitted.candidate.rough
     if len(names) < 2 and closed.excess < EXCESS and not rough:  # whose floor is as rough as what it is the floor of
         enough = enough or closed.interval[1] >= LITTLE
     if names and enough and closed.interval[0] > 0 and not _bent(steps):
@@ -332,8 +331,7 @@ def _how_far(found: Baseline, steps: Sequence[Step], closed: Closed) -> HowFar:
 def _closed(found: Baseline, steps: Sequence[Step], seed: int, disabled: Collection[str]) -> Closed:
     """How much of the gap the stages close."""
     records, first, final = found.records, steps[0].fitted, steps[-1].fitted
-    rough = final.candidate.jitter > JITTER
-    if rough and not _late(steps[-1], disabled):  # of which commands were late, only a simulation tells
+    if final.candidate.rough and not _late(steps[-1], disabled):  # of which commands were late, only a simulation tells
         floor = measured(final, records, found.pieces)
     else:
         floor = _simulated(found, steps, seed, disabled)

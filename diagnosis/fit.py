@@ -59,7 +59,7 @@ def weights(records: Sequence[Record]) -> Array:
 
 def unrepeated(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Array:
     """What of a fit's innovations (n,) [1] does not repeat between equal motions; not a number where nothing is equal,
-    nor anywhere if only FEW motions are."""
+    nor anywhere if fewer than FEW motions are."""
     groups, whole = repeated(pieces, records), fitted.innovations.copy()
     if sum(map(len, groups)) < FEW:
         return np.full(whole.size, np.nan)

@@ -217,7 +217,7 @@ def _left(
     candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed]
 ) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[list[float], ...]]:
     """By record: the unknown force (n,) [N], by how much the position in the closed loop is another (n,) [m], and the
-    settling of each motion [s]; no number before the state has settled."""
+    same of each motion's settling [s]; no number before the state has settled."""
     machine = candidate.machine
     model = seeing(candidate, records[0].sample_time, SEEN_BY)
 

@@ -61,6 +61,11 @@ class Candidate:
         """The nominal machine with theta put in."""
         return applied(self.layout, self.theta)
 
+    @property
+    def rough(self) -> bool:
+        """Whether its white force is larger than a good table's."""
+        return self.jitter > JITTER
+
     def predictor(self, sample_time: float, walk: float) -> Predictor:
         """Of its machine, for an unknown force that walks by `walk` [N] a sample of `sample_time` [s]."""
         machine = self.machine

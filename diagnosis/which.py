@@ -96,7 +96,7 @@ def weighed(fitted: Fit, records: Sequence[Record]) -> Fit:
     fitted again under the white force [N] with which it leaves as much as they promise. Weights that a drive does not
     keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
     (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood)."""
-    if fitted.candidate.jitter == JITTER and not _scatter(fitted, records) > ROUGH:
+    if not fitted.candidate.rough and not _scatter(fitted, records) > ROUGH:
         return fitted
     slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
     for _ in range(WEIGHED):
@@ -189,7 +189,7 @@ def search_effects(
         best = min((fitted for _, fitted in tried), key=lambda fitted: fitted.cost)
         if here.fitted.cost - best.cost > MUCH:
             best = _started(best, records)
-        if best.candidate.jitter > JITTER:  # some of the white force was this effect
+        if best.candidate.rough:  # some of the white force was this effect
             best = weighed(best, records)
         gained = here.fitted.cost - best.cost
         if gained < LEAST:

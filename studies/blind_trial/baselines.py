@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.fit import weights
-from diagnosis.kalman import JITTER
 from diagnosis.motions import numbered
 from diagnosis.residual import columns
 from diagnosis.scan import Freed, freed, quadratures
@@ -45,7 +44,7 @@ def catalogue() -> tuple[str, ...]:
 def answers(found: Diagnosis, disabled: Collection[str]) -> dict[str, Any]:
     """What each baseline answers to a case that was diagnosed, as {"verdict"}; its seed and records are the same."""
     nominal = found.baseline.nominal
-    missing = nominal.candidate.jitter > JITTER or float(np.mean(np.square(nominal.innovations))) > LEFT
+    missing = nominal.candidate.rough or float(np.mean(np.square(nominal.innovations))) > LEFT
     return {
         "refit_only": _verdict((), missing),
         "aic_forward": _verdict(_aic(found, disabled), missing),

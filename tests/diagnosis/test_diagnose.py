@@ -26,7 +26,6 @@ from diagnosis.diagnose import (
 )
 from diagnosis.evidence import evidence, examined
 from diagnosis.fit import SPIKE, largest
-from diagnosis.kalman import JITTER
 from diagnosis.where import where
 from diagnosis.where_words import _spike
 from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
@@ -168,7 +167,7 @@ def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(cache:
 
 def _stage(cost: float, names: Sequence[str], rivals: Sequence[tuple[str, float]] = ()) -> Any:
     effects = tuple(SimpleNamespace(name=name) for name in names)
-    candidate = SimpleNamespace(effects=effects, shaken=(), jitter=JITTER)
+    candidate = SimpleNamespace(effects=effects, shaken=(), rough=False)
     return SimpleNamespace(fitted=SimpleNamespace(cost=cost, candidate=candidate), rivals=tuple(rivals))
 
 

@@ -121,8 +121,8 @@ def test_the_floor_of_a_rough_drive_is_what_does_not_repeat(fitted: Fit, rough: 
 
 
 def test_where_nothing_repeats_nothing_is_called_rough() -> None:
-    (records,) = [recorded(MACHINE, PLAN[:1], [KNOCKS], seed=SEED, wrong=0.0)]
-    once = (records[0].part(0, records[0].position.size // 2),)
+    (record,) = recorded(MACHINE, PLAN[:1], [KNOCKS], seed=SEED, wrong=0.0)
+    once = (record.part(0, record.position.size // 2),)
     found = refit_within(MACHINE, once)
     assert np.isnan(unrepeated(found, once, pieces(once))).all()
     assert found.candidate.jitter == JITTER

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from diagnosis import residual, which
 from diagnosis.fit import at_bounds, fit
 from diagnosis.initial import balanced, search
-from diagnosis.kalman import JITTER
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import FURTHER, applied, bounded, parameters
 from diagnosis.null import LEAST
@@ -99,7 +98,7 @@ def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wro
 
 def _fit(cost: float, *names: str) -> Any:
     effects = tuple(SimpleNamespace(name=name) for name in names)
-    candidate = SimpleNamespace(effects=effects, shaken=(), jitter=JITTER)
+    candidate = SimpleNamespace(effects=effects, shaken=(), rough=False)
     return SimpleNamespace(cost=cost, candidate=candidate, innovations=np.zeros(3))
 
 
