@@ -42,10 +42,11 @@ from diagnosis.motions import Piece, numbered, pieces
 from diagnosis.nominal import parameters
 from diagnosis.null import Null, null
 from diagnosis.orders import Orders, added, in_all_orders, shrinking
+from diagnosis.refit import refit_within
 from diagnosis.residual import look, noise, smooth
 from diagnosis.scan import freed
 from diagnosis.where_controller import replayed
-from diagnosis.which import MOST, Step, refit_within, search_effects
+from diagnosis.which import MOST, Step, search_effects
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
 from models.effects.motor import TimingJitter

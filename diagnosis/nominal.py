@@ -85,7 +85,8 @@ def _rows(machine: Machine, records: int, tolerance: Tolerance) -> Iterator[tupl
     yield from (("mode_frequency", tolerance.frequency) for _ in flexible)
     yield from (("mode_damping", tolerance.damping) for _ in flexible)
     yield "dead_time", tolerance.dead_time
-    yield "amplifier_offset", tolerance.offset
+    # an offset that a file states was found beside a friction that is the same both ways: all of it may be friction's
+    yield "amplifier_offset", max(tolerance.offset, abs(machine.drive.offset))
     yield "friction_level", tolerance.friction_level
     yield from (("presliding_stiffness", tolerance.stiffness) for _ in friction.stiffness)
     yield from (("presliding_limit", tolerance.limit) for _ in friction.limit)

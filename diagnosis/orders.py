@@ -22,6 +22,7 @@ from diagnosis.fit import Fit, fit
 from diagnosis.how_far import gap
 from diagnosis.null import LEAST
 from diagnosis.which import Step, further
+from models.effects.catalogue import beyond
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -42,10 +43,8 @@ class Orders:
 
 def added(before: Step, after: Step) -> str:
     """The name of the effect that is in a stage and was not in the one before."""
-    was, now = ([effect.name for effect in step.fitted.candidate.effects] for step in (before, after))
-    for name in was:
-        now.remove(name)
-    return now[0] if now else SHAKEN
+    more = beyond(*(step.fitted.candidate.effects for step in (before, after)))
+    return more[0].name if more else SHAKEN
 
 
 def in_all_orders(
@@ -120,14 +119,8 @@ def _with_only(final: Fit, out: Collection[str], records: Sequence[Record], star
     """The final model fitted again without the effects of some names; those of the machine file stay. start: where the
     nominal parameters begin, if not at the final model's."""
     candidate, machine = final.candidate, final.candidate.layout.machine
-    stays = [effect.name for effect in machine.effects]
-    effects = []
-    for effect in candidate.effects:
-        if effect.name in stays:
-            stays.remove(effect.name)
-        elif effect.name in out:
-            continue
-        effects.append(effect)
+    gone = [effect for effect in beyond(machine.effects, candidate.effects) if effect.name in out]
+    effects = [effect for effect in candidate.effects if effect not in gone]
     shaken = () if SHAKEN in out else candidate.shaken
     begin = start or final
     fewer = replace(candidate, theta=begin.candidate.theta, effects=tuple(effects), shaken=shaken)

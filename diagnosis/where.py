@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from diagnosis.fit import SPIKE, Fit, Largest, largest, weights
 from diagnosis.motions import Piece, numbered
+from diagnosis.refit import FOLLOWED, RATED
 from diagnosis.residual import noise
 from diagnosis.scan import freed
 from diagnosis.where_controller import Replayed, replayed
@@ -33,7 +34,6 @@ from diagnosis.where_force import FAST, SLOW, Floor, Force, answer, floor, likel
 from diagnosis.where_maps import PHASES, Samples, Shares, by_band, by_wave, labelled, shares
 from diagnosis.where_side import Side, sides
 from diagnosis.where_words import SURE, statements
-from diagnosis.which import FOLLOWED, RATED
 from models.record import Record
 
 Array = NDArray[np.float64]

@@ -18,19 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.beside import beside
-from diagnosis.fit import Fit, at_bounds, fit, unrepeated
-from diagnosis.initial import balanced, search
-from diagnosis.kalman import JITTER
+from diagnosis.fit import Fit, at_bounds, fit
 from diagnosis.lateness import Lateness, lateness
-from diagnosis.motions import pieces
-from diagnosis.nominal import Parameters, parameters
 from diagnosis.null import LEAST
-from diagnosis.residual import Candidate
+from diagnosis.refit import started, weighed
 from diagnosis.scan import Columns, Finding, freed, scan
 from diagnosis.shaking import Shaking, shaking
 from models.effects.base import Effect
-from models.effects.catalogue import in_order
-from models.machine import Machine, Provenance
+from models.effects.catalogue import beyond, in_order
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -47,18 +42,7 @@ REST: Final = 0.15  # of what the first leaves above every floor; a further effe
 SECOND: Final = 60.0  # chi-square that a further effect has to gain
 DULL: Final = 10.0  # chi-square below which an effect gains nothing
 STEADY: Final = 0.5  # of a random force's mean power that is there half of the time
-STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
-
-
-RATED: Final = "drive.rated_thrust"
-FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
-AGAIN: Final = 2  # times that the starts are searched once more
 MUCH: Final = 200.0  # chi-square that an effect gains where the starts may have stood in for it
-ENOUGH: Final = 20.0  # chi-square
-ROUGH: Final = 3.0  # variance of what does not repeat, beyond which a drive is rougher than its weights say
-WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
-LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
-CLOSE: Final = 0.05  # relative difference of white forces that are the same
 
 
 @dataclass(frozen=True)
@@ -70,82 +54,6 @@ class Step:
     shaking: Shaking
     lateness: Lateness
     rivals: tuple[tuple[str, float], ...] = ()  # effects that were tried for this stage, and the cost with each
-
-
-def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, ...] = ()) -> Fit:
-    """The nominal parameters fitted, from a disturbance that forgives much to one that forgives little."""
-    candidate = Candidate(layout, balanced(layout, records), effects)
-    fitted: Fit | None = None
-    for walk, iterations in STEPS:
-        paths = fitted.paths if fitted else None
-        fitted = fit(candidate, records, paths=paths, iterations=iterations, walk=walk)
-        if walk != STEPS[-1][0]:
-            candidate = search(fitted, records)
-    assert fitted is not None
-    return _started(fitted, records)
-
-
-def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
-    """The nominal re-fit, under the white force that it needs. Where commands go beyond the rated thrust, the drive
-    that followed them is tried as well: many do so for a while."""
-    return weighed(_within_rating(machine, records), records)
-
-
-def weighed(fitted: Fit, records: Sequence[Record]) -> Fit:
-    """The fit as it is, unless what does not repeat between equal motions is far more than its weights promise: then
-    fitted again under the white force [N] with which it leaves as much as they promise. Weights that a drive does not
-    keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
-    (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood)."""
-    if not fitted.candidate.rough and not _scatter(fitted, records) > ROUGH:
-        return fitted
-    slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
-    for _ in range(WEIGHED):
-        before = fitted.candidate.jitter
-        jitter = max(before * variance ** (1 / slope), JITTER)
-        if abs(jitter / before - 1) < CLOSE:
-            break
-        fitted = fit(replace(fitted.candidate, jitter=jitter), records, paths=fitted.paths, walk=fitted.walk)
-        after = _variance(fitted)
-        slope = float(np.clip(-np.log(after / variance) / np.log(jitter / before), LEAST_SLOPE, 2.0))
-        variance = after
-    return _started(fitted, records)
-
-
-def _variance(fitted: Fit) -> float:
-    return float(np.mean(fitted.innovations**2))
-
-
-def _scatter(fitted: Fit, records: Sequence[Record]) -> float:
-    """Variance [1] of what does not repeat between equal motions; not a number where too few are equal."""
-    apart = unrepeated(fitted, records, pieces(records))
-    known = apart[~np.isnan(apart)]
-    return float(np.mean(known**2)) if known.size else float("nan")
-
-
-def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
-    most = max(float(np.max(np.abs(record.command))) for record in records)
-    effects = in_order(machine.effects)
-    layout = parameters(machine, len(records))
-    if most <= machine.drive.rated_thrust:
-        return refit(layout, records, effects)
-    drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
-    follows = refit(replace(layout, machine=replace(machine, drive=drive, sources=sources)), records, effects)
-    bounded = fit(replace(follows.candidate, layout=layout), records, paths=follows.paths, walk=follows.walk)
-    found = [follows, bounded]
-    if follows.cost - bounded.cost > ENOUGH:  # another drive: what it was fitted from may be no good start
-        found.append(refit(layout, records, effects))
-    return min(found, key=lambda fitted: fitted.cost)
-
-
-def _started(fitted: Fit, records: Sequence[Record]) -> Fit:
-    """The fit with its records' starts searched anew, as long as that leaves less: what else is in the model decides
-    which starts are best."""
-    for _ in range(AGAIN):
-        better = fit(search(fitted, records), records, paths=fitted.paths, iterations=4, walk=fitted.walk)
-        if fitted.cost - better.cost < ENOUGH:
-            break
-        fitted = better
-    return fitted
 
 
 def search_effects(
@@ -188,15 +96,15 @@ def search_effects(
                 continue
         best = min((fitted for _, fitted in tried), key=lambda fitted: fitted.cost)
         if here.fitted.cost - best.cost > MUCH:
-            best = _started(best, records)
+            best = started(best, records)
         if best.candidate.rough:  # some of the white force was this effect
             best = weighed(best, records)
         gained = here.fitted.cost - best.cost
         if gained < LEAST:
             aside |= {name for name, _ in tried}
             continue
-        names = {effect.name for effect in best.candidate.effects}
-        if len(names) > MOST or len(best.candidate.effects) > MOST + 2:
+        found = beyond(nominal.candidate.effects, best.candidate.effects)
+        if len({effect.name for effect in found}) > MOST or len(found) > MOST + 2:
             return tuple(steps)
         rivals = sorted(((name, fitted.cost) for name, fitted in tried), key=lambda rival: rival[1])
         step, known = _step(best, records, segment, {*left_out, *_dull(steps)}, known)

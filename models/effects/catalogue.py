@@ -28,6 +28,17 @@ def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(sorted(effects, key=lambda effect: order.get(effect.name, len(order))))
 
 
+def beyond(own: Iterable[Effect], effects: Iterable[Effect]) -> list[Effect]:
+    """The effects but one of each name that stands in `own`, as often as it stands there."""
+    left, more = [effect.name for effect in own], []
+    for effect in effects:
+        if effect.name in left:
+            left.remove(effect.name)
+        else:
+            more.append(effect)
+    return more
+
+
 def named(effects: Iterable[Effect]) -> Mapping[str, Effect]:
     """The effects by name as in a machine file's paths: "cogging", or "cogging.1" and "cogging.2" of two."""
     members: dict[str, list[Effect]] = {}

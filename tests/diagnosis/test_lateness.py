@@ -11,7 +11,7 @@ from diagnosis.confusability import confusability
 from diagnosis.experiments import multisine, repeated_strokes, sequence
 from diagnosis.lateness import LATE, Lateness, lateness
 from diagnosis.nominal import parameters
-from diagnosis.which import refit
+from diagnosis.refit import refit
 from models.effects.base import Effect
 from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
 from tests.diagnosis.tables import recorded, table

@@ -14,8 +14,9 @@ from diagnosis.kalman import Resonance
 from diagnosis.lateness import Lateness
 from diagnosis.nominal import parameters
 from diagnosis.orders import in_all_orders, shares
+from diagnosis.refit import refit
 from diagnosis.shaking import Shaking
-from diagnosis.which import Step, refit
+from diagnosis.which import Step
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.effects.friction import ViscousFriction

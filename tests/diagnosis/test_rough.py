@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis import which
+from diagnosis import refit
 from diagnosis.diagnose import ATTRIBUTED, NONE, Diagnosis, diagnose
 from diagnosis.experiments import amplitude_ladder, repeated_strokes, sequence
 from diagnosis.fit import Fit, unrepeated
@@ -21,7 +21,7 @@ from diagnosis.kalman import JITTER
 from diagnosis.motions import Piece, pieces, rms, scatter
 from diagnosis.next_experiment import virtual
 from diagnosis.nominal import applied, parameters
-from diagnosis.which import refit_within, weighed
+from diagnosis.refit import refit_within, weighed
 from models.effects.base import Effect, Numbers, T, hook, parameter
 from models.effects.friction import ViscousFriction
 from models.machine import Machine
@@ -93,7 +93,7 @@ def test_what_is_nominal_is_found_on_a_rough_drive(
     fitted: Fit, rough: tuple[Record, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Under the usual weights the knocks pass for what is nominal."""
-    monkeypatch.setattr(which, "ROUGH", np.inf)
+    monkeypatch.setattr(refit, "ROUGH", np.inf)
     usual = refit_within(_off(), rough)
     assert _mass(fitted.candidate.machine) == pytest.approx(_mass(MACHINE), rel=0.01)
     stiffness = [sum(one.candidate.machine.friction.stiffness) for one in (fitted, usual)]
@@ -118,6 +118,20 @@ def test_the_floor_of_a_rough_drive_is_what_does_not_repeat(fitted: Fit, rough: 
     left = signal(fitted.seen, fitted.candidate.machine)
     assert np.mean(own[known] ** 2) == pytest.approx(np.mean(left[known] ** 2), rel=0.1)
     assert least.gap().force == pytest.approx(gap(fitted.candidate, rough, fitted.paths).force, rel=0.3)
+
+
+def test_a_reading_that_drops_out_is_no_force() -> None:
+    """As much as that does not repeat; yet no white force comes near it, and the weights stay."""
+    records = recorded(MACHINE, PLAN, seed=SEED, wrong=0.0)
+    rng = np.random.default_rng(SEED)
+    broken = tuple(
+        replace(one, position=np.where(rng.random(one.position.size) < 5e-3, one.position[0], one.position))
+        for one in records
+    )
+    found = refit_within(MACHINE, broken)
+    apart = unrepeated(found, broken, pieces(broken))
+    assert np.nanmean(apart**2) > refit.ROUGH
+    assert found.candidate.jitter == JITTER
 
 
 def test_where_nothing_repeats_nothing_is_called_rough() -> None:

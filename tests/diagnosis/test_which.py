@@ -18,11 +18,12 @@ from diagnosis.initial import balanced, search
 from diagnosis.motions import numbered, pieces
 from diagnosis.nominal import FURTHER, applied, bounded, parameters
 from diagnosis.null import LEAST
+from diagnosis.refit import refit_within
 from diagnosis.residual import Candidate, columns, look, smooth
 from diagnosis.scan import freed, scan
 from diagnosis.shaking import _steady
 from diagnosis.where_words import _drive
-from diagnosis.which import ANOTHER, FORM, REST, SECOND, Step, further, refit_within, search_effects
+from diagnosis.which import ANOTHER, FORM, MOST, REST, SECOND, Step, further, search_effects
 from models.effects.catalogue import in_order
 from models.effects.friction import DirectionalFriction, Stribeck
 from models.effects.kernel import ACTING
@@ -103,9 +104,13 @@ def _fit(cost: float, *names: str) -> Any:
 
 
 def _searched(
-    monkeypatch: pytest.MonkeyPatch, promises: Mapping[int, Mapping[str, float]], costs: Mapping[str, float]
+    monkeypatch: pytest.MonkeyPatch,
+    promises: Mapping[int, Mapping[str, float]],
+    costs: Mapping[str, float],
+    own: Sequence[str] = (),
 ) -> Sequence[Sequence[str]]:
-    """Names at each stage where so many effects in the model leave these promises, and each addition this cost."""
+    """Names at each stage where so many effects in the model leave these promises, and each addition this cost;
+    own: of the machine file."""
 
     def step(fitted: Any, *_: Any) -> Any:
         found = promises.get(len(fitted.candidate.effects), {})
@@ -119,14 +124,26 @@ def _searched(
 
     monkeypatch.setattr(which, "_step", step)
     monkeypatch.setattr(which, "_with", added)
-    monkeypatch.setattr(which, "_started", lambda fitted, _: fitted)
-    stages = search_effects(_fit(2000.0), (), np.zeros(0, np.int64), {}, np.zeros(1))
+    monkeypatch.setattr(which, "started", lambda fitted, _: fitted)
+    stages = search_effects(_fit(2000.0, *own), (), np.zeros(0, np.int64), {}, np.zeros(1))
     return [[effect.name for effect in stage.fitted.candidate.effects] for stage in stages]
 
 
 def test_an_effect_whose_fit_gains_nothing_makes_room_for_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     promises = {0: {"play": 900.0, "cogging": 200.0}}
     assert _searched(monkeypatch, promises, {"play": 2001.0, "cogging": 1500.0}) == [[], ["cogging"]]
+
+
+@pytest.mark.parametrize("own", [(), ("viscous_friction",), ("viscous_friction", "cogging", "play")])
+def test_three_effects_are_looked_for_whatever_the_machine_file_holds(
+    own: Sequence[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(which, "_bent", lambda *_: False)
+    found = ["stribeck", "cable_spring", "thrust_ripple", "gain_asymmetry"]
+    promises = {len(own) + i: {name: 900.0} for i, name in enumerate(found)}
+    costs = {name: 1500.0 - 400.0 * i for i, name in enumerate(found)}
+    stages = _searched(monkeypatch, promises, costs, own)
+    assert stages == [[*own, *found[:count]] for count in range(MOST + 1)]
 
 
 @pytest.mark.parametrize(("share", "taken"), [(0.5 * ANOTHER, False), (1.5 * ANOTHER, True)])

@@ -15,7 +15,9 @@ import pytest
 import models.effects
 from models.effects.base import FAMILIES, PLACES, ROLES, parameter, parameters
 from models.effects.calling import pack
-from models.effects.catalogue import every, in_order, named
+from models.effects.catalogue import beyond, every, in_order, named
+from models.effects.friction import ViscousFriction
+from models.effects.motor import Cogging
 from models.machine import DEFAULT, MachineError, load, to_json
 from models.machine import parameters as values
 from models.machine_file import to_toml
@@ -98,6 +100,13 @@ def test_two_effects_of_one_name_in_a_package_are_refused(tmp_path: Path, monkey
             every()
     finally:
         sys.modules.pop("models.effects.twice", None)
+
+
+def test_what_is_beyond_a_machines_own_effects() -> None:
+    first, second, third = (Cogging(1.0, pitch, 0.0) for pitch in (0.02, 0.03, 0.04))
+    assert beyond([first], [first, ViscousFriction(1.0), second]) == [ViscousFriction(1.0), second]
+    assert beyond([first, third], [second, third]) == []
+    assert beyond([first], [ViscousFriction(1.0)]) == [ViscousFriction(1.0)]
 
 
 def test_a_machine_file_keeps_every_effect(tmp_path: Path) -> None:

@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 
-from diagnosis.which import refit_within
+from diagnosis.refit import refit_within
 from models.effects.friction import ViscousFriction
+from models.identification.inverse_dynamics import regress
 from models.machine import load
 from models.record import Record
 from studies.command import DONE, main
@@ -33,6 +34,14 @@ def data() -> Path:
     if not DATA.is_file():
         pytest.skip("needs DATA_EMPS.mat beside the project")
     return DATA
+
+
+@pytest.fixture(scope="module")
+def record(data: Path) -> Record:
+    given = argparse.Namespace(record=[data], column=[])
+    (one,) = loaded(load(MACHINE), given)
+    assert isinstance(one.content, Record)
+    return one.content
 
 
 @pytest.fixture(scope="module")
@@ -65,28 +74,37 @@ def test_friction_that_differs_by_direction_is_the_first_effect_to_go_into_the_m
     """Behind the machine file's viscous friction, which is re-fitted and no finding."""
     delivered, refitted, first, *_ = results["how_far"]["stages"]
     assert [delivered["added"], refitted["added"], first["added"]] == ["as delivered", "re-fitted", DIRECTIONAL]
-    assert first["force_N"] < 0.8 * refitted["force_N"]
+    assert first["force_N"] < 0.75 * refitted["force_N"]
+    assert first["position_m"] < 0.85 * refitted["position_m"]
     best, second, *_ = results["which"]
     assert best["effect"] == DIRECTIONAL
-    assert best["held_out_gain"] > 2 * second["held_out_gain"]
+    assert best["held_out_gain"] > 5 * second["held_out_gain"]
 
 
-def test_weighed_as_this_drive_needs_it_only_the_offset_runs_to_its_bound(results: dict[str, Any]) -> None:
-    """Its tolerance is a good amplifier's, 0.2 N; of this drive 3.2 N are published."""
+def test_friction_differs_by_direction_as_much_as_its_authors_method_says(
+    results: dict[str, Any], record: Record
+) -> None:
+    """Their inverse dynamics, which share no code with the diagnosis, give F_v for each direction."""
+    ways = ("viscous friction forwards", "viscous friction backwards")
+    ahead, back = map(regress(record, cutoff=100.0, by_direction=True).estimate.value, ways)
+    (asymmetry,) = (row["parameters"]["asymmetry"]["value"] for row in results["which"] if row["effect"] == DIRECTIONAL)
+    assert asymmetry == pytest.approx((ahead - back) / (ahead + back), rel=0.1)
+
+
+def test_weighed_as_this_drive_needs_it_nothing_runs_to_its_bound(results: dict[str, Any]) -> None:
     force = results["white_force_N"]
     assert force["taken"] > 10 * force["usual"]
-    assert {row["name"] for row in results["shifts"] if abs(row["moved"]) > 2.0} == {"amplifier_offset"}
+    assert not [row["name"] for row in results["shifts"] if abs(row["moved"]) > 2.0]
     assert "The drive is rougher than its model" in results["answer"]["which"]
 
 
-def test_the_re_fit_of_another_machine_finds_what_its_authors_publish(data: Path) -> None:
+def test_the_re_fit_of_another_machine_finds_what_its_authors_publish(record: Record) -> None:
     """From a mass 5 % and a drag 20 % off: published are 95.11 kg, 203.5 N s/m and 20.39 N."""
     machine = load(MACHINE)
     (mode,) = machine.plant.modes
     plant = replace(machine.plant, modes=(replace(mode, gain=mode.gain / 1.05),))
     off = replace(machine, plant=plant, effects=(ViscousFriction(0.8 * 203.5),))
-    given = argparse.Namespace(record=[data], column=[])
-    found = refit_within(off, [one.content for one in loaded(machine, given) if isinstance(one.content, Record)])
+    found = refit_within(off, [record])
     adopted, (drag,) = found.candidate.machine, found.candidate.effects
     assert 1 / adopted.plant.modes[0].gain == pytest.approx(95.11, rel=0.01)
     assert drag.values()[0] == pytest.approx(203.5, rel=0.06)

@@ -1,0 +1,110 @@
+"""What every effect is judged against: what is nominal, re-fitted to the records under weights that they bear out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from diagnosis.fit import Fit, fit, unrepeated
+from diagnosis.initial import balanced, search
+from diagnosis.kalman import JITTER
+from diagnosis.motions import pieces
+from diagnosis.nominal import Parameters, parameters
+from diagnosis.residual import Candidate
+from models.effects.base import Effect
+from models.effects.catalogue import in_order
+from models.machine import Machine, Provenance
+from models.record import Record
+
+STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
+RATED: Final = "drive.rated_thrust"
+FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
+AGAIN: Final = 2  # times that the starts are searched once more
+ENOUGH: Final = 20.0  # chi-square
+ROUGH: Final = 3.0  # variance of what does not repeat, beyond which a drive is rougher than its weights say
+WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
+LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
+CLOSE: Final = 0.05  # relative difference of white forces that are the same
+
+
+def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, ...] = ()) -> Fit:
+    """The nominal parameters fitted, from a disturbance that forgives much to one that forgives little."""
+    candidate = Candidate(layout, balanced(layout, records), effects)
+    fitted: Fit | None = None
+    for walk, iterations in STEPS:
+        paths = fitted.paths if fitted else None
+        fitted = fit(candidate, records, paths=paths, iterations=iterations, walk=walk)
+        if walk != STEPS[-1][0]:
+            candidate = search(fitted, records)
+    assert fitted is not None
+    return started(fitted, records)
+
+
+def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
+    """The nominal re-fit, under the white force that it needs. Where commands go beyond the rated thrust, the drive
+    that followed them is tried as well: many do so for a while."""
+    return weighed(_within_rating(machine, records), records)
+
+
+def weighed(fitted: Fit, records: Sequence[Record]) -> Fit:
+    """The fit as it is, unless what does not repeat between equal motions is far more than its weights promise: then
+    fitted again under the white force [N] with which it leaves as much as they promise. Weights that a drive does not
+    keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
+    (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood). Where it
+    would take more than the commands themselves, what does not repeat is no force, and the weights stay."""
+    if not fitted.candidate.rough and not _scatter(fitted, records) > ROUGH:
+        return fitted
+    usual, most = fitted, max(float(np.std(record.command)) for record in records)
+    slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
+    for _ in range(WEIGHED):
+        before = fitted.candidate.jitter
+        jitter = max(before * variance ** (1 / slope), JITTER)
+        if abs(jitter / before - 1) < CLOSE:
+            break
+        if jitter > most:
+            return usual
+        fitted = fit(replace(fitted.candidate, jitter=jitter), records, paths=fitted.paths, walk=fitted.walk)
+        after = _variance(fitted)
+        slope = float(np.clip(-np.log(after / variance) / np.log(jitter / before), LEAST_SLOPE, 2.0))
+        variance = after
+    return started(fitted, records)
+
+
+def _variance(fitted: Fit) -> float:
+    return float(np.mean(fitted.innovations**2))
+
+
+def _scatter(fitted: Fit, records: Sequence[Record]) -> float:
+    """Variance [1] of what does not repeat between equal motions; not a number where too few are equal."""
+    apart = unrepeated(fitted, records, pieces(records))
+    known = apart[~np.isnan(apart)]
+    return float(np.mean(known**2)) if known.size else float("nan")
+
+
+def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
+    most = max(float(np.max(np.abs(record.command))) for record in records)
+    effects = in_order(machine.effects)
+    layout = parameters(machine, len(records))
+    if most <= machine.drive.rated_thrust:
+        return refit(layout, records, effects)
+    drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
+    follows = refit(replace(layout, machine=replace(machine, drive=drive, sources=sources)), records, effects)
+    bounded = fit(replace(follows.candidate, layout=layout), records, paths=follows.paths, walk=follows.walk)
+    found = [follows, bounded]
+    if follows.cost - bounded.cost > ENOUGH:  # another drive: what it was fitted from may be no good start
+        found.append(refit(layout, records, effects))
+    return min(found, key=lambda fitted: fitted.cost)
+
+
+def started(fitted: Fit, records: Sequence[Record]) -> Fit:
+    """The fit with its records' starts searched anew, as long as that leaves less: what else is in the model decides
+    which starts are best."""
+    for _ in range(AGAIN):
+        better = fit(search(fitted, records), records, paths=fitted.paths, iterations=4, walk=fitted.walk)
+        if fitted.cost - better.cost < ENOUGH:
+            break
+        fitted = better
+    return fitted
