@@ -55,6 +55,8 @@ def examined(
             lambda: _looked(begun, disabled, seed),
         ),
     )
+    if progress:
+        progress(0.95, "the experiment that would tell more")
     return found, _evidence(found, looked, seed)
 
 

@@ -123,17 +123,11 @@ def _how_far(verdict: Results, far: Results) -> str:
             "No effect takes enough off it to go into the model; the re-fitted model leaves "
             f"{_gap(far['gap_refitted'])} of position, its floor is {floor}."
         )
-    if verdict["outcome"] == "none_of_these":
-        return (
-            f"What goes into the model closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "
-            f"{100 * high:.0f} %) of what separates the re-fitted model from its floor on motions left out, too little "
-            f"for a name; the re-fitted model leaves {_gap(far['gap_refitted'])} of position, its floor is "
-            f"{floor}."
-        )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
+    little = ", too little for the whole answer" if verdict["outcome"] == "none_of_these" else ""
     return (
         f"On motions left out this closes {100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of what "
-        f"separates the re-fitted model from its floor: {moved}; the floor is {floor}."
+        f"separates the re-fitted model from its floor{little}: {moved}; the floor is {floor}."
     )
 
 

@@ -84,6 +84,7 @@ def _given(machine: Machine, options: argparse.Namespace, progress: Progress) ->
     size = {
         item.name: {"value": getattr(made.effect, item.name), "unit": item.unit}
         for item in parameters(type(made.effect))
+        if item.role != "switch"
     }
     return Given(made.machine, made.records, shown, {"effect": made.effect.name, "parameters": size})
 
