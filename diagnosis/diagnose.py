@@ -266,7 +266,7 @@ def _endless(steps: Sequence[Step]) -> set[str]:
     first: dict[str, float] = {}
     for before, after in pairwise(steps):
         first.setdefault(added(before, after), before.fitted.cost - after.fitted.cost)
-    members = Counter(effect.name for effect in steps[-1].fitted.candidate.effects)
+    members = Counter(effect.name for effect in steps[-1].fitted.candidate.found)
     gains = {finding.effect.name: finding.held_out for finding in steps[-1].findings}
     return {name for name, gain in first.items() if members[name] > 1 and gains.get(name, 0.0) > AGAIN * gain}
 
@@ -274,7 +274,7 @@ def _endless(steps: Sequence[Step]) -> set[str]:
 def _bent(steps: Sequence[Step]) -> bool:
     """Whether the effect that gained the most had to leave its prior range for it."""
     names = _names(steps)
-    first = [effect for effect in steps[-1].fitted.candidate.effects if names and effect.name == names[0]]
+    first = [effect for effect in steps[-1].fitted.candidate.found if names and effect.name == names[0]]
     return bool(first) and at_bounds(max(first, key=lambda effect: abs(float(effect.values()[0]))))
 
 

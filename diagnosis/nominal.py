@@ -17,30 +17,13 @@ from numpy.typing import NDArray
 from models.friction import elements
 from models.machine import Machine
 from models.plant import Mode
-from models.quantity import value
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """Standard deviations of what a machine file states; assumed where nothing better is known."""
-
-    mass: float = value("1", "mass over thrust constant, of its value", above=0)
-    mode_gain: float = value("1", "gain of a vibration mode, of its value", above=0)
-    frequency: float = value("1", "natural frequency, of its value", above=0)
-    damping: float = value("1", "damping ratio, of its value", above=0)
-    dead_time: float = value("s", "dead time", above=0)
-    offset: float = value("N", "constant force", above=0)
-    friction_level: float = value("1", "all contact stiffnesses together, of their value", above=0)
-    stiffness: float = value("1", "each contact stiffness, of its value", above=0)
-    limit: float = value("1", "each contact's limit, of its value", above=0)
 
 
 FAR: Final = 3.0  # prior deviations that a value may be off
 FURTHER: Final = 8.0  # that these may be: a load, a drive or the rollers' preload is changed and forgotten
 LOOSE: Final = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level")
-USUAL = Tolerance(0.015, 0.055, 0.005, 0.12, 2e-5, 0.2, 0.03, 0.03, 0.03)
 
 
 @dataclass(frozen=True)
@@ -65,9 +48,9 @@ class Parameters:
         return np.flatnonzero(np.array(self.names) == name)
 
 
-def parameters(machine: Machine, records: int, tolerance: Tolerance = USUAL) -> Parameters:
-    """What may be wrong of this machine in so many records."""
-    rows = list(_rows(machine, records, tolerance))
+def parameters(machine: Machine, records: int) -> Parameters:
+    """What may be wrong of this machine, by its tolerance, in so many records."""
+    rows = list(_rows(machine, records))
     names, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
     high = np.where(np.isin(names, LOOSE), FURTHER, FAR) * wide
@@ -77,16 +60,15 @@ def parameters(machine: Machine, records: int, tolerance: Tolerance = USUAL) -> 
     return Parameters(machine, records, names, wide, low, high)
 
 
-def _rows(machine: Machine, records: int, tolerance: Tolerance) -> Iterator[tuple[str, float]]:
-    modes, friction = machine.plant.modes, machine.friction
+def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float]]:
+    modes, friction, tolerance = machine.plant.modes, machine.friction, machine.tolerance
     flexible = [mode for mode in modes if mode.frequency > 0]
     for mode in modes:
         yield ("mode_gain", tolerance.mode_gain) if mode.frequency > 0 else ("payload_mass", tolerance.mass)
     yield from (("mode_frequency", tolerance.frequency) for _ in flexible)
     yield from (("mode_damping", tolerance.damping) for _ in flexible)
     yield "dead_time", tolerance.dead_time
-    # an offset that a file states was found beside a friction that is the same both ways: all of it may be friction's
-    yield "amplifier_offset", max(tolerance.offset, abs(machine.drive.offset))
+    yield "amplifier_offset", tolerance.offset
     yield "friction_level", tolerance.friction_level
     yield from (("presliding_stiffness", tolerance.stiffness) for _ in friction.stiffness)
     yield from (("presliding_limit", tolerance.limit) for _ in friction.limit)

@@ -118,9 +118,9 @@ def _subsets(names: Sequence[str]) -> Iterator[Names]:
 def _with_only(final: Fit, out: Collection[str], records: Sequence[Record], start: Fit | None = None) -> Fit:
     """The final model fitted again without the effects of some names; those of the machine file stay. start: where the
     nominal parameters begin, if not at the final model's."""
-    candidate, machine = final.candidate, final.candidate.layout.machine
-    gone = [effect for effect in beyond(machine.effects, candidate.effects) if effect.name in out]
-    effects = [effect for effect in candidate.effects if effect not in gone]
+    candidate = final.candidate
+    gone = [effect for effect in candidate.found if effect.name in out]
+    effects = [effect for effect in candidate.effects if not any(effect is one for one in gone)]
     shaken = () if SHAKEN in out else candidate.shaken
     begin = start or final
     fewer = replace(candidate, theta=begin.candidate.theta, effects=tuple(effects), shaken=shaken)

@@ -53,19 +53,20 @@ def weighed(fitted: Fit, records: Sequence[Record]) -> Fit:
     """The fit as it is, unless what does not repeat between equal motions is far more than its weights promise: then
     fitted again under the white force [N] with which it leaves as much as they promise. Weights that a drive does not
     keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
-    (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood). Where it
-    would take more than the commands themselves, what does not repeat is no force, and the weights stay."""
+    (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood). Where a
+    white force as large as the commands (their deviation) is not enough, it is no force, and the weights stay."""
     if not fitted.candidate.rough and not _scatter(fitted, records) > ROUGH:
         return fitted
-    usual, most = fitted, max(float(np.std(record.command)) for record in records)
+    given, most = fitted, max(float(np.std(record.command)) for record in records)
     slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
     for _ in range(WEIGHED):
         before = fitted.candidate.jitter
-        jitter = max(before * variance ** (1 / slope), JITTER)
-        if abs(jitter / before - 1) < CLOSE:
+        wanted = max(before * variance ** (1 / slope), JITTER)
+        if abs(wanted / before - 1) < CLOSE:
             break
-        if jitter > most:
-            return usual
+        if min(before, wanted) >= most:
+            return given
+        jitter = min(wanted, most)
         fitted = fit(replace(fitted.candidate, jitter=jitter), records, paths=fitted.paths, walk=fitted.walk)
         after = _variance(fitted)
         slope = float(np.clip(-np.log(after / variance) / np.log(jitter / before), LEAST_SLOPE, 2.0))

@@ -32,6 +32,7 @@ from diagnosis.kalman import (
 from diagnosis.nominal import Parameters, applied, initial_state
 from models.compiled import compiled
 from models.effects.base import Effect
+from models.effects.catalogue import beyond
 from models.effects.kernel import Path, Replayed, changed, coupled, kept, replay
 from models.machine import Machine
 from models.plant import Mode, Plant
@@ -60,6 +61,11 @@ class Candidate:
     def machine(self) -> Machine:
         """The nominal machine with theta put in."""
         return applied(self.layout, self.theta)
+
+    @property
+    def found(self) -> list[Effect]:
+        """The effects that the machine file has not."""
+        return beyond(self.layout.machine.effects, self.effects)
 
     @property
     def rough(self) -> bool:

@@ -25,7 +25,7 @@ from diagnosis.refit import started, weighed
 from diagnosis.scan import Columns, Finding, freed, scan
 from diagnosis.shaking import Shaking, shaking
 from models.effects.base import Effect
-from models.effects.catalogue import beyond, in_order
+from models.effects.catalogue import in_order
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def search_effects(
         say(f"fitting {', '.join(finding.effect.name for finding in strong)} with all that is nominal")
         fits = beside(partial(_with, here.fitted, records=records), [finding.effect for finding in strong])
         tried = [(finding.effect.name, fitted) for finding, fitted in zip(strong, fits, strict=True)]
-        if len(here.fitted.candidate.effects) > len(nominal.candidate.effects):
+        if here.fitted.candidate.found:
             large = ANOTHER * (nominal.cost - here.fitted.cost)
             aside |= {name for name, one in tried if _bent(one, name) and here.fitted.cost - one.cost < large}
             tried = [(name, fitted) for name, fitted in tried if name not in aside]
@@ -103,7 +103,7 @@ def search_effects(
         if gained < LEAST:
             aside |= {name for name, _ in tried}
             continue
-        found = beyond(nominal.candidate.effects, best.candidate.effects)
+        found = best.candidate.found
         if len({effect.name for effect in found}) > MOST or len(found) > MOST + 2:
             return tuple(steps)
         rivals = sorted(((name, fitted.cost) for name, fitted in tried), key=lambda rival: rival[1])
@@ -149,20 +149,19 @@ def _strong(
     """The findings to be tried next: above their thresholds, above the form error of what is in the model already, and
     not put `aside`."""
     here = steps[-1]
-    names = {effect.name for effect in here.fitted.candidate.effects}
+    inside = [effect.name for effect in here.fitted.candidate.found]
     gained = steps[0].fitted.cost - here.fitted.cost
-    members = {name: sum(e.name == name for e in here.fitted.candidate.effects) for name in names}
     left = float(here.fitted.innovations @ here.fitted.innovations)
     allowed = []
     for finding in here.findings:
         name = finding.effect.name
-        least = LEAST if name in names or not names else further(gained, left, floors)
+        least = LEAST if name in inside or not inside else further(gained, left, floors)
         needed = max(thresholds.get(name, LEAST), least, SHARE * (left - float(np.mean(floors))))
-        if finding.held_out > needed and members.get(name, 0) < 2 and name not in aside:
+        if finding.held_out > needed and inside.count(name) < 2 and name not in aside:
             allowed.append(finding)
     if not allowed:
         return []
-    own = [finding for finding in allowed if finding.effect.name in names]
+    own = [finding for finding in allowed if finding.effect.name in inside]
     if own and own[0].held_out > 0.5 * allowed[0].held_out:
         return own[:1]
     return [finding for finding in allowed[:TRIED] if finding.held_out > WORTH * allowed[0].held_out]

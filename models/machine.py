@@ -97,6 +97,22 @@ class Published:
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """How well the values are known: standard deviations, within a few of which a diagnosis re-fits them; assumed where
+    the file says nothing better."""
+
+    mass: float = value("1", "mass over thrust constant, of its value", above=0, default=0.015)
+    mode_gain: float = value("1", "gain of a vibration mode, of its value", above=0, default=0.055)
+    frequency: float = value("1", "natural frequency, of its value", above=0, default=0.005)
+    damping: float = value("1", "damping ratio, of its value", above=0, default=0.12)
+    dead_time: float = value("s", "dead time", above=0, default=2e-5)
+    offset: float = value("N", "constant force", above=0, default=0.2)
+    friction_level: float = value("1", "all contact stiffnesses together, of their value", above=0, default=0.03)
+    stiffness: float = value("1", "each contact stiffness, of its value", above=0, default=0.03)
+    limit: float = value("1", "each contact's limit, of its value", above=0, default=0.03)
+
+
+@dataclass(frozen=True)
 class Provenance:
     """Where a value comes from: `kind` is one of SOURCES, `detail` says which section, rule, record or assumption."""
 
@@ -121,6 +137,7 @@ class Machine:
     specification: Specification
     presliding: Presliding = None  # type: ignore[assignment]  # derived by `load` where a file leaves it out
     published: Published | None = None
+    tolerance: Tolerance = Tolerance()
     record: Columns | None = None
     effects: tuple[Effect, ...] = ()
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)

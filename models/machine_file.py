@@ -19,6 +19,8 @@ def to_toml(machine: Machine) -> str:
     lines = [f"name = {_text(machine.name)}"]
     for field in dataclasses.fields(machine):
         part = getattr(machine, field.name)
+        if left_out(machine, field, "", machine.sources):
+            continue
         if isinstance(part, Columns):
             lines += ["", f"[{field.name}]", *_columns(part)]
         elif dataclasses.is_dataclass(part) and not (field.name == "presliding" and derived):

@@ -29,7 +29,7 @@ def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
 
 
 def beyond(own: Iterable[Effect], effects: Iterable[Effect]) -> list[Effect]:
-    """The effects but one of each name that stands in `own`, as often as it stands there."""
+    """The effects without the first ones of each name, as many as stand in `own`."""
     left, more = [effect.name for effect in own], []
     for effect in effects:
         if effect.name in left:

@@ -124,17 +124,18 @@ def _how_far(verdict: Results, far: Results) -> str:
             f"{_gap(far['gap_refitted'])} of position, its floor is {floor}."
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
-    little = ", too little for the whole answer" if verdict["outcome"] == "none_of_these" else ""
+    part = verdict["outcome"] == "none_of_these"
     return (
-        f"On motions left out this closes {100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of what "
-        f"separates the re-fitted model from its floor{little}: {moved}; the floor is {floor}."
+        f"On motions left out {'what goes into the model' if part else 'this'} closes {100 * far['closure']:.0f} % "
+        f"({100 * low:.0f} to {100 * high:.0f} %) of what separates the re-fitted model from its floor"
+        f"{', which is not the whole answer' if part else ''}: {moved}; the floor is {floor}."
     )
 
 
 def _from_to(before: Results, after: Results) -> str:
     """The gap before and after; in settling times where the records have motions that settle."""
     parts = [
-        f"from {show(before['force_N'], 'N', 3)} to {show(after['force_N'], 'N', 2)} of unknown force",
+        f"from {show(before['force_N'], 'N', 3)} to {show(after['force_N'], 'N', 3)} of unknown force",
         f"from {show(before['position_m'], 'm', 3)} to {show(after['position_m'], 'm', 2)} of position",
     ]
     if None not in (before["settling_s"], after["settling_s"]):

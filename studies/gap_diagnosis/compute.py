@@ -82,9 +82,8 @@ def _given(machine: Machine, options: argparse.Namespace, progress: Progress) ->
         _shown(name, f"none, seed {options.seed}", record, ()) for name, record in zip(names, made.records, strict=True)
     )
     size = {
-        item.name: {"value": getattr(made.effect, item.name), "unit": item.unit}
+        item.name: {"value": getattr(made.effect, item.name), "unit": item.unit, "role": item.role}
         for item in parameters(type(made.effect))
-        if item.role != "switch"
     }
     return Given(made.machine, made.records, shown, {"effect": made.effect.name, "parameters": size})
 

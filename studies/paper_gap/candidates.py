@@ -13,14 +13,14 @@ from dataclasses import dataclass, fields, replace
 from typing import Final
 
 from design.scenarios import with_friction_error, with_mass_error
-from diagnosis.nominal import USUAL
 from models.effects import base, catalogue
-from models.machine import Machine
+from models.machine import Machine, Tolerance
 from models.plant import Mode
 from models.quantity import declaration
 
 FRICTION: Final = 0.3  # by how much, relatively, the identified friction may be wrong; assumed
-BOUND: Final = 3.0  # deviations of diagnosis.nominal.USUAL by which another parameter may be wrong
+USUAL: Final = Tolerance()
+BOUND: Final = 3.0  # deviations of USUAL by which another parameter may be wrong
 
 
 @dataclass(frozen=True)

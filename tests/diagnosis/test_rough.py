@@ -89,6 +89,12 @@ def test_the_white_force_of_a_rough_drive_is_found(fitted: Fit) -> None:
     assert np.mean(fitted.innovations**2) == pytest.approx(1.0, abs=0.12)
 
 
+def test_a_white_force_that_the_first_guess_overshoots_is_found() -> None:
+    """From 0.08 N on the guess of 11 N goes beyond what the commands are, and that of the answer does not."""
+    records = recorded(MACHINE, PLAN, [Knocks(11.0, MACHINE.sample_time)], seed=SEED, wrong=0.0)
+    assert refit_within(MACHINE, records).candidate.jitter == pytest.approx(11.0, rel=0.15)
+
+
 def test_what_is_nominal_is_found_on_a_rough_drive(
     fitted: Fit, rough: tuple[Record, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -29,6 +29,7 @@ from models.effects.friction import DirectionalFriction, Stribeck
 from models.effects.kernel import ACTING
 from models.effects.motor import Cogging, DacQuantisation
 from models.friction import elements
+from models.machine import Tolerance
 from tests.diagnosis.tables import recorded, schedules, table
 
 MACHINE = table()
@@ -55,6 +56,18 @@ def test_a_table_whose_contacts_are_all_much_softer_is_re_fitted() -> None:
     found = refit_within(MACHINE, records)
     assert np.mean(found.innovations**2) < 1.02
     assert sum(found.candidate.machine.friction.stiffness) == pytest.approx(sum(softer.stiffness), rel=0.02)
+
+
+def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
+    loose = replace(MACHINE, tolerance=Tolerance(offset=3.0))
+    usual, wide = parameters(MACHINE, 1), parameters(loose, 1)
+    (at,) = usual.of("amplifier_offset")
+    assert [usual.deviation[at], wide.deviation[at], wide.high[at]] == [0.2, 3.0, 9.0]
+    rest = np.setdiff1d(np.arange(usual.count), at)
+    assert np.array_equal(usual.high[rest], wide.high[rest])
+    theta = np.zeros(wide.count)
+    theta[at] = 5.0
+    assert applied(wide, theta).tolerance == loose.tolerance
 
 
 def test_records_beside_each_other_give_what_they_give_one_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,9 +110,9 @@ def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wro
     assert further(100.0, 5000.0, floors) == SECOND
 
 
-def _fit(cost: float, *names: str) -> Any:
+def _fit(cost: float, *names: str, own: int = 0) -> Any:
     effects = tuple(SimpleNamespace(name=name) for name in names)
-    candidate = SimpleNamespace(effects=effects, shaken=(), rough=False)
+    candidate = SimpleNamespace(effects=effects, found=[*effects[own:]], shaken=(), rough=False)
     return SimpleNamespace(cost=cost, candidate=candidate, innovations=np.zeros(3))
 
 
@@ -120,12 +133,12 @@ def _searched(
         return Step(fitted, tuple(findings), SimpleNamespace(steady=0.0), SimpleNamespace()), {}  # type: ignore[arg-type]
 
     def added(fitted: Any, effect: Any, records: Any) -> Any:  # noqa: ARG001
-        return _fit(costs[effect.name], *(one.name for one in fitted.candidate.effects), effect.name)
+        return _fit(costs[effect.name], *(one.name for one in fitted.candidate.effects), effect.name, own=len(own))
 
     monkeypatch.setattr(which, "_step", step)
     monkeypatch.setattr(which, "_with", added)
     monkeypatch.setattr(which, "started", lambda fitted, _: fitted)
-    stages = search_effects(_fit(2000.0, *own), (), np.zeros(0, np.int64), {}, np.zeros(1))
+    stages = search_effects(_fit(2000.0, *own, own=len(own)), (), np.zeros(0, np.int64), {}, np.zeros(1))
     return [[effect.name for effect in stage.fitted.candidate.effects] for stage in stages]
 
 
@@ -144,6 +157,14 @@ def test_three_effects_are_looked_for_whatever_the_machine_file_holds(
     costs = {name: 1500.0 - 400.0 * i for i, name in enumerate(found)}
     stages = _searched(monkeypatch, promises, costs, own)
     assert stages == [[*own, *found[:count]] for count in range(MOST + 1)]
+
+
+def test_the_first_effect_beside_the_machine_files_own_needs_no_more_than_any_first_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    least = 0.5 * (LEAST + SECOND)
+    costs = {"cogging": 2000.0 - least}
+    assert _searched(monkeypatch, {1: {"cogging": least}}, costs, ["play"]) == [["play"], ["play", "cogging"]]
 
 
 @pytest.mark.parametrize(("share", "taken"), [(0.5 * ANOTHER, False), (1.5 * ANOTHER, True)])

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from models.friction import branch
-from models.machine import DEFAULT, SOURCES, MachineError, load, parameters, to_json
+from models.machine import DEFAULT, SOURCES, MachineError, Tolerance, load, parameters, to_json
+from models.machine_file import to_toml
 
 TEXT = DEFAULT.read_text(encoding="utf-8")
 
@@ -103,9 +104,24 @@ def test_an_offset_that_no_file_states_is_none_and_is_not_listed(tmp_path: Path)
     assert len(rows) == len(parameters(load())) + 1
 
 
+def test_how_well_a_value_is_known_can_be_stated(tmp_path: Path) -> None:
+    """One or more of them; what the file leaves out is as usual, and no file has to state any."""
+    stated = load(changed(tmp_path, r"\[scale\]", '[tolerance]\noffset = "3 N"\n\n[scale]'))
+    assert stated.tolerance == Tolerance(offset=3.0)
+    assert to_json(stated)["tolerance"]["offset_N"] == 3.0
+    assert "tolerance" not in to_json(load())
+    assert {row.name for row in parameters(stated)} - {row.name for row in parameters(load())} == {"tolerance.offset"}
+    again = tmp_path / "again.toml"
+    again.write_text(to_toml(stated), encoding="utf-8")
+    assert load(again) == stated
+    assert "[tolerance]" not in to_toml(load())
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
+        (r"\[scale\]", '[tolerance]\noffset = "0 N"\n\n[scale]', r"tolerance\.offset: .*above 0"),
+        (r"\[scale\]", '[tolerance]\nofset = "1 N"\n\n[scale]', r"tolerance\.ofset: unknown; did you mean 'offset'"),
         ('"800 N/mm"', '"800 kg"', r"presliding\.stiffness_1: '800 kg' is in kg, but this is a quantity in N/m"),
         ('"150 N"', '"150"', r"drive\.rated_thrust: '150' has no unit"),
         ("rated_thrust =", "rated_trust =", r"drive\.rated_trust: unknown; did you mean 'rated_thrust'\?"),

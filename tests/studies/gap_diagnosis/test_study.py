@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -215,6 +216,27 @@ def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]
     told = sentences({**results, "verdict": verdict, "how_far": far})
     assert told["how_far"].startswith("No effect takes enough off it to go into the model")
     assert "%" not in told["how_far"]
+
+
+def test_how_far_a_part_of_an_explanation_goes_is_said(results: dict[str, Any]) -> None:
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
+    gap = {"position_m": 1e-6, "settling_s": None}
+    far = {
+        **results["how_far"],
+        "stages": [{**gap, "added": name, "force_N": 1.0} for name in ("as delivered", "re-fitted", "cogging")],
+        "gap_refitted": {**gap, "force_N": 2.0},
+        "gap_after": {**gap, "force_N": 1.234, "position_m": 3e-7},
+    }
+    told = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
+    assert "which is not the whole answer: from 2 N to 1.23 N of unknown force, from 1 µm to 300 nm of pos" in told
+
+
+def test_the_first_page_tells_no_switch_of_the_effect_that_was_put_in(quick: Path, results: dict[str, Any]) -> None:
+    roles = {name: item["role"] for name, item in results["truth"]["parameters"].items()}
+    page = re.sub(r"\s+", " ", (quick / "report.html").read_text(encoding="utf-8"))
+    (told,) = re.findall(r"that the model lacks \(([^)]*)\)", page)
+    assert "switch" in roles.values()
+    assert [name for name in roles if name in told] == [name for name, role in roles.items() if role != "switch"]
 
 
 def test_what_stands_in_for_a_floor_is_said_where_nothing_repeats(results: dict[str, Any]) -> None:
