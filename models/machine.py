@@ -98,18 +98,30 @@ class Published:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How well the values are known: standard deviations, within a few of which a diagnosis re-fits them; assumed where
-    the file says nothing better."""
+    """How well the values are known, as standard deviations. A diagnosis re-fits within 3 of them, and what a changed
+    load, drive or preload moves (mass, modes, dead time, friction level) within 8."""
 
-    mass: float = value("1", "mass over thrust constant, of its value", above=0, default=0.015)
-    mode_gain: float = value("1", "gain of a vibration mode, of its value", above=0, default=0.055)
-    frequency: float = value("1", "natural frequency, of its value", above=0, default=0.005)
-    damping: float = value("1", "damping ratio, of its value", above=0, default=0.12)
-    dead_time: float = value("s", "dead time", above=0, default=2e-5)
-    offset: float = value("N", "constant force", above=0, default=0.2)
-    friction_level: float = value("1", "all contact stiffnesses together, of their value", above=0, default=0.03)
-    stiffness: float = value("1", "each contact stiffness, of its value", above=0, default=0.03)
-    limit: float = value("1", "each contact's limit, of its value", above=0, default=0.03)
+    mass: float = value(
+        "1", "standard deviation of mass over thrust constant, of its value", above=0, below=1, default=0.015
+    )
+    mode_gain: float = value(
+        "1", "standard deviation of a vibration mode's gain, of its value", above=0, below=1, default=0.055
+    )
+    frequency: float = value(
+        "1", "standard deviation of a natural frequency, of its value", above=0, below=1, default=0.005
+    )
+    damping: float = value("1", "standard deviation of a damping ratio, of its value", above=0, below=1, default=0.12)
+    dead_time: float = value("s", "standard deviation of the dead time", above=0, default=2e-5)
+    offset: float = value("N", "standard deviation of the constant force", above=0, default=0.2)
+    friction_level: float = value(
+        "1", "standard deviation of all contact stiffnesses together, of their value", above=0, below=1, default=0.03
+    )
+    stiffness: float = value(
+        "1", "standard deviation of each contact stiffness, of its value", above=0, below=1, default=0.03
+    )
+    limit: float = value(
+        "1", "standard deviation of each contact's limit, of its value", above=0, below=1, default=0.03
+    )
 
 
 @dataclass(frozen=True)
@@ -198,7 +210,9 @@ def parameters(machine: Machine) -> tuple[Parameter, ...]:
 
 def left_out(part: Any, field: dataclasses.Field[Any], where: str, sources: Mapping[str, Provenance]) -> bool:
     """Whether nothing states this field of a machine's part: it has no source, and stands at its default."""
-    return _join(where, field.name) not in sources and getattr(part, field.name) == field.default
+    path = _join(where, field.name)
+    stated = any(name == path or name.startswith(f"{path}.") for name in sources)
+    return not stated and getattr(part, field.name) == field.default
 
 
 def to_json(machine: Machine) -> dict[str, Any]:

@@ -4,8 +4,8 @@
      "friction": {"stiffness_N_per_m": [...], "limit_m": [...]}, "scale": {"resolution_m"},
      "controller": {"kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s", "reference_delay_samples"}}
 
-What such a file leaves out (the drive's ratings, the specification, the scale's noise) is that of the default machine
-and marked as assumed.
+It may hold "drive", "specification" and "tolerance" as results.json has them. What such a file leaves out (the drive's
+ratings, the specification, the scale's noise) is that of the default machine and marked as assumed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 from models import machine
 from models.controller import PID
 from models.friction import Friction
-from models.machine import Drive, Machine, MachineError, Scale, Specification
+from models.machine import Drive, Machine, MachineError, Scale, Specification, Tolerance
 from models.plant import Mode
 from models.quantity import declaration, json_name
 
@@ -74,6 +74,7 @@ class _Reader:
             "specification": self.part(
                 Specification, whole.get("specification", {}), "specification.", default.specification
             ),
+            "tolerance": self.part(Tolerance, whole.get("tolerance", {}), "tolerance."),
         }
 
     def part(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.identification.estimate import Estimate, not_identifiable
-from models.machine import Machine, Provenance
+from models.machine import Machine, Provenance, Tolerance
 from models.plant import Plant
 from models.record import Record
 from models.record_file import Loaded
@@ -57,9 +57,13 @@ def identified(loaded: Loaded, std: float | Iterable[float], unit: str) -> Prove
 
 
 def with_offset(machine: Machine, loaded: Loaded, offset: float, std: float) -> Machine:
-    """The machine with a constant force [N] beside friction that a record shows, and its standard deviation [N]."""
-    sources = {**machine.sources, "drive.offset": identified(loaded, std, "N")}
-    return replace(machine, drive=replace(machine.drive, offset=offset), sources=sources)
+    """The machine with a constant force [N] beside friction that a record shows, and its standard deviation [N], which
+    is its tolerance where it is more than the usual one."""
+    usual, found = Tolerance().offset, identified(loaded, std, "N")
+    sources = {name: source for name, source in machine.sources.items() if name != "tolerance.offset"}
+    sources |= {"drive.offset": found} | ({"tolerance.offset": found} if std > usual else {})
+    drive, tolerance = replace(machine.drive, offset=offset), replace(machine.tolerance, offset=max(std, usual))
+    return replace(machine, drive=drive, tolerance=tolerance, sources=sources)
 
 
 def record_of(loaded: Loaded) -> Record:

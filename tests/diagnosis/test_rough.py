@@ -90,7 +90,7 @@ def test_the_white_force_of_a_rough_drive_is_found(fitted: Fit) -> None:
 
 
 def test_a_white_force_that_the_first_guess_overshoots_is_found() -> None:
-    """From 0.08 N on the guess of 11 N goes beyond what the commands are, and that of the answer does not."""
+    """From 0.08 N the first guess goes beyond the commands; the answer, 11 N, does not."""
     records = recorded(MACHINE, PLAN, [Knocks(11.0, MACHINE.sample_time)], seed=SEED, wrong=0.0)
     assert refit_within(MACHINE, records).candidate.jitter == pytest.approx(11.0, rel=0.15)
 
@@ -127,7 +127,7 @@ def test_the_floor_of_a_rough_drive_is_what_does_not_repeat(fitted: Fit, rough: 
 
 
 def test_a_reading_that_drops_out_is_no_force() -> None:
-    """As much as that does not repeat; yet no white force comes near it, and the weights stay."""
+    """As much as that does not repeat; yet no white force as large as the commands is enough, and the weights stay."""
     records = recorded(MACHINE, PLAN, seed=SEED, wrong=0.0)
     rng = np.random.default_rng(SEED)
     broken = tuple(

@@ -70,6 +70,14 @@ def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
     assert applied(wide, theta).tolerance == loose.tolerance
 
 
+def test_an_effect_of_the_machine_files_own_is_no_finding() -> None:
+    """Nor is it the second one of two of a name."""
+    own, other = Cogging(1.0, 0.03, 0.0), Cogging(2.0, 0.05, 0.0)
+    layout = parameters(replace(MACHINE, effects=(own,)), 1)
+    both = in_order((own, Stribeck(0.1, 2e-3), other))
+    assert Candidate(layout, np.zeros(layout.count), both).found == [Stribeck(0.1, 2e-3), other]
+
+
 def test_records_beside_each_other_give_what_they_give_one_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
     records, found = recorded(MACHINE, PLAN, seed=13), []
     for cores in (1, 2):

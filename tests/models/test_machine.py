@@ -105,22 +105,31 @@ def test_an_offset_that_no_file_states_is_none_and_is_not_listed(tmp_path: Path)
 
 
 def test_how_well_a_value_is_known_can_be_stated(tmp_path: Path) -> None:
-    """One or more of them; what the file leaves out is as usual, and no file has to state any."""
-    stated = load(changed(tmp_path, r"\[scale\]", '[tolerance]\noffset = "3 N"\n\n[scale]'))
-    assert stated.tolerance == Tolerance(offset=3.0)
-    assert to_json(stated)["tolerance"]["offset_N"] == 3.0
+    """Some of them; what the file leaves out is as usual, and no file has to state any."""
+    stated = load(changed(tmp_path, r"\[scale\]", '[tolerance]\noffset = "3 N"\nmass = 0.03\n\n[scale]'))
+    assert stated.tolerance == Tolerance(offset=3.0, mass=0.03)
+    assert {"offset_N": 3.0, "mass": 0.03}.items() <= to_json(stated)["tolerance"].items()
     assert "tolerance" not in to_json(load())
-    assert {row.name for row in parameters(stated)} - {row.name for row in parameters(load())} == {"tolerance.offset"}
+    more = {row.name for row in parameters(stated)} - {row.name for row in parameters(load())}
+    assert more == {"tolerance.offset", "tolerance.mass"}
     again = tmp_path / "again.toml"
     again.write_text(to_toml(stated), encoding="utf-8")
     assert load(again) == stated
     assert "[tolerance]" not in to_toml(load())
 
 
+def test_a_tolerance_that_is_stated_to_be_the_usual_one_keeps_its_source(tmp_path: Path) -> None:
+    text = '[tolerance]\noffset = { value = "0.2 N", source = "datasheet: 4" }\n\n[scale]'
+    stated = load(changed(tmp_path, r"\[scale\]", text))
+    assert 'source = "datasheet: 4"' in to_toml(stated)
+    assert [row.number for row in parameters(stated) if row.name == "tolerance.offset"] == [0.2]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
         (r"\[scale\]", '[tolerance]\noffset = "0 N"\n\n[scale]', r"tolerance\.offset: .*above 0"),
+        (r"\[scale\]", "[tolerance]\nmass = 1.5\n\n[scale]", r"tolerance\.mass: .*below 1"),
         (r"\[scale\]", '[tolerance]\nofset = "1 N"\n\n[scale]', r"tolerance\.ofset: unknown; did you mean 'offset'"),
         ('"800 N/mm"', '"800 kg"', r"presliding\.stiffness_1: '800 kg' is in kg, but this is a quantity in N/m"),
         ('"150 N"', '"150"', r"drive\.rated_thrust: '150' has no unit"),

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from models import machine, nominal
-from models.machine import MachineError
+from models.machine import MachineError, Tolerance
 from models.machine_file import to_toml
 
 CONTENT: dict[str, Any] = {
@@ -39,6 +39,13 @@ def written(folder: Path, change: Callable[[dict[str, Any]], object] = lambda _:
     path = folder / "nominal.json"
     path.write_text(json.dumps(content), encoding="utf-8")
     return path
+
+
+def test_how_well_its_values_are_known_may_stand_in_it(tmp_path: Path) -> None:
+    found = nominal.load(written(tmp_path, lambda content: content.update(tolerance={"offset_N": 2.0, "mass": 0.1})))
+    assert found.tolerance == Tolerance(offset=2.0, mass=0.1)
+    assert found.sources["tolerance.offset"].kind == "datasheet"
+    assert nominal.load(written(tmp_path)).tolerance == Tolerance()
 
 
 def test_what_the_file_says_and_what_it_leaves_out(tmp_path: Path) -> None:
