@@ -69,7 +69,7 @@ def _which(results: Results) -> str:
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
             told += (
-                f". In part it is {' and '.join(shown)}: with it, {show(after, 'N', 3)} (rms) of unknown force are "
+                f". In part it is {' and '.join(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown force are "
                 f"left of {show(before, 'N', 3)}"
             )
         rough = results["white_force_N"]
