@@ -30,10 +30,11 @@ def listed(names: Sequence[str], last: str = "and") -> str:
 
 
 def _outcome(verdict: Results) -> str:
+    alike = f"; in part it looks like {listed(verdict['partly'])}" if verdict["partly"] else ""
     return {
         "attributed": f"Attributed to {listed(verdict['effects'])}",
         "ambiguous": f"Either {listed(_rivals(verdict), 'or')}",
-        "none_of_these": "No effect of the catalogue explains it",
+        "none_of_these": f"No effect of the catalogue explains it{alike}",
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {listed(verdict['effects'])}",
     }[verdict["outcome"]]
@@ -69,8 +70,8 @@ def _which(results: Results) -> str:
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
             told += (
-                f". In part it is {' and '.join(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown force are "
-                f"left of {show(before, 'N', 3)}"
+                f". In part it looks like {' and '.join(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown "
+                f"force are left of {show(before, 'N', 3)}"
             )
         rough = results["white_force_N"]
         if rough["taken"] > rough["usual"]:

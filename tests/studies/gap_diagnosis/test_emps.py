@@ -67,7 +67,8 @@ def test_friction_that_differs_by_direction_is_named_as_what_it_is_in_part(resul
     """The published gain, of 4.08 to 3.11 % of the force, itself leaves more than half of the gap open."""
     verdict = results["verdict"]
     assert (verdict["outcome"], verdict["effects"], verdict["partly"]) == ("none_of_these", [], [DIRECTIONAL])
-    assert "In part it is directional friction" in results["answer"]["which"]
+    assert results["answer"]["outcome"].endswith("; in part it looks like directional friction")
+    assert "In part it looks like directional friction" in results["answer"]["which"]
 
 
 def test_friction_that_differs_by_direction_is_the_first_effect_to_go_into_the_model(results: dict[str, Any]) -> None:
