@@ -18,6 +18,8 @@ from diagnosis.diagnose import (
     NOTHING,
     PARAMETERS,
     Diagnosis,
+    _bent,
+    _endless,
     _outcome,
     _rivals,
     baseline,
@@ -25,7 +27,9 @@ from diagnosis.diagnose import (
     to_json,
 )
 from diagnosis.evidence import evidence, examined
-from diagnosis.fit import SPIKE, largest
+from diagnosis.fit import SPIKE, at_bounds, largest
+from diagnosis.nominal import parameters
+from diagnosis.residual import Candidate
 from diagnosis.where import where
 from diagnosis.where_words import _spike
 from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
@@ -177,6 +181,25 @@ def test_what_explains_as_much_is_a_rival_unless_it_is_in_the_model_too() -> Non
     assert _rivals([first, second]) == (("cogging", "play"),)
     third = _stage(100.0, ("cogging", "play"), [("play", 100.0)])
     assert _rivals([first, second, third]) == ()
+
+
+def _with(own: Effect, *effects: Effect, cost: float, promised: float = 0.0) -> Any:
+    """A stage of a machine whose file has `own`; promised: what one more cogging would gain."""
+    layout = parameters(replace(MACHINE, effects=(own,)), 1)
+    candidate = Candidate(layout, np.zeros(layout.count), (own, *effects))
+    finding = SimpleNamespace(effect=Cogging.typical(), held_out=promised)
+    return SimpleNamespace(fitted=SimpleNamespace(cost=cost, candidate=candidate), findings=(finding,))
+
+
+def test_an_effect_of_the_machine_files_own_neither_makes_a_series_nor_bends_what_is_found() -> None:
+    """At the end of its range, and of the same name as the one that was found."""
+    own, found, another = (Cogging(size, pitch, 0.0) for size, pitch in ((9.0, 1.0), (1.0, 0.03), (1.0, 0.04)))
+    first, second = _with(own, cost=9000.0), _with(own, found, cost=1000.0, promised=6000.0)
+    assert at_bounds(own)
+    assert not at_bounds(found)
+    assert not _bent([first, second])
+    assert _endless([first, second]) == set()
+    assert _endless([first, second, _with(own, found, another, cost=900.0, promised=6000.0)]) == {"cogging"}
 
 
 @pytest.mark.parametrize(
