@@ -70,7 +70,8 @@ class Columns:
 
 def confusability(fitted: Fit, records: Sequence[Record], left_out: Collection[str] = ()) -> Confusability:
     """The matrix for the fit's records; effects of `left_out` are no part of it. Distances are [1]."""
-    names = tuple(name for name in every() if name not in left_out)
+    kinds = fitted.candidate.layout.machine.kinds
+    names = tuple(name for name in kinds if name not in left_out)
     apart = {TimingJitter.name, ControllerMismatch.name}
     found = products(fitted, records, [name for name in names if name not in apart])
     distance = distances(found, names)
@@ -83,15 +84,15 @@ def confusability(fitted: Fit, records: Sequence[Record], left_out: Collection[s
             distance[i, :] = distance[:, i] = np.inf
             distance[np.arange(len(names)), i] = np.diag(distance)
             distance[i, :] = np.sqrt(square)
-    return _confusability(names, distance)
+    return _confusability(names, distance, kinds)
 
 
-def _confusability(names: tuple[str, ...], distance: Array) -> Confusability:
+def _confusability(names: tuple[str, ...], distance: Array, kinds: Mapping[str, type[Effect]]) -> Confusability:
     seen = np.diag(distance) ** 2 >= THRESHOLD
     near = distance**2 < THRESHOLD
     limits = []
     for i, name in enumerate(names):
-        size = next(item for item in parameters(every()[name]) if item.role in {"amplitude", "width"})
+        size = next(item for item in parameters(kinds[name]) if item.role in {"amplitude", "width"})
         factor = np.sqrt(THRESHOLD) / distance[i, i] if distance[i, i] > NOTHING else np.inf
         limits.append((size.name, float(size.typical * factor), size.typical))
     mistaken = {
@@ -122,7 +123,7 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
     place: list[tuple[str, Effect, tuple[int, ...]]] = []
     variants: list[Effect] = []
     for name in names:
-        for effect in grid(every()[name]):
+        for effect in grid(fitted.candidate.layout.machine.kinds[name]):
             parts = quadratures(effect)
             place.append((name, effect, tuple(range(len(variants), len(variants) + len(parts)))))
             variants += parts

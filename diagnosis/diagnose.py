@@ -60,7 +60,6 @@ ATTRIBUTED, AMBIGUOUS, NONE, NOTHING, PARAMETERS = (
     *("attributed", "ambiguous", "none_of_these", "nothing_to_explain", "parameters"),
 )
 LITTLE: Final = 0.25  # of the gap that an effect, which surely closes some, may close where nothing more is missing
-SEVERAL: Final = 0.75  # of the gap that more than one must close: two wrong names close more than one
 EXCESS: Final = 2.0  # deviations of noise by which what is left may exceed the floor where an effect explains enough
 MISSING: Final = 3.0  # and from which on something is missing where none does
 ALIKE: Final = 0.03  # of the best effect's gain within which a rival explains as much
@@ -249,12 +248,13 @@ def _names(steps: Sequence[Step]) -> tuple[str, ...]:
 def _outcome(steps: Sequence[Step], names: Sequence[str], closed: Closed, spike: float) -> str:
     """Named where the effects surely close some of the gap, and enough of it or all that is significant; else something
     that has no name here, be it a force without a law."""
-    share = closed.interval[1] if LATENESS in names else closed.closure  # which commands were late, no simulation knows
-    enough = share >= (HALF if len(names) < 2 else SEVERAL)
+    low, high = closed.interval
+    sure = (len(names) < 2) + (LATENESS in names)  # which commands were late, no simulation knows
+    enough = (low, closed.closure, high)[sure] >= HALF  # surely where there are several: two wrong names close more
     rough = steps[-1].fitted.candidate.rough
     if len(names) < 2 and closed.excess < EXCESS and not rough:  # whose floor is as rough as what it is the floor of
-        enough = enough or closed.interval[1] >= LITTLE
-    if names and enough and closed.interval[0] > 0 and not _bent(steps):
+        enough = enough or high >= LITTLE
+    if names and enough and low > 0 and not _bent(steps):
         return ATTRIBUTED
     if names or rough or closed.excess > MISSING or largest(steps[-1].fitted).deviations > spike:
         return NONE

@@ -26,7 +26,6 @@ SMALL: Final = 20.0  # by which a width may be below its prior range: that is a 
 STRIDE: Final = 0.7  # the most that a step moves the logarithm of a shape or a width
 START_STRIDE: Final = 1.0  # the most that a step moves an element's start, in prior deviations
 DAMPED: Final = 1e5  # damping beyond which no step is tried
-FINE: Final = {"scale_periodic_error": 1e-5, "dac_quantisation": 1e-5}  # many periods fit into what is moved through
 ENOUGH: Final = 10.0  # a step that gains less chi-square ends the fit
 
 
@@ -167,7 +166,7 @@ def at_bounds(effect: Effect) -> bool:
 
     Many periods of a fine one tell its length to a part of a million: none but its own agrees with them.
     """
-    if effect.name in FINE:
+    if effect.fine:
         return False
     for item in parameters(type(effect)):
         number = getattr(effect, item.name)
@@ -185,7 +184,7 @@ def difference_steps(effect: Effect) -> Array:
         size = size * 2
     small = {"shape": 0.02, "width": 0.05}
     shapes = [small[item.role] for item in items if item.role in small]
-    return np.array([*size, *(FINE.get(effect.name, shape) for shape in shapes)])
+    return np.array([*size, *(effect.fine or shape for shape in shapes)])
 
 
 def fit(
@@ -287,7 +286,7 @@ def _room(candidate: Candidate, wide: Array) -> tuple[Array, Array]:
     for effect in candidate.effects:
         size = coordinates(effect).size
         shapes = slice(begin + size - _shapes(effect), begin + size)
-        longest = 10 * FINE[effect.name] if effect.name in FINE else STRIDE
+        longest = 10 * effect.fine if effect.fine else STRIDE
         low[shapes], high[shapes] = -longest / wide[shapes], longest / wide[shapes]
         begin += size
     return low, high

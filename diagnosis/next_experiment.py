@@ -22,7 +22,6 @@ from diagnosis.nominal import parameters
 from diagnosis.residual import WALK, Candidate, look, nominal_slopes, smooth
 from diagnosis.where_words import words
 from models.controller import Controller
-from models.effects.catalogue import every
 from models.machine import Machine
 from models.record import Record
 from models.simulator import simulate
@@ -51,7 +50,7 @@ def next_experiment(
 
     The menu's settings are in its sentence, with their units; jitter: the white force of this drive [N].
     """
-    asked = [name for name in members if name in every() and name not in UNSEEN][:MOST]
+    asked = [name for name in members if name in machine.kinds and name not in UNSEEN][:MOST]
     if not asked:
         return None
     tried = [(one, _reached(machine, one, asked, seed, jitter)) for one in menu(machine)]
@@ -114,7 +113,7 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
 def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER) -> Proposal | None:
     """What shows the most of these effects at their typical sizes [SI], which earlier records could not; None where no
     experiment of the menu shows any."""
-    asked = [name for name in names if name in every() and name not in UNSEEN]
+    asked = [name for name in names if name in machine.kinds and name not in UNSEEN]
     if not asked:
         return None
     seen = [(one, np.diag(_distances(machine, one, asked, seed, jitter)) ** 2 >= THRESHOLD) for one in menu(machine)]

@@ -8,8 +8,9 @@ compared motion by motion, so that every fold of a cross-validation is small alg
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -18,20 +19,22 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.beside import beside
-from diagnosis.fit import FINE, ROOM, Fit, own_spread, weights
+from diagnosis.fit import ROOM, Fit, own_spread, weights
 from diagnosis.kalman import adjoint
 from diagnosis.residual import columns
 from models.compiled import compiled
 from models.effects.base import Effect, parameters
-from models.effects.catalogue import every, in_order
+from models.effects.catalogue import in_order
 from models.record import Record
 
 Array = NDArray[np.float64]
 Columns = Mapping[Effect, NDArray[Any]]  # (n, 1) or (n, 2) each [1]
+Weight = Callable[[Record], Array]
 
 FOLDS: Final = 6
 POINTS: Final = 6  # of a grid over a shape of a decade or two
-GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2, "distance": 2}  # points of these shapes
+GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2}  # points of these shapes
+DECADE: Final = {"distance": 2}  # and of these in each decade
 BATCH: Final = 24  # columns that are filtered side by side
 PEAKS: Final = 4  # of a spectrum that are looked at
 REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
@@ -94,7 +97,7 @@ def scan(
     known: such columns of another fit whose random forces are the same, in place of what this one's path would give.
     """
     trials: list[Effect] = []
-    for name, kind in every().items():
+    for name, kind in fitted.candidate.layout.machine.kinds.items():
         if name not in left_out and name not in UNSEEN:
             trials += grid(kind, fitted, records, own)
     found, columns = dict[str, Finding](), dict[Effect, NDArray[Any]]()
@@ -213,7 +216,7 @@ def sized(effect: Effect, factor: Array) -> Effect:
     for item in items:
         if item.role == "amplitude":
             changed[item.name] = getattr(effect, item.name) * float(factor[0])
-        elif item.role == "width" and effect.name not in FINE:
+        elif item.role == "width" and not effect.fine:
             changed[item.name] = getattr(effect, item.name) * float(np.clip(factor[0], 0.3, 3.0))
     return replace(effect, **changed)
 
@@ -223,6 +226,8 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed)
     both ways."""
     typical = kind.typical()
     spectrum, axes = SPECTRA.get(kind.name), []  # for the first of the shapes
+    if spectrum is None and kind.fine and kind.name in ALONG:  # of a grid's points none would be near enough
+        spectrum = partial(_along_the_path, ALONG[kind.name])
     for item in parameters(kind):
         if item.role in {"shape", "width"}:
             points = _points(item.name, item.low, item.high)
@@ -236,6 +241,8 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed)
 
 def _points(name: str, low: float, high: float) -> Array:
     many = GRID.get(name, POINTS)
+    if name in DECADE:
+        many = max(DECADE[name], round(DECADE[name] * np.log10(high / low)))
     if name in {"length", "pitch"}:
         return np.asarray(1 / np.linspace(1 / high, 1 / low, many))
     return np.geomspace(low, high, many)
@@ -258,6 +265,13 @@ def _by_place(low: float, high: float, fitted: Fit, records: Sequence[Record], o
     return peaks(spans, low, high)
 
 
+def _along_the_path(
+    weight: Weight, low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed
+) -> list[float]:
+    """Periods [m] at the peaks of the spectrum over position of the force's error, weighted [1]."""
+    return peaks([(one.position, force * weight(one)) for one, force, _ in adjoints(fitted, records, own)], low, high)
+
+
 def _by_command(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
     """Steps [N] at the peaks of the spectrum over command of the force's error."""
     delay = round(fitted.candidate.machine.plant.dead_time / records[0].sample_time)
@@ -277,6 +291,13 @@ def _by_time(low: float, high: float, fitted: Fit, records: Sequence[Record], ow
     ]
     return [1 / period for period in peaks(spans, 1 / high, 1 / low)]
 
+
+ALONG: Final[Mapping[str, Weight]] = {
+    "cogging": lambda record: np.ones(record.position.size),
+    "thrust_ripple": lambda record: record.command,
+    "position_dependent_friction": lambda record: np.sign(np.gradient(record.position)),
+}
+"""What a sine over position is times in these effects' forces."""
 
 SPECTRA: Final = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
 

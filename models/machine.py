@@ -19,6 +19,8 @@ from models.columns import Columns
 from models.controller import PID
 from models.effects import catalogue
 from models.effects.base import Effect
+from models.effects.base import parameters as parameters_of
+from models.effects.catalogue import SIZES, Prior
 from models.friction import Friction, branch
 from models.plant import Plant
 from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, value
@@ -137,7 +139,8 @@ class Provenance:
 class Machine:
     """One positioning axis. `sources` maps the dotted name of every value ("plant.dead_time") to its Provenance.
 
-    effects: what acts beside the nominal model, in the order of the catalogue; a file's tables [effects.NAME].
+    effects: what acts beside the nominal model, in the order of the catalogue; a file's tables [effects.NAME]. priors:
+    the sizes that a diagnosis gives to effects in place of their usual ones; a file's tables [priors.NAME].
     """
 
     name: str
@@ -151,6 +154,7 @@ class Machine:
     published: Published | None = None
     tolerance: Tolerance = Tolerance()
     record: Columns | None = None
+    priors: tuple[Prior, ...] = ()
     effects: tuple[Effect, ...] = ()
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
@@ -158,6 +162,11 @@ class Machine:
     def sample_time(self) -> float:
         """T_s [s]."""
         return self.control.sample_time
+
+    @property
+    def kinds(self) -> Mapping[str, type[Effect]]:
+        """The effects by name that a diagnosis looks for, with this machine's priors (SI)."""
+        return catalogue.looked_for(self.priors)
 
 
 @dataclass(frozen=True)
@@ -194,6 +203,8 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
         if not isinstance(name, str):
             raise MachineError(f"name: {name!r} is no text; write it in quotes")
         machine = _read(Machine, {"name": name, **table}, "", sources)
+        effects = tuple(_in_range(effect, machine.priors) for effect in machine.effects)
+        machine = dataclasses.replace(machine, effects=effects)
         if machine.presliding is None:
             machine = _with_presliding(machine, sources)
         machine = dataclasses.replace(machine, sources=sources)
@@ -264,6 +275,8 @@ def _entry(
         hint = next(kind for kind in get_args(hint) if kind is not NoneType)
     if hint == tuple[Effect, ...]:
         return _effects(entry, where, sources)
+    if hint == tuple[Prior, ...]:
+        return _priors(entry, where, sources)
     if get_origin(hint) is tuple:
         if not isinstance(entry, list) or not entry:
             raise MachineError(f"{where}: needs one table or more; write [[{where}]] with its values below")
@@ -284,6 +297,45 @@ def _effects(table: object, where: str, sources: dict[str, Provenance]) -> tuple
         for i, item in enumerate(same):
             found.append(_read(known[name], item, path if len(same) == 1 else f"{path}.{i + 1}", sources))
     return catalogue.in_order(found)
+
+
+def _in_range(effect: Effect, priors: tuple[Prior, ...]) -> Effect:
+    """The effect as of the class that has the machine's priors."""
+    given = {field.name: getattr(effect, field.name) for field in dataclasses.fields(effect)}
+    return catalogue.ranged(type(effect), priors)(**given)
+
+
+def _priors(table: object, where: str, sources: dict[str, Provenance]) -> tuple[Prior, ...]:
+    """The ranges in [priors.NAME], in the catalogue's order."""
+    if not isinstance(table, dict):
+        raise MachineError(f"{where}: is no table; write [{where}.NAME] with the effect's ranges below")
+    known, found = catalogue.every(), list[Prior]()
+    for name in table:
+        if name not in known:
+            raise MachineError(f"{_join(where, name)}: unknown; {_nearest(name, list(known))}")
+    for name, kind in known.items():
+        if name in table:
+            found += _ranges(kind, table[name], _join(where, name), sources)
+    return tuple(found)
+
+
+def _ranges(kind: type[Effect], table: object, where: str, sources: dict[str, Provenance]) -> Iterator[Prior]:
+    declared = {field.name: declaration(field) for field in dataclasses.fields(kind)}
+    sizes = [item.name for item in parameters_of(kind) if item.role in SIZES]
+    if not isinstance(table, dict) or not table:
+        raise MachineError(f'{where}: has no range; write {sizes[0]} = ["LEAST", "MOST"] below [{where}]')
+    for name in table:
+        if name not in sizes:
+            raise MachineError(f"{_join(where, name)}: unknown; {_nearest(name, sizes)}")
+    for name in sizes:
+        if name not in table:
+            continue
+        path, one = _join(where, name), declared[name]
+        assert one is not None
+        ends = _quantity(tuple[float, ...], one, table[name], path, sources)
+        if not isinstance(ends, tuple) or len(ends) != 2 or not 0 < ends[0] < ends[1]:
+            raise MachineError(f'{path}: is no range; write ["LEAST", "MOST"], the least above 0')
+        yield Prior(kind.name, name, *ends)
 
 
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
@@ -406,9 +458,26 @@ def _parameters(part: Any, where: str, sources: Mapping[str, Provenance]) -> Ite
         elif field.name == "effects":
             for name, effect in catalogue.named(item).items():
                 yield from _parameters(effect, _join(path, name), sources)
+        elif field.name == "priors":
+            for prior in item:
+                yield _prior(prior, f"{path}.{prior.effect}.{prior.parameter}", sources)
         elif isinstance(item, tuple):
             for i, member in enumerate(item):
                 yield from _parameters(member, f"{path}.{i + 1}", sources)
+
+
+def _prior(prior: Prior, path: str, sources: Mapping[str, Provenance]) -> Parameter:
+    what = unit_of(prior)
+    provenance = sources.get(path, Provenance("assumed", "set in a program"))
+    return Parameter(path, f"usual sizes of {what.meaning}", what.unit, (prior.low, prior.high), provenance)
+
+
+def unit_of(prior: Prior) -> Declaration:
+    """The declaration, with its SI unit, of the parameter that a prior is of."""
+    kind = catalogue.every()[prior.effect]
+    found = next(declaration(field) for field in dataclasses.fields(kind) if field.name == prior.parameter)
+    assert found is not None
+    return found
 
 
 def _plain(part: Any) -> object:
@@ -417,12 +486,21 @@ def _plain(part: Any) -> object:
     plain: dict[str, object] = {}
     for field in dataclasses.fields(part):
         item, declared = getattr(part, field.name), declaration(field)
-        if field.name == "sources" or item is None or (field.name == "effects" and not item):
+        if field.name == "sources" or item is None or (field.name in {"effects", "priors"} and not item):
             continue
         if left_out(part, field, "", {}):
             continue
         if field.name == "effects":
             plain["effects"] = {name: _plain(effect) for name, effect in catalogue.named(item).items()}
+        elif field.name == "priors":
+            plain["priors"] = {
+                name: {
+                    json_name(one.parameter, unit_of(one).unit): [one.low, one.high]
+                    for one in item
+                    if one.effect == name
+                }
+                for name in dict.fromkeys(one.effect for one in item)
+            }
         elif declared is not None:
             plain[json_name(field.name, declared.unit)] = list(item) if isinstance(item, tuple) else item
         elif isinstance(item, tuple):

@@ -114,7 +114,9 @@ class Effect(ABC):
     """One effect and the values of its parameters (SI). A subclass is a frozen dataclass whose fields are `parameter`s.
 
     equation: LaTeX. source: where the law and its typical sizes come from. hooks: by place, a key of PLACES. clocked:
-    the law follows a time whose beginning no controller knows, rather than the table.
+    the law follows a time whose beginning no controller knows, rather than the table. usual: a diagnosis looks for it
+    in any machine, not only where the machine file states its sizes. fine: the relative step of a period that a fit
+    may tell, where so many fit into what is moved through that a larger one would be another law; else 0.
     """
 
     name: ClassVar[str]
@@ -123,6 +125,8 @@ class Effect(ABC):
     source: ClassVar[str]
     hooks: ClassVar[Mapping[str, Hook]] = {}
     clocked: ClassVar[bool] = False
+    usual: ClassVar[bool] = True
+    fine: ClassVar[float] = 0.0
 
     def memory(self, elements: int) -> int:  # noqa: ARG002  # a subclass may need the number of elements
         """How many numbers the hooks keep between calls, shared by all of them, for a friction of so many elements."""

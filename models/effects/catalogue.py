@@ -5,10 +5,16 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache
+from typing import Final, cast
 
 import models.effects
-from models.effects.base import FAMILIES, Effect
+from models.effects.base import FAMILIES, Effect, parameters
+
+MANY: Final = 0.03  # 1/m; times a period's least length, the step of its fits: through a metre they stay in phase
+PERIODS: Final = ("pitch", "length")
+SIZES: Final = ("amplitude", "shape", "width")  # roles whose range a machine may state
 
 
 def every() -> Mapping[str, type[Effect]]:
@@ -20,6 +26,45 @@ def every() -> Mapping[str, type[Effect]]:
             raise ValueError(f"{kind.__module__}: the effect {kind.name!r} is in {other} already; name it otherwise")
         found[kind.name] = kind
     return found
+
+
+@dataclass(frozen=True)
+class Prior:
+    """The sizes, from low to high [SI] but for their sign, that a parameter of an effect may have in one machine."""
+
+    effect: str
+    parameter: str
+    low: float
+    high: float
+
+
+def looked_for(priors: Iterable[Prior] = ()) -> Mapping[str, type[Effect]]:
+    """The effects by name that a diagnosis of one machine looks for, in their order: the usual ones and those of which
+    it states sizes, with these; SI."""
+    stated = tuple(priors)
+    wanted = {prior.effect for prior in stated}
+    return {name: ranged(kind, stated) for name, kind in every().items() if kind.usual or name in wanted}
+
+
+def ranged(kind: type[Effect], priors: Iterable[Prior]) -> type[Effect]:
+    """The class of an effect with other prior ranges: those of its name in `priors`, SI. The same class every time."""
+    own = tuple(prior for prior in priors if prior.effect == kind.name)
+    return _ranged(kind, own) if own else kind
+
+
+@cache
+def _ranged(kind: type[Effect], own: tuple[Prior, ...]) -> type[Effect]:
+    stated, changed, fine = {prior.parameter: prior for prior in own}, [], kind.fine
+    for declared, usual in zip(fields(kind), parameters(kind), strict=True):
+        if usual.name not in stated:
+            continue
+        low, high = stated[usual.name].low, stated[usual.name].high
+        prior = (usual.role, -high if usual.low < 0 else low, high, (low * high) ** 0.5)
+        changed.append((usual.name, declared.type, field(metadata={**declared.metadata, "prior": prior})))
+        if usual.name in PERIODS and low < usual.low:
+            fine = MANY * low
+    same = {"__doc__": kind.__doc__, "fine": fine}
+    return cast(type[Effect], make_dataclass(kind.__name__, changed, bases=(kind,), frozen=True, namespace=same))
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:

@@ -120,6 +120,30 @@ class Stribeck(Effect):
 
 
 @hook
+def _strengthening(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    return value * (1.0 + p[0] * math.asinh(abs(now[V]) / p[1]))
+
+
+@dataclass(frozen=True)
+class VelocityStrengthening(Effect):
+    """Contacts hold more the faster they move, and ever less more of it: as lubricated screws and slides do."""
+
+    name: ClassVar = "velocity_strengthening"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"X_i\left(1+a\,\mathrm{arsinh}(|\dot x|/v_0)\right)"
+    source: ClassVar = (
+        "Eyring 1936, Viscosity, plasticity, and diffusion as examples of absolute reaction rates (the stress of a "
+        "film); Dieterich 1979, Modeling of rock friction (the logarithm); sizes assumed"
+    )
+    hooks: ClassVar = {"limit": _strengthening}
+    usual: ClassVar = False  # rolling guides have none: a machine file that states its sizes asks for it
+    rise: float = parameter(
+        "1", "rise a of the limits, each time that the speed is e times as high", 0.02, 0.5, "amplitude", at_least=0
+    )
+    speed: float = parameter("m/s", "speed v_0 above which it is a logarithm", 1e-4, 1e-2, "shape", above=0)
+
+
+@hook
 def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
     keep = math.exp(-0.5 * now[H] / FORGOTTEN) if p[2] > 0.5 else 1.0
     memory[0] = max(-1.0, min((memory[0] * keep + now[MOVED] / p[1]) * keep, 1.0))

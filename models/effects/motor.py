@@ -178,5 +178,6 @@ class DacQuantisation(Effect):
     )
     source: ClassVar = "Widrow and Kollár 2008, Quantization noise (mid-tread and mid-rise); sizes assumed"
     hooks: ClassVar = {"command": _stepped}
+    fine: ClassVar = 1e-5
     step: float = parameter("N", "step q", 1e-2, 1e-1, "width", at_least=0)
     rise: int = switch("r: it jumps at zero")

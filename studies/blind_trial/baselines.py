@@ -22,7 +22,7 @@ from diagnosis.residual import columns
 from diagnosis.scan import Freed, freed, quadratures
 from diagnosis.where_force import SLOW, unknown
 from models.effects.base import parameters
-from models.effects.catalogue import every, in_order
+from models.effects.catalogue import in_order, looked_for
 from models.record import Record
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ EXPLAINED: Final = 0.1  # of the unknown force's variance, held out, from which 
 
 def catalogue() -> tuple[str, ...]:
     """The names of the catalogue."""
-    return tuple(every())
+    return tuple(looked_for())
 
 
 def answers(found: Diagnosis, disabled: Collection[str]) -> dict[str, Any]:

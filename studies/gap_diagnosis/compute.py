@@ -112,7 +112,7 @@ def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -
         "records": _with_motions(given.shown, found.baseline.pieces),
         "shifts": _shifts(found),
         "white_force_N": {"usual": JITTER, "taken": found.baseline.nominal.candidate.jitter},
-        "catalogue": {name: _entry(name) for name in every()},
+        "catalogue": {name: _entry(name) for name in given.machine.kinds},
         "pictures": pictures(
             beside.where, found.baseline.nominal.candidate, found.baseline.records, found.baseline.pieces
         ),

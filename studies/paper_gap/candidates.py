@@ -66,7 +66,7 @@ class Candidate:
 
 def every() -> Mapping[str, Candidate]:
     """The candidates by name: effects in the order in which they act, then parameters."""
-    found = [_of_effect(kind) for kind in catalogue.every().values()]
+    found = [_of_effect(kind) for kind in catalogue.looked_for().values()]
     return {one.name: one for one in (*found, *_of_parameters())}
 
 
