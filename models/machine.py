@@ -19,13 +19,13 @@ from models.columns import Columns
 from models.controller import PID
 from models.effects import catalogue
 from models.effects.base import Effect
-from models.effects.base import parameters as parameters_of
-from models.effects.catalogue import SIZES, Prior
+from models.effects.catalogue import Sizes
 from models.friction import Friction, branch
 from models.plant import Plant
 from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, value
 
 SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
+BY_NAME: Final = ("priors", "effects")  # parts of a machine of which each has a name and a table of its own
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
 Part = TypeVar("Part")
@@ -154,7 +154,7 @@ class Machine:
     published: Published | None = None
     tolerance: Tolerance = Tolerance()
     record: Columns | None = None
-    priors: tuple[Prior, ...] = ()
+    priors: tuple[Sizes, ...] = ()
     effects: tuple[Effect, ...] = ()
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
@@ -203,8 +203,7 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
         if not isinstance(name, str):
             raise MachineError(f"name: {name!r} is no text; write it in quotes")
         machine = _read(Machine, {"name": name, **table}, "", sources)
-        effects = tuple(_in_range(effect, machine.priors) for effect in machine.effects)
-        machine = dataclasses.replace(machine, effects=effects)
+        machine = dataclasses.replace(machine, effects=_as_stated(machine.effects, machine.priors))
         if machine.presliding is None:
             machine = _with_presliding(machine, sources)
         machine = dataclasses.replace(machine, sources=sources)
@@ -274,9 +273,10 @@ def _entry(
     if isinstance(hint, UnionType):  # an optional part, and here it is
         hint = next(kind for kind in get_args(hint) if kind is not NoneType)
     if hint == tuple[Effect, ...]:
-        return _effects(entry, where, sources)
-    if hint == tuple[Prior, ...]:
-        return _priors(entry, where, sources)
+        return catalogue.in_order(_by_name(catalogue.every(), entry, where, sources))
+    if hint == tuple[Sizes, ...]:
+        kinds = {name: catalogue.sizes(kind) for name, kind in catalogue.every().items()}
+        return _once(_by_name(kinds, entry, where, sources), where)
     if get_origin(hint) is tuple:
         if not isinstance(entry, list) or not entry:
             raise MachineError(f"{where}: needs one table or more; write [[{where}]] with its values below")
@@ -284,11 +284,11 @@ def _entry(
     return _read(hint, entry, where, sources)
 
 
-def _effects(table: object, where: str, sources: dict[str, Provenance]) -> tuple[Effect, ...]:
-    """The effects in [effects.NAME], or [[effects.NAME]] where several are of one name, in the catalogue's order."""
+def _by_name(known: Mapping[str, type[Part]], table: object, where: str, sources: dict[str, Provenance]) -> list[Part]:
+    """What stands in [effects.NAME], say, or in [[effects.NAME]] where several are of one name."""
     if not isinstance(table, dict):
         raise MachineError(f"{where}: is no table; write [{where}.NAME] with the effect's values below")
-    known, found = catalogue.every(), list[Effect]()
+    found = list[Part]()
     for name, entry in table.items():
         path = _join(where, name)
         if name not in known:
@@ -296,46 +296,27 @@ def _effects(table: object, where: str, sources: dict[str, Provenance]) -> tuple
         same = entry if isinstance(entry, list) else [entry]
         for i, item in enumerate(same):
             found.append(_read(known[name], item, path if len(same) == 1 else f"{path}.{i + 1}", sources))
-    return catalogue.in_order(found)
+    return found
 
 
-def _in_range(effect: Effect, priors: tuple[Prior, ...]) -> Effect:
-    """The effect as of the class that has the machine's priors."""
-    given = {field.name: getattr(effect, field.name) for field in dataclasses.fields(effect)}
-    return catalogue.ranged(type(effect), priors)(**given)
+def _once(priors: list[Sizes], where: str) -> tuple[Sizes, ...]:
+    """The priors in the catalogue's order, each name's once."""
+    order, names = list(catalogue.every()), [one.name for one in priors]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice:
+        raise MachineError(f"{where}.{twice}: stands there twice; state an effect's sizes once, in [{where}.{twice}]")
+    return tuple(sorted(priors, key=lambda one: order.index(one.name)))
 
 
-def _priors(table: object, where: str, sources: dict[str, Provenance]) -> tuple[Prior, ...]:
-    """The ranges in [priors.NAME], in the catalogue's order."""
-    if not isinstance(table, dict):
-        raise MachineError(f"{where}: is no table; write [{where}.NAME] with the effect's ranges below")
-    known, found = catalogue.every(), list[Prior]()
-    for name in table:
-        if name not in known:
-            raise MachineError(f"{_join(where, name)}: unknown; {_nearest(name, list(known))}")
-    for name, kind in known.items():
-        if name in table:
-            found += _ranges(kind, table[name], _join(where, name), sources)
-    return tuple(found)
-
-
-def _ranges(kind: type[Effect], table: object, where: str, sources: dict[str, Provenance]) -> Iterator[Prior]:
-    declared = {field.name: declaration(field) for field in dataclasses.fields(kind)}
-    sizes = [item.name for item in parameters_of(kind) if item.role in SIZES]
-    if not isinstance(table, dict) or not table:
-        raise MachineError(f'{where}: has no range; write {sizes[0]} = ["LEAST", "MOST"] below [{where}]')
-    for name in table:
-        if name not in sizes:
-            raise MachineError(f"{_join(where, name)}: unknown; {_nearest(name, sizes)}")
-    for name in sizes:
-        if name not in table:
-            continue
-        path, one = _join(where, name), declared[name]
-        assert one is not None
-        ends = _quantity(tuple[float, ...], one, table[name], path, sources)
-        if not isinstance(ends, tuple) or len(ends) != 2 or not 0 < ends[0] < ends[1]:
-            raise MachineError(f'{path}: is no range; write ["LEAST", "MOST"], the least above 0')
-        yield Prior(kind.name, name, *ends)
+def _as_stated(effects: tuple[Effect, ...], priors: tuple[Sizes, ...]) -> tuple[Effect, ...]:
+    """The effects with the prior ranges that the machine states."""
+    stated = {one.name: one for one in priors}
+    return tuple(
+        catalogue.ranged(type(effect), stated.get(effect.name))(
+            **{field.name: getattr(effect, field.name) for field in dataclasses.fields(effect)}
+        )
+        for effect in effects
+    )
 
 
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
@@ -455,29 +436,12 @@ def _parameters(part: Any, where: str, sources: Mapping[str, Provenance]) -> Ite
             yield Parameter(path, declared.meaning, declared.unit, item, provenance)
         elif dataclasses.is_dataclass(item):
             yield from _parameters(item, path, sources)
-        elif field.name == "effects":
+        elif field.name in BY_NAME:
             for name, effect in catalogue.named(item).items():
                 yield from _parameters(effect, _join(path, name), sources)
-        elif field.name == "priors":
-            for prior in item:
-                yield _prior(prior, f"{path}.{prior.effect}.{prior.parameter}", sources)
         elif isinstance(item, tuple):
             for i, member in enumerate(item):
                 yield from _parameters(member, f"{path}.{i + 1}", sources)
-
-
-def _prior(prior: Prior, path: str, sources: Mapping[str, Provenance]) -> Parameter:
-    what = unit_of(prior)
-    provenance = sources.get(path, Provenance("assumed", "set in a program"))
-    return Parameter(path, f"usual sizes of {what.meaning}", what.unit, (prior.low, prior.high), provenance)
-
-
-def unit_of(prior: Prior) -> Declaration:
-    """The declaration, with its SI unit, of the parameter that a prior is of."""
-    kind = catalogue.every()[prior.effect]
-    found = next(declaration(field) for field in dataclasses.fields(kind) if field.name == prior.parameter)
-    assert found is not None
-    return found
 
 
 def _plain(part: Any) -> object:
@@ -486,21 +450,12 @@ def _plain(part: Any) -> object:
     plain: dict[str, object] = {}
     for field in dataclasses.fields(part):
         item, declared = getattr(part, field.name), declaration(field)
-        if field.name == "sources" or item is None or (field.name in {"effects", "priors"} and not item):
+        if field.name == "sources" or item is None or (field.name in BY_NAME and not item):
             continue
         if left_out(part, field, "", {}):
             continue
-        if field.name == "effects":
-            plain["effects"] = {name: _plain(effect) for name, effect in catalogue.named(item).items()}
-        elif field.name == "priors":
-            plain["priors"] = {
-                name: {
-                    json_name(one.parameter, unit_of(one).unit): [one.low, one.high]
-                    for one in item
-                    if one.effect == name
-                }
-                for name in dict.fromkeys(one.effect for one in item)
-            }
+        if field.name in BY_NAME:
+            plain[field.name] = {name: _plain(effect) for name, effect in catalogue.named(item).items()}
         elif declared is not None:
             plain[json_name(field.name, declared.unit)] = list(item) if isinstance(item, tuple) else item
         elif isinstance(item, tuple):

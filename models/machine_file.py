@@ -9,7 +9,7 @@ from typing import Any
 
 from models.columns import Columns
 from models.effects import catalogue
-from models.machine import Machine, Provenance, left_out, unit_of
+from models.machine import BY_NAME, Machine, Provenance, left_out
 from models.quantity import declaration
 
 
@@ -25,15 +25,10 @@ def to_toml(machine: Machine) -> str:
             lines += ["", f"[{field.name}]", *_columns(part)]
         elif dataclasses.is_dataclass(part) and not (field.name == "presliding" and derived):
             lines += _table(part, field.name, machine.sources)
-    for name, effect in catalogue.named(machine.effects).items():
-        head = f"[effects.{name}]" if name == effect.name else f"[[effects.{effect.name}]]"
-        lines += _table(effect, f"effects.{name}", machine.sources, head)
-    for name in dict.fromkeys(prior.effect for prior in machine.priors):
-        lines += ["", f"[priors.{name}]"]
-        for prior in machine.priors:
-            if prior.effect == name:
-                ends, path = (prior.low, prior.high), f"priors.{name}.{prior.parameter}"
-                lines.append(_line(prior.parameter, ends, unit_of(prior).unit, path, machine.sources))
+    for part in BY_NAME:
+        for name, one in catalogue.named(getattr(machine, part)).items():
+            head = f"[{part}.{name}]" if name == one.name else f"[[{part}.{one.name}]]"
+            lines += _table(one, f"{part}.{name}", machine.sources, head)
     return "\n".join(lines) + "\n"
 
 
@@ -45,20 +40,16 @@ def _table(part: Any, where: str, sources: Mapping[str, Provenance], head: str |
         if left_out(part, field, where, sources):
             continue
         if declared is not None:
-            yield _line(field.name, item, declared.unit, path, sources)
+            source = sources.get(path, Provenance("assumed", "set in a program"))
+            note = f", note = {_text(source.note)}" if source.note else ""
+            shown = f"{source.kind}: {source.detail}"
+            yield f"{field.name} = {{ value = {_value(item, declared.unit)}, source = {_text(shown)}{note} }}"
         elif isinstance(item, tuple):
             for i, member in enumerate(item):
                 inner += _table(member, f"{path}.{i + 1}", sources, f"[[{path}]]")
         elif dataclasses.is_dataclass(item):
             inner += _table(item, path, sources)
     yield from inner
-
-
-def _line(name: str, item: Any, unit: str, path: str, sources: Mapping[str, Provenance]) -> str:
-    source = sources.get(path, Provenance("assumed", "set in a program"))
-    note = f", note = {_text(source.note)}" if source.note else ""
-    shown = f"{source.kind}: {source.detail}"
-    return f"{name} = {{ value = {_value(item, unit)}, source = {_text(shown)}{note} }}"
 
 
 def _columns(columns: Columns) -> Iterator[str]:

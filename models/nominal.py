@@ -4,8 +4,8 @@
      "friction": {"stiffness_N_per_m": [...], "limit_m": [...]}, "scale": {"resolution_m"},
      "controller": {"kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s", "reference_delay_samples"}}
 
-It may hold "drive", "specification" and "tolerance" as results.json has them. What such a file leaves out (the drive's
-ratings, the specification, the scale's noise) is that of the default machine and marked as assumed.
+It may hold "drive", "specification", "tolerance" and "priors" as results.json has them. What such a file leaves out
+(the drive's ratings, the specification, the scale's noise) is that of the default machine and marked as assumed.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 from models import machine
 from models.controller import PID
+from models.effects.catalogue import every, sizes
 from models.friction import Friction
 from models.machine import Drive, Machine, MachineError, Scale, Specification, Tolerance
 from models.plant import Mode
@@ -75,6 +76,10 @@ class _Reader:
                 Specification, whole.get("specification", {}), "specification.", default.specification
             ),
             "tolerance": self.part(Tolerance, whole.get("tolerance", {}), "tolerance."),
+            "priors": {
+                name: self.part(sizes(every()[name]), table, f"priors.{name}.") if name in every() else table
+                for name, table in _object(whole.get("priors", {}), "priors.").items()
+            },
         }
 
     def part(

@@ -7,14 +7,15 @@ import pkgutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache
-from typing import Final, cast
+from typing import Any, ClassVar, Final, cast
 
 import models.effects
 from models.effects.base import FAMILIES, Effect, parameters
+from models.quantity import declaration, value
 
-MANY: Final = 0.03  # 1/m; times a period's least length, the step of its fits: through a metre they stay in phase
-PERIODS: Final = ("pitch", "length")
 SIZES: Final = ("amplitude", "shape", "width")  # roles whose range a machine may state
+PERIODS: Final = ("pitch", "length")
+MANY: Final = 0.03  # 1/m; times a period's typical length, the step by which fits tell it through such a stroke
 
 
 def every() -> Mapping[str, type[Effect]]:
@@ -29,41 +30,59 @@ def every() -> Mapping[str, type[Effect]]:
 
 
 @dataclass(frozen=True)
-class Prior:
-    """The sizes, from low to high [SI] but for their sign, that a parameter of an effect may have in one machine."""
+class Sizes:
+    """What sizes an effect may have in one machine, in place of its usual ones: each field a parameter's least and most
+    [SI], whatever its sign, or None. A subclass for every effect: `sizes`. Raises ValueError for what is no range."""
 
-    effect: str
-    parameter: str
-    low: float
-    high: float
+    name: ClassVar[str]
 
-
-def looked_for(priors: Iterable[Prior] = ()) -> Mapping[str, type[Effect]]:
-    """The effects by name that a diagnosis of one machine looks for, in their order: the usual ones and those of which
-    it states sizes, with these; SI."""
-    stated = tuple(priors)
-    wanted = {prior.effect for prior in stated}
-    return {name: ranged(kind, stated) for name, kind in every().items() if kind.usual or name in wanted}
-
-
-def ranged(kind: type[Effect], priors: Iterable[Prior]) -> type[Effect]:
-    """The class of an effect with other prior ranges: those of its name in `priors`, SI. The same class every time."""
-    own = tuple(prior for prior in priors if prior.effect == kind.name)
-    return _ranged(kind, own) if own else kind
+    def __post_init__(self) -> None:
+        """That there is a range, and each is one."""
+        stated = {one.name: ends for one in fields(self) if (ends := getattr(self, one.name)) is not None}
+        for name, ends in stated.items():
+            if len(ends) != 2 or not 0 < ends[0] < ends[1]:
+                raise ValueError(f'{name}: is no range; write ["LEAST", "MOST"], the least above 0')
+        if not stated:
+            raise ValueError(f'has no range; write {fields(self)[0].name} = ["LEAST", "MOST"], with units')
 
 
 @cache
-def _ranged(kind: type[Effect], own: tuple[Prior, ...]) -> type[Effect]:
-    stated, changed, fine = {prior.parameter: prior for prior in own}, [], kind.fine
+def sizes(kind: type[Effect]) -> type[Sizes]:
+    """The class of what a machine may state of an effect's sizes, its fields in SI."""
+    rows: list[tuple[str, Any, Any]] = []
+    for declared, item in zip(fields(kind), parameters(kind), strict=True):
+        if item.role in SIZES:
+            below = getattr(declaration(declared), "below", None)
+            stated = value(item.unit, f"least and most of: {item.meaning}", below=below, default=None)
+            rows.append((item.name, tuple[float, ...], stated))
+    own = {"name": kind.name, "__module__": __name__}
+    return cast(type[Sizes], make_dataclass(f"{kind.__name__}Sizes", rows, bases=(Sizes,), frozen=True, namespace=own))
+
+
+def looked_for(priors: Iterable[Sizes] = ()) -> Mapping[str, type[Effect]]:
+    """The effects by name that a diagnosis of one machine looks for, in their order: the usual ones and those of which
+    it states sizes, with these; SI."""
+    stated = {one.name: one for one in priors}
+    return {name: ranged(kind, stated.get(name)) for name, kind in every().items() if kind.usual or name in stated}
+
+
+@cache
+def ranged(kind: type[Effect], stated: Sizes | None) -> type[Effect]:
+    """The effect with its prior ranges as a machine states them, SI; the class itself where it states none."""
+    changed: list[tuple[str, Any, Any]] = []
+    fine = kind.fine
     for declared, usual in zip(fields(kind), parameters(kind), strict=True):
-        if usual.name not in stated:
+        ends = getattr(stated, usual.name, None)
+        if ends is None:
             continue
-        low, high = stated[usual.name].low, stated[usual.name].high
+        low, high = ends
         prior = (usual.role, -high if usual.low < 0 else low, high, (low * high) ** 0.5)
         changed.append((usual.name, declared.type, field(metadata={**declared.metadata, "prior": prior})))
         if usual.name in PERIODS and low < usual.low:
-            fine = MANY * low
-    same = {"__doc__": kind.__doc__, "fine": fine}
+            fine = MANY * prior[-1]
+    if not changed:
+        return kind
+    same = {"__doc__": kind.__doc__, "__module__": kind.__module__, "fine": fine}
     return cast(type[Effect], make_dataclass(kind.__name__, changed, bases=(kind,), frozen=True, namespace=same))
 
 

@@ -137,9 +137,7 @@ class VelocityStrengthening(Effect):
     )
     hooks: ClassVar = {"limit": _strengthening}
     usual: ClassVar = False  # rolling guides have none: a machine file that states its sizes asks for it
-    rise: float = parameter(
-        "1", "rise a of the limits, each time that the speed is e times as high", 0.02, 0.5, "amplitude", at_least=0
-    )
+    rise: float = parameter("1", "rise a of the limits with each e-fold of speed", 0.02, 0.5, "amplitude", at_least=0)
     speed: float = parameter("m/s", "speed v_0 above which it is a logarithm", 1e-4, 1e-2, "shape", above=0)
 
 

@@ -189,6 +189,7 @@ def _scored(labels: Mapping[str, Label], answers: Mapping[str, Any], again: Mapp
     scores = [score(label, answers[case]) for case, label in labels.items()]
     return {
         "rates": {name: rate.plain() for name, rate in merit.rates(scores).items()},
+        "likeness": merit.likeness(scores).plain(),
         "severity": merit.by_severity(scores),
         "closure": merit.closures(scores),
         "again": again,

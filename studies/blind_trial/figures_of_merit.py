@@ -68,6 +68,11 @@ def rates(scores: Sequence[Score]) -> dict[str, Rate]:
     }
 
 
+def likeness(scores: Sequence[Score]) -> Rate:
+    """How often what an answer without a name likens a gap to, in part, is the effect itself."""
+    return rate([one for one in scores if one.alike], lambda one: bool({*one.alike} & {*one.label.names}))
+
+
 def by_severity(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
     """Single effects of each severity, those that need not be seen too: right, silent, wrong."""
     found: dict[str, dict[str, Any]] = {}

@@ -51,11 +51,13 @@ class Label:
 
 @dataclass(frozen=True)
 class Score:
-    """One case scored: right or not, whether an innocent was accused, and whether the case counts."""
+    """One case scored: right or not, whether an innocent was accused, whether the case counts, and the effects that it
+    is said to be like in part, which names none."""
 
     label: Label
     outcome: str
     groups: tuple[tuple[str, ...], ...]
+    alike: tuple[str, ...]
     right: bool
     accused: bool
     counts: bool
@@ -158,6 +160,7 @@ def score(label: Label, answer: Mapping[str, Any]) -> Score:
         label,
         str(outcome),
         groups,
+        tuple(verdict.get("partly") or ()),
         bool(right),
         bool(innocent),
         label.kind in INNOCENT or label.identifiable,
