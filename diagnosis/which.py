@@ -91,6 +91,7 @@ def search_effects(
         if here.fitted.candidate.found:
             large = ANOTHER * (nominal.cost - here.fitted.cost)
             aside |= {name for name, one in tried if _bent(one, name) and here.fitted.cost - one.cost < large}
+            aside |= {name for name, one in tried if _opposed(one, name)}
             tried = [(name, fitted) for name, fitted in tried if name not in aside]
             if not tried:
                 continue
@@ -178,6 +179,12 @@ def _bent(fitted: Fit, name: str) -> bool:
     """Whether an effect of this kind had to leave its prior range beside others: it takes up what is wrong with their
     form."""
     return any(at_bounds(effect) for effect in fitted.candidate.found if effect.name == name)
+
+
+def _opposed(fitted: Fit, name: str) -> bool:
+    """Whether members of this kind take from each other: what is left of them is the form of neither."""
+    own = [float(effect.values()[0]) for effect in fitted.candidate.found if effect.name == name]
+    return min(own) < 0 < max(own)
 
 
 def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
