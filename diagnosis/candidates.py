@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -33,11 +34,12 @@ FAR: Final = 10.0  # thresholds
 
 @dataclass(frozen=True)
 class Named:
-    """One effect of the answer, or one that was looked at: gains and thresholds in chi-square, the rest [1]."""
+    """One effect of the answer, or one that was looked at: gains and thresholds in chi-square, the rest [1]. members:
+    the effect and its parameters' standard deviations [SI], the strongest first where it is in the model more than
+    once; without deviations where it is not in the model, and none where it has no law of its own."""
 
-    effect: Effect | None
     name: str
-    deviation: Mapping[str, float]
+    members: tuple[tuple[Effect, Mapping[str, float]], ...]
     gain: float
     threshold: float
     probability: float
@@ -51,27 +53,39 @@ def candidates(
     final = steps[-1].fitted
     limits = thresholds.thresholds
     rows: list[Named] = []
-    stds = deviations_of(final)
+    inside = _members(final)
     first = {finding.effect.name: finding for finding in steps[0].findings}
     best: dict[str, Finding] = {}
     for step in steps:
         for finding in step.findings:
             known = best.get(finding.effect.name)
             best[finding.effect.name] = finding if known is None or finding.held_out > known.held_out else known
-    inside = {effect.name: (effect, std) for effect, std in zip(final.candidate.effects, stds, strict=True)}
     for name, finding in best.items():
-        effect, std = inside.get(name, (finding.effect, {}))
+        members = inside.get(name, ((finding.effect, {}),))
         gain, limit = max(first[name].held_out if name in first else 0.0, finding.held_out), limits.get(name, 12.0)
-        if name == SHAKEN and name in names and not std:  # a random force: no law of time repeats it
+        if name == SHAKEN and name in names and not members[0][1]:  # a random force: no law of time repeats it
             gain, limit = max(step.shaking.gain for step in steps), max(limit, LINE)
-        rows.append(Named(effect, name, std, gain, limit, 0.0, name in names and far.closure > HALF))
+        rows.append(Named(name, members, gain, limit, 0.0, name in names and far.closure > HALF))
     for name in names:
         if name not in best and name in {"timing_jitter", "controller_mismatch"}:
             late = steps[-1].lateness
             gain = late.gain if name == "timing_jitter" else float("inf")
-            rows.append(Named(None, name, {"lateness": late.size}, gain, LATE, 0.0, True))
+            rows.append(Named(name, (), gain, LATE, 0.0, True))
     rows.sort(key=lambda row: (row.name not in names, -row.gain))
     return tuple(replace(row, probability=probability(row, i, names, rivals)) for i, row in enumerate(rows))
+
+
+def _members(fitted: Fit) -> dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]:
+    """By name what the model has beside the machine file's own effects, each kind's strongest member first."""
+    effects, found = fitted.candidate.effects, dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]()
+    stated = Counter(effect.name for effect in effects) - Counter(effect.name for effect in fitted.candidate.found)
+    for effect, std in zip(effects, deviations_of(fitted), strict=True):
+        if stated[effect.name] > 0:
+            stated[effect.name] -= 1
+            continue
+        members = (*found.get(effect.name, ()), (effect, std))
+        found[effect.name] = tuple(sorted(members, key=lambda one: -abs(float(one[0].values()[0]))))
+    return found
 
 
 def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:

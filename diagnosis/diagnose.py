@@ -47,6 +47,7 @@ from diagnosis.residual import look, noise, smooth
 from diagnosis.scan import freed
 from diagnosis.where_controller import replayed
 from diagnosis.which import MOST, Step, search_effects
+from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
 from models.effects.motor import TimingJitter
@@ -398,19 +399,27 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
 
 
 def _row(named: Named) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    if named.effect is not None:
-        for item in parameters_of(type(named.effect)):
-            number = float(getattr(named.effect, item.name))
-            std = named.deviation.get(item.name)
-            values[item.name] = {"value": number, "unit": item.unit, "std": std, "role": item.role}
+    values = [_fitted(effect, std) for effect, std in named.members]
     return {
         "effect": named.name,
-        "parameters": values,
+        "parameters": values[0] if values else {},
+        "further_members": values[1:],
         "held_out_gain": named.gain if np.isfinite(named.gain) else None,
         "threshold": named.threshold,
         "probability": named.probability,
         "adequate": named.adequate,
+    }
+
+
+def _fitted(effect: Effect, deviation: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        item.name: {
+            "value": float(getattr(effect, item.name)),
+            "unit": item.unit,
+            "std": deviation.get(item.name),
+            "role": item.role,
+        }
+        for item in parameters_of(type(effect))
     }
 
 

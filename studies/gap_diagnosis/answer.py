@@ -11,6 +11,7 @@ from studies.wording import effect, fitted
 Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # stages without an effect: as delivered, and re-fitted
+MUCH: Final = 0.1  # of the gap that is said to be left without a name beside names
 
 
 def sentences(results: Results) -> dict[str, str]:
@@ -25,7 +26,10 @@ def sentences(results: Results) -> dict[str, str]:
 
 def listed(names: Sequence[str], last: str = "and") -> str:
     """Names in words, the last two joined by `last`."""
-    shown = [effect(name) for name in names]
+    return _joined([effect(name) for name in names], last)
+
+
+def _joined(shown: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
@@ -70,7 +74,7 @@ def _which(results: Results) -> str:
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
             told += (
-                f". In part it looks like {' and '.join(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown "
+                f". In part it looks like {_joined(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown "
                 f"force are left of {show(before, 'N', 3)}"
             )
         rough = results["white_force_N"]
@@ -85,8 +89,8 @@ def _which(results: Results) -> str:
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
-        return f"It is {' and '.join(shown)}, or else what these records cannot tell from it: {_others(verdict)}."
-    return f"It is {' and '.join(shown)}."
+        return f"It is {_joined(shown)}, or else what these records cannot tell from it: {_others(verdict)}."
+    return f"It is {_joined(shown)}."
 
 
 def _others(verdict: Results) -> str:
@@ -95,15 +99,18 @@ def _others(verdict: Results) -> str:
 
 
 def _parameters(row: Results | None) -> str:
-    """The fitted values in brackets; phases and switches are left to the table."""
+    """The fitted values in brackets, the strongest member's first; phases and switches are left to the table."""
     if row is None or not row["parameters"]:
         return ""
-    shown = [
+    return f" ({'; and '.join(_values(one) for one in (row['parameters'], *row['further_members']))})"
+
+
+def _values(parameters: Results) -> str:
+    return ", ".join(
         f"{effect(name)} {fitted(item, 3, show)}"
-        for name, item in sorted(row["parameters"].items())
+        for name, item in sorted(parameters.items())
         if item["role"] not in {"phase", "switch"}
-    ]
-    return f" ({', '.join(shown)})"
+    )
 
 
 def _how_far(verdict: Results, far: Results) -> str:
@@ -126,10 +133,15 @@ def _how_far(verdict: Results, far: Results) -> str:
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     part = verdict["outcome"] == "none_of_these"
+    left = (
+        ""
+        if part or verdict["unexplained_fraction"] < MUCH
+        else (f" {100 * verdict['unexplained_fraction']:.0f} % of it has no name here.")
+    )
     return (
         f"On motions left out {'what goes into the model' if part else 'this'} closes {100 * far['closure']:.0f} % "
         f"({100 * low:.0f} to {100 * high:.0f} %) of what separates the re-fitted model from its floor"
-        f"{', which is not the whole answer' if part else ''}: {moved}; the floor is {floor}."
+        f"{', which is not the whole answer' if part else ''}: {moved}; the floor is {floor}.{left}"
     )
 
 
