@@ -121,7 +121,7 @@ class Stribeck(Effect):
 
 @hook
 def _strengthening(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value * (1.0 + p[0] * math.asinh(abs(now[V]) / p[1]))
+    return value * (1.0 + 0.5 * p[0] * math.log1p((now[V] / p[1]) ** 2))
 
 
 @dataclass(frozen=True)
@@ -130,10 +130,10 @@ class VelocityStrengthening(Effect):
 
     name: ClassVar = "velocity_strengthening"
     family: ClassVar = "friction"
-    equation: ClassVar = r"X_i\left(1+a\,\mathrm{arsinh}(|\dot x|/v_0)\right)"
+    equation: ClassVar = r"X_i\left(1+\tfrac{a}{2}\ln(1+(\dot x/v_0)^2)\right)"
     source: ClassVar = (
         "Eyring 1936, Viscosity, plasticity, and diffusion as examples of absolute reaction rates (the stress of a "
-        "film); Dieterich 1979, Modeling of rock friction (the logarithm); sizes assumed"
+        "film); Dieterich 1979, Modeling of rock friction (the logarithm); smooth at rest, and sizes: assumed"
     )
     hooks: ClassVar = {"limit": _strengthening}
     usual: ClassVar = False  # rolling guides have none: a machine file that states its sizes asks for it

@@ -22,7 +22,7 @@ from diagnosis.where import where
 from diagnosis.where_words import words
 from models.controller import Controller
 from models.effects.base import Effect
-from models.effects.catalogue import every
+from models.effects.catalogue import every, looked_for
 from models.effects.motor import Cogging
 from models.machine import load
 from models.simulator import simulate
@@ -121,7 +121,7 @@ def test_effects_left_out_are_no_part_of_it() -> None:
     records, fit = case("")
     found = confusability(fit, records, left_out=("play", "timing_jitter"))
     assert not {"play", "timing_jitter"} & set(found.names)
-    assert len(found.names) == len(every()) - 2
+    assert len(found.names) == len(looked_for()) - 2
 
 
 def test_the_grid_begins_with_the_typical_point() -> None:
@@ -132,8 +132,8 @@ def test_the_grid_begins_with_the_typical_point() -> None:
 
 def test_the_json_holds_the_matrix(several: Confusability) -> None:
     plain = json.loads(to_text(to_json(several)))
-    assert len(plain["distance"]) == len(plain["names"]) == len(every())
-    assert {row["effect"] for row in plain["limits"]} == set(every())
+    assert len(plain["distance"]) == len(plain["names"]) == len(looked_for())
+    assert {row["effect"] for row in plain["limits"]} == set(looked_for())
 
 
 def test_relaxation_and_a_drift_of_the_scale_are_separated_by_dwells() -> None:

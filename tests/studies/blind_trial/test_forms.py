@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from models.effects.base import T, V, X
-from models.effects.catalogue import every
+from models.effects.catalogue import every, looked_for
 from studies.blind_trial.sealer import nominal, simulate
 from studies.blind_trial.sealer.effects import CATALOGUE
 from studies.blind_trial.sealer.machine import Physics
@@ -169,4 +169,4 @@ def test_every_sealed_effect_without_memory_is_looked_at() -> None:
 
 
 def test_all_of_the_catalogue_is_sealed_but_what_no_size_shows() -> None:
-    assert set(every()) - set(CATALOGUE) == {"scale_gain_error"}
+    assert set(looked_for()) - set(CATALOGUE) == {"scale_gain_error"}
