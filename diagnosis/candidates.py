@@ -22,7 +22,7 @@ from models.effects.base import parameters as parameters_of
 
 Array = NDArray[np.float64]
 
-HALF: Final = 0.5  # of the gap that one effect must close to be named: a wrong name closes less
+HALF: Final = 0.5  # of the gap that a name closes, and several surely: a wrong name closes less
 SEEDS: Final = (16180, 27182, 31337, 141421, 17320)  # of the trials that the probabilities were read off
 SURE: Final = 0.98  # probability of a name, be it far above its threshold or not
 NEAR: Final = 0.35  # probability of what just stays below its threshold
@@ -36,7 +36,7 @@ FAR: Final = 10.0  # thresholds
 class Named:
     """One effect of the answer, or one that was looked at: gains and thresholds in chi-square, the rest [1]. members:
     the effect and its parameters' standard deviations [SI], the strongest first where it is in the model more than
-    once; without deviations where it is not in the model, and none where it has no law of its own."""
+    once; without deviations where it is not in the model, and none where no column shows it."""
 
     name: str
     members: tuple[tuple[Effect, Mapping[str, float]], ...]
@@ -84,7 +84,7 @@ def _members(fitted: Fit) -> dict[str, tuple[tuple[Effect, Mapping[str, float]],
             stated[effect.name] -= 1
             continue
         members = (*found.get(effect.name, ()), (effect, std))
-        found[effect.name] = tuple(sorted(members, key=lambda one: -abs(float(one[0].values()[0]))))
+        found[effect.name] = tuple(sorted(members, key=lambda one: -one[0].strength()))
     return found
 
 

@@ -122,8 +122,9 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
     """The named effects' columns along the records' paths, freed of the nominal parameters by their priors [1]."""
     place: list[tuple[str, Effect, tuple[int, ...]]] = []
     variants: list[Effect] = []
+    kinds = fitted.candidate.layout.machine.kinds
     for name in names:
-        for effect in grid(fitted.candidate.layout.machine.kinds[name]):
+        for effect in grid(kinds[name]):
             parts = quadratures(effect)
             place.append((name, effect, tuple(range(len(variants), len(variants) + len(parts)))))
             variants += parts
@@ -202,13 +203,15 @@ def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]])
 def _jitter(fitted: Fit, records: Sequence[Record]) -> float:
     """Squared distance of typical jitter: its variance over what that scatters by where motions repeat and no command
     is late; what is enough for a name is the threshold."""
-    variance = TimingJitter.typical().part * records[0].sample_time ** 2
+    typical = fitted.candidate.layout.machine.kinds[TimingJitter.name].typical()
+    variance = typical.strength() * records[0].sample_time ** 2
     return (variance / lateness(fitted, records).scatter) ** 2 * THRESHOLD / LATE
 
 
 def _mismatch(fitted: Fit, records: Sequence[Record]) -> float:
     """Squared distance of a typical mismatch: what it changes of the command over what the replay is held to."""
-    nominal, excess, total = fitted.candidate.layout.machine, ControllerMismatch.typical().excess, 0.0
+    nominal, total = fitted.candidate.layout.machine, 0.0
+    excess = nominal.kinds[ControllerMismatch.name].typical().strength()
     for record in records:
         found = replayed(nominal, record)
         if found.checked:

@@ -26,6 +26,7 @@ SMALL: Final = 20.0  # by which a width may be below its prior range: that is a 
 STRIDE: Final = 0.7  # the most that a step moves the logarithm of a shape or a width
 START_STRIDE: Final = 1.0  # the most that a step moves an element's start, in prior deviations
 DAMPED: Final = 1e5  # damping beyond which no step is tried
+OF_PERIOD: Final = 0.02  # of a period, by which the last one in the travel moves in a step of a derivative
 ENOUGH: Final = 10.0  # a step that gains less chi-square ends the fit
 
 
@@ -96,13 +97,14 @@ def coordinates(effect: Effect) -> Array:
             phase = number
         elif item.role != "switch":
             rows.append(np.log(number))
-    linear = _amplitudes(effect)
+    linear = amplitudes(effect)
     if phase is None:
         return np.array([*linear, *rows])
     return np.array([size * np.cos(phase), size * np.sin(phase), *rows])
 
 
-def _amplitudes(effect: Effect) -> list[float]:
+def amplitudes(effect: Effect) -> list[float]:
+    """The effect's amplitudes with their signs [SI]; none of one that has a width."""
     return [getattr(effect, item.name) for item in parameters(type(effect)) if item.role == "amplitude"]
 
 
@@ -151,7 +153,7 @@ def slopes_of(
     [1/SI and 1 for logarithms]."""
     trials, steps = [], []
     for i, effect in enumerate(candidate.effects):
-        here, small = coordinates(effect), difference_steps(effect)
+        here, small = coordinates(effect), difference_steps(effect, fineness(effect, records))
         for j in range(here.size):
             where = here + small * (np.arange(here.size) == j)
             trials.append((*candidate.effects[:i], at(effect, where), *candidate.effects[i + 1 :]))
@@ -164,9 +166,9 @@ def slopes_of(
 def at_bounds(effect: Effect) -> bool:
     """Whether a shape or a width stands where the fit may go no further, so that the law is bent to something else.
 
-    Many periods of a fine one tell its length to a part of a million: none but its own agrees with them.
+    Many periods of a usual fine one tell its length to a part of a million: none but its own agrees with them.
     """
-    if effect.fine:
+    if effect.fine and not effect.period_stated:
         return False
     for item in parameters(type(effect)):
         number = getattr(effect, item.name)
@@ -176,15 +178,25 @@ def at_bounds(effect: Effect) -> bool:
     return False
 
 
-def difference_steps(effect: Effect) -> Array:
-    """Steps (Q,) of numerical derivatives by the coordinates: a hundredth of the typical amplitude; [SI]."""
+def fineness(effect: Effect, records: Sequence[Record]) -> float:
+    """The relative step [1] with which a fit moves the effect's shape or width where its usual one is too large, or 0:
+    for a period that a machine states, such that the last one in the records' travel is moved by a part of it."""
+    if not effect.period_stated:
+        return effect.fine
+    travel = max(float(np.ptp(record.position)) for record in records)
+    return OF_PERIOD * float(getattr(effect, effect.period_field)) / travel
+
+
+def difference_steps(effect: Effect, fine: float = 0.0) -> Array:
+    """Steps (Q,) of numerical derivatives by the coordinates: a hundredth of the typical amplitude, `fine` of a shape
+    or width where that is not 0; [SI]."""
     items = parameters(type(effect))
     size = [0.01 * item.typical for item in items if item.role == "amplitude"]
     if any(item.role == "phase" for item in items):
         size = size * 2
     small = {"shape": 0.02, "width": 0.05}
     shapes = [small[item.role] for item in items if item.role in small]
-    return np.array([*size, *(effect.fine or shape for shape in shapes)])
+    return np.array([*size, *(fine or shape for shape in shapes)])
 
 
 def fit(
@@ -260,7 +272,7 @@ def _search(
     whole = np.block([[here.slopes.T @ here.slopes, crossed], [crossed.T, here.own.T @ here.own]])
     normal = wide[:, None] * whole * wide + np.eye(wide.size)
     onto = -wide * np.concatenate([here.slopes.T @ here.innovations, here.own.T @ here.innovations]) - stands
-    low, high = _room(candidate, wide)
+    low, high = _room(candidate, wide, records)
     while True:
         step = within(normal + damping * np.eye(wide.size), onto, low, high) * wide
         moved = _moved(candidate, step)
@@ -273,7 +285,7 @@ def _search(
         damping *= 30
 
 
-def _room(candidate: Candidate, wide: Array) -> tuple[Array, Array]:
+def _room(candidate: Candidate, wide: Array, records: Sequence[Record]) -> tuple[Array, Array]:
     """How far a step may go down and up (P + Q,) [of the prior deviations]: to the bounds, and a part of an element's
     limit for its start, because an element that slips elsewhere has another slope."""
     layout, stride = candidate.layout, np.full(wide.size, np.inf)
@@ -286,7 +298,7 @@ def _room(candidate: Candidate, wide: Array) -> tuple[Array, Array]:
     for effect in candidate.effects:
         size = coordinates(effect).size
         shapes = slice(begin + size - _shapes(effect), begin + size)
-        longest = 10 * effect.fine if effect.fine else STRIDE
+        longest = 10 * fine if (fine := fineness(effect, records)) else STRIDE
         low[shapes], high[shapes] = -longest / wide[shapes], longest / wide[shapes]
         begin += size
     return low, high

@@ -36,6 +36,7 @@ POINTS: Final = 6  # of a grid over a shape of a decade or two
 GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2}  # points of these shapes
 DECADE: Final = {"distance": 2}  # and of these in each decade
 BATCH: Final = 24  # columns that are filtered side by side
+LINES: Final = 8  # of a spectrum that lie between the ends of its range at least
 PEAKS: Final = 4  # of a spectrum that are looked at
 REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
 UNSEEN: Final = ("scale_gain_error", "controller_mismatch", "timing_jitter")  # no column of force or reading shows them
@@ -226,7 +227,7 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed)
     both ways."""
     typical = kind.typical()
     spectrum, axes = SPECTRA.get(kind.name), []  # for the first of the shapes
-    if spectrum is None and kind.fine and kind.name in ALONG:  # of a grid's points none would be near enough
+    if spectrum is None and kind.period_stated and kind.name in ALONG:  # a grid's points may all be too far off
         spectrum = partial(_along_the_path, ALONG[kind.name])
     for item in parameters(kind):
         if item.role in {"shape", "width"}:
@@ -297,7 +298,7 @@ ALONG: Final[Mapping[str, Weight]] = {
     "thrust_ripple": lambda record: record.command,
     "position_dependent_friction": lambda record: np.sign(np.gradient(record.position)),
 }
-"""What a sine over position is times in these effects' forces."""
+"""What the sine over position is multiplied by in these effects' forces."""
 
 SPECTRA: Final = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
 
@@ -307,7 +308,8 @@ def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float) -> list
     [unit of the coordinate]."""
     width = low / 8
     extent = max(float(np.ptp(coordinate)) for coordinate, _ in spans)
-    count = int(2 ** np.ceil(np.log2(2 * max(extent, 2 * high) / width)))
+    narrow = LINES / (1 / low - 1 / high)  # so many lines of the spectrum lie within the range, however narrow it is
+    count = int(2 ** np.ceil(np.log2(max(2 * extent, 4 * high, narrow) / width)))
     power = np.zeros(count // 2 + 1)
     for coordinate, weight in spans:
         bins = np.floor((coordinate - coordinate.min()) / width).astype(int)

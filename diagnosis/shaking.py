@@ -90,7 +90,8 @@ def _likelihood(seen: Sequence[Seen]) -> float:
 
 def _frequencies(fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
     """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
-    item = next(item for item in parameters(FloorVibration) if item.name == "frequency")
+    kind = fitted.candidate.layout.machine.kinds[FloorVibration.name]
+    item = next(item for item in parameters(kind) if item.name == "frequency")
     grid = np.geomspace(item.low, item.high, 400)
     power = np.zeros(grid.size)
     for record, force, _ in adjoints(fitted, records, own):

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.beside import beside
-from diagnosis.fit import Fit, at_bounds, fit
+from diagnosis.fit import Fit, amplitudes, at_bounds, fit
 from diagnosis.lateness import Lateness, lateness
 from diagnosis.null import LEAST
 from diagnosis.refit import started, weighed
@@ -88,13 +88,13 @@ def search_effects(
         say(f"fitting {', '.join(finding.effect.name for finding in strong)} with all that is nominal")
         fits = beside(partial(_with, here.fitted, records=records), [finding.effect for finding in strong])
         tried = [(finding.effect.name, fitted) for finding, fitted in zip(strong, fits, strict=True)]
+        aside |= {name for name, one in tried if _opposed(one, name)}  # or it would be named for the form of the first
         if here.fitted.candidate.found:
             large = ANOTHER * (nominal.cost - here.fitted.cost)
             aside |= {name for name, one in tried if _bent(one, name) and here.fitted.cost - one.cost < large}
-            aside |= {name for name, one in tried if _opposed(one, name)}
-            tried = [(name, fitted) for name, fitted in tried if name not in aside]
-            if not tried:
-                continue
+        tried = [(name, fitted) for name, fitted in tried if name not in aside]
+        if not tried:
+            continue
         best = min((fitted for _, fitted in tried), key=lambda fitted: fitted.cost)
         if here.fitted.cost - best.cost > MUCH:
             best = started(best, records)
@@ -182,9 +182,9 @@ def _bent(fitted: Fit, name: str) -> bool:
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this kind take from each other: what is left of them is the form of neither."""
-    own = [float(effect.values()[0]) for effect in fitted.candidate.found if effect.name == name]
-    return min(own) < 0 < max(own)
+    """Whether members of this kind, the machine file's among them, take from each other: they draw another form."""
+    sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)]
+    return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
 
 
 def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:

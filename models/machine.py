@@ -158,6 +158,11 @@ class Machine:
     effects: tuple[Effect, ...] = ()
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
+    def __post_init__(self) -> None:
+        """Its effects have the sizes that it states."""
+        if self.priors:
+            object.__setattr__(self, "effects", tuple(_as_stated(effect, self.kinds) for effect in self.effects))
+
     @property
     def sample_time(self) -> float:
         """T_s [s]."""
@@ -203,7 +208,6 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
         if not isinstance(name, str):
             raise MachineError(f"name: {name!r} is no text; write it in quotes")
         machine = _read(Machine, {"name": name, **table}, "", sources)
-        machine = dataclasses.replace(machine, effects=_as_stated(machine.effects, machine.priors))
         if machine.presliding is None:
             machine = _with_presliding(machine, sources)
         machine = dataclasses.replace(machine, sources=sources)
@@ -287,7 +291,7 @@ def _entry(
 def _by_name(known: Mapping[str, type[Part]], table: object, where: str, sources: dict[str, Provenance]) -> list[Part]:
     """What stands in [effects.NAME], say, or in [[effects.NAME]] where several are of one name."""
     if not isinstance(table, dict):
-        raise MachineError(f"{where}: is no table; write [{where}.NAME] with the effect's values below")
+        raise MachineError(f"{where}: is no table; write [{where}.NAME] with what is stated of the effect below")
     found = list[Part]()
     for name, entry in table.items():
         path = _join(where, name)
@@ -308,15 +312,12 @@ def _once(priors: list[Sizes], where: str) -> tuple[Sizes, ...]:
     return tuple(sorted(priors, key=lambda one: order.index(one.name)))
 
 
-def _as_stated(effects: tuple[Effect, ...], priors: tuple[Sizes, ...]) -> tuple[Effect, ...]:
-    """The effects with the prior ranges that the machine states."""
-    stated = {one.name: one for one in priors}
-    return tuple(
-        catalogue.ranged(type(effect), stated.get(effect.name))(
-            **{field.name: getattr(effect, field.name) for field in dataclasses.fields(effect)}
-        )
-        for effect in effects
-    )
+def _as_stated(effect: Effect, kinds: Mapping[str, type[Effect]]) -> Effect:
+    """The effect with the prior ranges of its kind in one machine."""
+    kind = kinds.get(effect.name, type(effect))
+    if type(effect) is kind:
+        return effect
+    return kind(**{field.name: getattr(effect, field.name) for field in dataclasses.fields(effect)})
 
 
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:

@@ -77,7 +77,7 @@ class _Reader:
             ),
             "tolerance": self.part(Tolerance, whole.get("tolerance", {}), "tolerance."),
             "priors": {
-                name: self.part(sizes(every()[name]), table, f"priors.{name}.") if name in every() else table
+                name: self.sizes(name, table) if name in every() else table
                 for name, table in _object(whole.get("priors", {}), "priors.").items()
             },
         }
@@ -106,6 +106,15 @@ class _Reader:
             elif field.name not in optional:
                 raise MachineError(f"{where}{name}: missing; add it, {declared.meaning}")
         return table
+
+    def sizes(self, name: str, given: object) -> Table:
+        """The ranges of an effect's sizes under their names in results.json."""
+        kind, where = sizes(every()[name]), f"priors.{name}."
+        known = [json_name(one.name, stated.unit) for one in dataclasses.fields(kind) if (stated := declaration(one))]
+        for key in _object(given, where):
+            if key not in known:
+                raise MachineError(f"{where}{key}: unknown; known here: {', '.join(known)}")
+        return self.part(kind, given, where)
 
     def value(self, given: object, unit: str, where: str) -> Table:
         """A number, or a list of them, as a machine file writes it."""

@@ -115,8 +115,9 @@ class Effect(ABC):
 
     equation: LaTeX. source: where the law and its typical sizes come from. hooks: by place, a key of PLACES. clocked:
     the law follows a time whose beginning no controller knows, rather than the table. usual: a diagnosis looks for it
-    in any machine, not only where the machine file states its sizes. fine: the relative step of a period that a fit
-    may tell, where so many fit into what is moved through that a larger one would be another law; else 0.
+    in any machine, not only where the machine file states its sizes. fine: the relative step with which a fit moves
+    the width or the period, 0 where its usual steps do; so many fit into what is moved through. period_field: the
+    parameter that is a period along the path, if there is one; period_stated: a machine file states its range.
     """
 
     name: ClassVar[str]
@@ -127,6 +128,8 @@ class Effect(ABC):
     clocked: ClassVar[bool] = False
     usual: ClassVar[bool] = True
     fine: ClassVar[float] = 0.0
+    period_field: ClassVar[str] = ""
+    period_stated: ClassVar[bool] = False
 
     def memory(self, elements: int) -> int:  # noqa: ARG002  # a subclass may need the number of elements
         """How many numbers the hooks keep between calls, shared by all of them, for a friction of so many elements."""
@@ -147,6 +150,11 @@ class Effect(ABC):
         return dataclasses.replace(
             self, **{name: 0.0 for name, role in roles.items() if role in {"amplitude", "width"}}
         )
+
+    def strength(self) -> float:
+        """Its first amplitude or width [SI], without its sign."""
+        sizes = (item.name for item in parameters(type(self)) if item.role in {"amplitude", "width"})
+        return abs(float(getattr(self, next(sizes))))
 
     def values(self) -> Array:
         """The parameters (P,) [SI] in the order of the fields."""

@@ -14,8 +14,6 @@ from models.effects.base import FAMILIES, Effect, parameters
 from models.quantity import declaration, value
 
 SIZES: Final = ("amplitude", "shape", "width")  # roles whose range a machine may state
-PERIODS: Final = ("pitch", "length")
-MANY: Final = 0.03  # 1/m; times a period's typical length, the step by which fits tell it through such a stroke
 
 
 def every() -> Mapping[str, type[Effect]]:
@@ -41,9 +39,9 @@ class Sizes:
         stated = {one.name: ends for one in fields(self) if (ends := getattr(self, one.name)) is not None}
         for name, ends in stated.items():
             if len(ends) != 2 or not 0 < ends[0] < ends[1]:
-                raise ValueError(f'{name}: is no range; write ["LEAST", "MOST"], the least above 0')
+                raise ValueError(f"{name}: is no range; give its least and its most, the least above 0")
         if not stated:
-            raise ValueError(f'has no range; write {fields(self)[0].name} = ["LEAST", "MOST"], with units')
+            raise ValueError(f"has no range; give the least and the most of {fields(self)[0].name}, say")
 
 
 @cache
@@ -55,7 +53,11 @@ def sizes(kind: type[Effect]) -> type[Sizes]:
             below = getattr(declaration(declared), "below", None)
             stated = value(item.unit, f"least and most of: {item.meaning}", below=below, default=None)
             rows.append((item.name, tuple[float, ...], stated))
-    own = {"name": kind.name, "__module__": __name__}
+    own = {
+        "name": kind.name,
+        "__module__": __name__,
+        "__reduce__": lambda self: (_sizes_again, (kind, *(getattr(self, name) for name, *_ in rows))),
+    }
     return cast(type[Sizes], make_dataclass(f"{kind.__name__}Sizes", rows, bases=(Sizes,), frozen=True, namespace=own))
 
 
@@ -70,7 +72,6 @@ def looked_for(priors: Iterable[Sizes] = ()) -> Mapping[str, type[Effect]]:
 def ranged(kind: type[Effect], stated: Sizes | None) -> type[Effect]:
     """The effect with its prior ranges as a machine states them, SI; the class itself where it states none."""
     changed: list[tuple[str, Any, Any]] = []
-    fine = kind.fine
     for declared, usual in zip(fields(kind), parameters(kind), strict=True):
         ends = getattr(stated, usual.name, None)
         if ends is None:
@@ -78,12 +79,25 @@ def ranged(kind: type[Effect], stated: Sizes | None) -> type[Effect]:
         low, high = ends
         prior = (usual.role, -high if usual.low < 0 else low, high, (low * high) ** 0.5)
         changed.append((usual.name, declared.type, field(metadata={**declared.metadata, "prior": prior})))
-        if usual.name in PERIODS and low < usual.low:
-            fine = MANY * prior[-1]
     if not changed:
         return kind
-    same = {"__doc__": kind.__doc__, "__module__": kind.__module__, "fine": fine}
-    return cast(type[Effect], make_dataclass(kind.__name__, changed, bases=(kind,), frozen=True, namespace=same))
+    own = {
+        "__doc__": kind.__doc__,
+        "__module__": kind.__module__,
+        "__reduce__": lambda self: (_effect_again, (kind, stated, *self.values())),
+        "period_stated": kind.period_field in {name for name, *_ in changed},
+    }
+    return cast(type[Effect], make_dataclass(kind.__name__, changed, bases=(kind,), frozen=True, namespace=own))
+
+
+def _sizes_again(kind: type[Effect], *ranges: tuple[float, ...] | None) -> Sizes:
+    """What `pickle` makes of Sizes in another process, where their class has to be made first."""
+    return sizes(kind)(*ranges)
+
+
+def _effect_again(kind: type[Effect], stated: Sizes, *numbers: float) -> Effect:
+    """The same for an effect with stated sizes."""
+    return ranged(kind, stated)(*numbers)
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -104,7 +118,8 @@ def beyond(own: Iterable[Effect], effects: Iterable[Effect]) -> list[Effect]:
 
 
 def named(effects: Iterable[Effect]) -> Mapping[str, Effect]:
-    """The effects by name as in a machine file's paths: "cogging", or "cogging.1" and "cogging.2" of two."""
+    """The effects, or what a machine states of them, by name as in a machine file's paths: "cogging", or "cogging.1"
+    and "cogging.2" of two."""
     members: dict[str, list[Effect]] = {}
     for effect in effects:
         members.setdefault(effect.name, []).append(effect)

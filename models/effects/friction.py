@@ -126,7 +126,7 @@ def _strengthening(value: float, p: Numbers, now: Numbers, memory: Numbers, cont
 
 @dataclass(frozen=True)
 class VelocityStrengthening(Effect):
-    """Contacts hold more the faster they move, and ever less more of it: as lubricated screws and slides do."""
+    """Friction grows with the logarithm of speed, as in lubricated screws and slides."""
 
     name: ClassVar = "velocity_strengthening"
     family: ClassVar = "friction"
@@ -192,6 +192,7 @@ class PositionDependentFriction(Effect):
     equation: ClassVar = r"F\left(1+a\sin(2\pi x/L+\varphi)\right)"
     source: ClassVar = "Armstrong-Hélouvry 1991, Control of machines with friction (measured on a robot); sizes assumed"
     hooks: ClassVar = {"friction": _placed}
+    period_field: ClassVar = "length"
     part: float = parameter("1", "variation a", 0.03, 0.2, "amplitude", at_least=0, below=1)
     length: float = parameter("m", "length L of a period", 3e-3, 6e-2, "shape", above=0)
     phase: float = phase()

@@ -26,6 +26,7 @@ class Cogging(Effect):
     equation: ClassVar = r"d=A\sin(2\pi x/p+\varphi)"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
     hooks: ClassVar = {"force": _cogging}
+    period_field: ClassVar = "pitch"
     amplitude: float = parameter("N", "amplitude A", 0.5, 5.0, "amplitude", at_least=0)
     pitch: float = parameter("m", "pitch p", 2e-2, 6e-2, "shape", above=0)
     phase: float = phase()
@@ -45,6 +46,7 @@ class ThrustRipple(Effect):
     equation: ClassVar = r"K_t\left(1+a\sin(2\pi x/p+\varphi)\right)u"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
     hooks: ClassVar = {"thrust": _ripple}
+    period_field: ClassVar = "pitch"
     part: float = parameter("1", "variation a", 0.01, 0.06, "amplitude", at_least=0, below=1)
     pitch: float = parameter("m", "pitch p", 2e-2, 6e-2, "shape", above=0)
     phase: float = phase()

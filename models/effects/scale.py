@@ -45,6 +45,7 @@ class ScalePeriodicError(Effect):
     )
     hooks: ClassVar = {"reading": _periodic}
     fine: ClassVar = 1e-5
+    period_field: ClassVar = "period"
     amplitude: float = parameter("m", "amplitude e", 2e-8, 2e-7, "amplitude", at_least=0)
     period: float = parameter("m", "period P", 4e-6, 4e-5, "shape", above=0)
     phase: float = phase()

@@ -22,8 +22,10 @@ from diagnosis.residual import columns
 from diagnosis.scan import Freed, freed, quadratures
 from diagnosis.where_force import SLOW, unknown
 from models.effects.base import parameters
-from models.effects.catalogue import in_order, looked_for
+from models.effects.catalogue import in_order
+from models.nominal import load
 from models.record import Record
+from studies.blind_trial.packs import Pack
 
 Array = NDArray[np.float64]
 
@@ -36,9 +38,9 @@ RIDGE: Final = 0.03  # of the samples' number; functions of place are nearly ali
 EXPLAINED: Final = 0.1  # of the unknown force's variance, held out, from which on names are given
 
 
-def catalogue() -> tuple[str, ...]:
-    """The names of the catalogue."""
-    return tuple(looked_for())
+def catalogue(pack: Pack) -> tuple[str, ...]:
+    """The names of the effects that are looked for in the machine of a pack."""
+    return tuple(load(pack.cases[0].nominal).kinds)
 
 
 def answers(found: Diagnosis, disabled: Collection[str]) -> dict[str, Any]:

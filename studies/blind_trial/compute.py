@@ -83,7 +83,7 @@ def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -
         "seconds": _seconds(answers),
     }
     bodies = open_key(trial.key, trial.pack) if trial.key is not None else {}
-    labels = _labels(bodies)
+    labels = _labels(bodies, trial.pack)
 
     def tell_again(share: float, text: str) -> None:
         progress(ANSWERED + (0.98 - ANSWERED) * share, f"second measurement, {text}")
@@ -127,12 +127,13 @@ def _trial(options: argparse.Namespace, output: Path, progress: Progress) -> Tri
     return Trial(read_pack(sealed.pack), sealed.key, again, (*sealed.forbidden, sealed.again))
 
 
-def _labels(bodies: Mapping[str, str]) -> dict[str, Label]:
+def _labels(bodies: Mapping[str, str], pack: Pack) -> dict[str, Label]:
     """What proven bodies say. Raises BadInputError."""
     from studies.blind_trial.baselines import catalogue
 
+    known = catalogue(pack)
     try:
-        return {case: label_of(case, body, catalogue()) for case, body in bodies.items()}
+        return {case: label_of(case, body, known) for case, body in bodies.items()}
     except KeyFileError as error:
         raise BadInputError(f"--key: {error}") from error
 

@@ -69,7 +69,8 @@ def rates(scores: Sequence[Score]) -> dict[str, Rate]:
 
 
 def likeness(scores: Sequence[Score]) -> Rate:
-    """How often what an answer without a name likens a gap to, in part, is the effect itself."""
+    """How often an effect to which an answer without a name likens the gap in part is in the table. All kinds of tables
+    count, strangers among them, as a reader of such an answer knows no kind."""
     return rate([one for one in scores if one.alike], lambda one: bool({*one.alike} & {*one.label.names}))
 
 

@@ -11,7 +11,7 @@ from studies.wording import effect, fitted
 Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # stages without an effect: as delivered, and re-fitted
-MUCH: Final = 0.1  # of the gap that is said to be left without a name beside names
+MUCH: Final = 0.1  # of the gap that is left for sure without a name, from which on that is said
 
 
 def sentences(results: Results) -> dict[str, str]:
@@ -66,8 +66,8 @@ def _which(results: Results) -> str:
         return f"Nominal values are off, {listed(names)}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
         told = (
-            "No effect of the catalogue, alone or with others, explains it within its prior range: something else is "
-            "at work"
+            "No effect that was looked for, alone or with others, explains it within its prior range: something else "
+            "is at work"
         )
         if verdict["partly"]:
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
@@ -77,20 +77,25 @@ def _which(results: Results) -> str:
                 f". In part it looks like {_joined(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown "
                 f"force are left of {show(before, 'N', 3)}"
             )
-        rough = results["white_force_N"]
-        if rough["taken"] > rough["usual"]:
-            told += (
-                f". The drive is rougher than its model: its force scatters by {show(rough['taken'], 'N', 2)} from "
-                "sample to sample, for which no effect here is a law"
-            )
+        told += _rough(results["white_force_N"])
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return f"{told}."
         return f"{told}; put the log or the controller right first, because what is left may be theirs."
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
-        return f"It is {_joined(shown)}, or else what these records cannot tell from it: {_others(verdict)}."
-    return f"It is {_joined(shown)}."
+        alike = f"{_others(verdict)}{_rough(results['white_force_N'])}"
+        return f"It is {_joined(shown)}, or else what these records cannot tell from it: {alike}."
+    return f"It is {_joined(shown)}{_rough(results['white_force_N'])}."
+
+
+def _rough(force: Results) -> str:
+    if force["taken"] <= force["usual"]:
+        return ""
+    return (
+        f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample to "
+        "sample, for which no effect here is a law"
+    )
 
 
 def _others(verdict: Results) -> str:
@@ -133,16 +138,20 @@ def _how_far(verdict: Results, far: Results) -> str:
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     part = verdict["outcome"] == "none_of_these"
-    left = (
-        ""
-        if part or verdict["unexplained_fraction"] < MUCH
-        else (f" {100 * verdict['unexplained_fraction']:.0f} % of it has no name here.")
-    )
     return (
         f"On motions left out {'what goes into the model' if part else 'this'} closes {100 * far['closure']:.0f} % "
         f"({100 * low:.0f} to {100 * high:.0f} %) of what separates the re-fitted model from its floor"
-        f"{', which is not the whole answer' if part else ''}: {moved}; the floor is {floor}.{left}"
+        f"{', which is not the whole answer' if part else ''}: {moved}{_nameless(verdict, far)}; the floor is {floor}."
     )
+
+
+def _nameless(verdict: Results, far: Results) -> str:
+    """What several names surely leave of the gap. One name is given where nothing more is missing, or says its share;
+    how much a mismatch or late commands explain, no closure tells."""
+    names, (low, high) = verdict["effects"], far["closure_interval"]
+    if len(names) < 2 or {"controller_mismatch", "timing_jitter"} & set(names) or 1 - high < MUCH:
+        return ""
+    return f"; {100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap have no name here"
 
 
 def _from_to(before: Results, after: Results) -> str:

@@ -43,7 +43,7 @@ class Given:
 
 def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
-    unused = disabled(options.disable)
+    unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
 
     def say(share: float, text: str) -> None:
@@ -112,6 +112,7 @@ def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -
         "records": _with_motions(given.shown, found.baseline.pieces),
         "shifts": _shifts(found),
         "white_force_N": {"usual": JITTER, "taken": found.baseline.nominal.candidate.jitter},
+        "not_looked_for": [name for name in every() if name not in given.machine.kinds],
         "catalogue": {name: _entry(name) for name in given.machine.kinds},
         "pictures": pictures(
             beside.where, found.baseline.nominal.candidate, found.baseline.records, found.baseline.pieces
@@ -163,7 +164,7 @@ def _checks(found: Diagnosis, given: Given) -> list[Check]:
     if given.truth is None:
         return []
     name = given.truth["effect"]
-    place = found.effects.index(name) + 1 if name in found.effects else len(every())
+    place = found.effects.index(name) + 1 if name in found.effects else len(given.machine.kinds)
     title = name.replace("_", " ")
     return [
         Check(f"place of {title} among the effects named", float(place), "1", 1.0, "the simulated table has it"),

@@ -33,7 +33,7 @@ def made(machine: Machine, seed: int, *, quick: bool) -> Made:
     """Records of a table like the machine; quick: short ones."""
     scale = machine.scale
     known = replace(machine, effects=(), scale=replace(scale, noise=scale.noise or 0.3 * scale.resolution))
-    effect = FrictionRelaxation.typical()
+    effect = known.kinds[FrictionRelaxation.name].typical()
     schedules = _schedules(known, quick=quick)
     layout = parameters(known, len(schedules))
     draw = np.random.default_rng([seed, 7])

@@ -13,7 +13,6 @@ import numpy as np
 
 from diagnosis.experiments import moved_mass
 from diagnosis.motions import pieces
-from models.effects import catalogue
 from models.machine import Machine
 from models.quantity import show
 from models.record import Record
@@ -60,14 +59,14 @@ def loaded(machine: Machine, options: argparse.Namespace) -> tuple[Loaded, ...]:
     return tuple(found)
 
 
-def disabled(names: Sequence[str]) -> tuple[str, ...]:
-    """The effects of --disable. Raises BadInputError for one that the catalogue does not hold."""
-    known = list(catalogue.every())
+def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:
+    """The effects of --disable. Raises BadInputError for one that is not looked for in this machine."""
+    known = list(machine.kinds)
     for name in names:
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
             hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
-            raise BadInputError(f"--disable {name}: is no effect of the catalogue; {hint}")
+            raise BadInputError(f"--disable {name}: is no effect that is looked for; {hint}")
     return tuple(names)
 
 

@@ -20,6 +20,8 @@ from diagnosis.experiments import (
 from diagnosis.nominal import applied, bounded, parameters
 from models.controller import Controller, References
 from models.effects.base import Effect
+from models.effects.base import parameters as ranges_of
+from models.effects.catalogue import SIZES, every, sizes
 from models.friction import deflections
 from models.machine import Machine, load
 from models.record import Record
@@ -32,6 +34,16 @@ def table() -> Machine:
     """The paper's table with a scale that is as noisy as a good one."""
     machine = load()
     return replace(machine, scale=replace(machine.scale, resolution=1e-7, noise=3e-8))
+
+
+def asking(machine: Machine) -> Machine:
+    """The machine whose file asks for the effects that are not usual, with the sizes that they have elsewhere."""
+    stated = []
+    for kind in every().values():
+        if not kind.usual:
+            ranges = {item.name: (item.low, item.high) for item in ranges_of(kind) if item.role in SIZES}
+            stated.append(sizes(kind)(**ranges))
+    return replace(machine, priors=tuple(stated))
 
 
 def short(machine: Machine) -> Schedule:

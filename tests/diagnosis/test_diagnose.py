@@ -219,3 +219,22 @@ def test_a_name_needs_a_gap_that_surely_shrinks(
     monkeypatch.setattr(module, "_bent", lambda _: False)
     closed: Any = SimpleNamespace(closure=closure, interval=interval, excess=excess)
     assert _outcome([_stage(100.0, ("play",))], ["play"], closed, SPIKE) == outcome
+
+
+@pytest.mark.parametrize(
+    ("closure", "interval", "names", "outcome"),
+    [
+        (0.69, (0.63, 0.76), ["play", "cogging"], ATTRIBUTED),
+        (0.96, (0.49, 1.0), ["play", "cogging"], NONE),  # much, and not surely half
+        (0.52, (0.51, 0.53), ["play", "cogging"], ATTRIBUTED),
+        (0.72, (0.44, 1.0), ["play", "timing_jitter"], ATTRIBUTED),  # a simulation is late elsewhere
+        (0.45, (0.44, 1.0), ["play", "timing_jitter"], NONE),
+        (0.45, (0.44, 1.0), ["timing_jitter"], ATTRIBUTED),
+    ],
+)
+def test_several_names_need_half_of_the_gap_for_sure(
+    closure: float, interval: tuple[float, float], names: list[str], outcome: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_bent", lambda _: False)
+    closed: Any = SimpleNamespace(closure=closure, interval=interval, excess=5.0)
+    assert _outcome([_stage(100.0, tuple(names))], names, closed, SPIKE) == outcome

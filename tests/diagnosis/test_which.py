@@ -24,13 +24,14 @@ from diagnosis.scan import freed, scan
 from diagnosis.shaking import _steady
 from diagnosis.where_words import _drive
 from diagnosis.which import ANOTHER, FORM, MOST, REST, SECOND, Step, further, search_effects
-from models.effects.catalogue import in_order
-from models.effects.friction import DirectionalFriction, Stribeck
+from models.effects.base import Effect
+from models.effects.catalogue import in_order, sizes
+from models.effects.friction import DirectionalFriction, FrictionDrift, PositionDependentFriction, Stribeck
 from models.effects.kernel import ACTING
-from models.effects.motor import Cogging, DacQuantisation
+from models.effects.motor import Cogging, DacQuantisation, ThrustRipple
 from models.friction import elements
 from models.machine import Tolerance
-from tests.diagnosis.tables import recorded, schedules, table
+from tests.diagnosis.tables import recorded, schedules, short, table
 
 MACHINE = table()
 WEAK = replace(MACHINE, drive=replace(MACHINE.drive, rated_thrust=60.0))
@@ -129,9 +130,10 @@ def _searched(
     promises: Mapping[int, Mapping[str, float]],
     costs: Mapping[str, float],
     own: Sequence[str] = (),
+    opposed: Sequence[str] = (),
 ) -> Sequence[Sequence[str]]:
     """Names at each stage where so many effects in the model leave these promises, and each addition this cost;
-    own: of the machine file."""
+    own: of the machine file; opposed: whose second member takes from the first."""
 
     def step(fitted: Any, *_: Any) -> Any:
         found = promises.get(len(fitted.candidate.effects), {})
@@ -143,6 +145,7 @@ def _searched(
     def added(fitted: Any, effect: Any, records: Any) -> Any:  # noqa: ARG001
         return _fit(costs[effect.name], *(one.name for one in fitted.candidate.effects), effect.name, own=len(own))
 
+    monkeypatch.setattr(which, "_opposed", lambda _, name: name in opposed)
     monkeypatch.setattr(which, "_step", step)
     monkeypatch.setattr(which, "_with", added)
     monkeypatch.setattr(which, "started", lambda fitted, _: fitted)
@@ -183,6 +186,56 @@ def test_a_second_effect_at_its_bounds_counts_only_if_it_is_large(
     costs = {"play": 1000.0, "cogging": 1000.0 - 1000.0 * share}
     found = _searched(monkeypatch, {0: {"play": 900.0}, 1: {"cogging": 400.0}}, costs)
     assert found == [[], ["play"], *([["play", "cogging"]] if taken else [])]
+
+
+@pytest.mark.parametrize(
+    ("members", "opposed"),
+    [
+        ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(0.1, 6e-5, 1)], True),
+        ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(-0.1, 6e-5, 1)], False),
+        ([DirectionalFriction(-0.3, 5e-6, 0), Cogging(1.0, 0.03, 0.0), Cogging(0.5, 0.02, 0.0)], False),
+        ([DirectionalFriction(-0.3, 5e-6, 0), FrictionDrift(1e-3)], False),  # of different kinds
+    ],
+)
+def test_members_of_one_kind_that_take_from_each_other_are_the_form_of_one(
+    members: list[Effect], opposed: bool
+) -> None:
+    layout = parameters(MACHINE, 1)
+    fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), in_order(members)))
+    assert any(which._opposed(fitted, effect.name) for effect in members) == opposed
+
+
+def test_such_a_member_is_put_aside_and_the_search_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(which, "_bent", lambda *_: False)
+    promises = {0: {"stribeck": 900.0}, 1: {"stribeck": 500.0, "cogging": 450.0}, 2: {"stribeck": 500.0}}
+    costs = {"stribeck": 1000.0, "cogging": 500.0}
+    alone = _searched(monkeypatch, promises, costs, opposed=["stribeck"])
+    assert alone == [[], ["stribeck"], ["stribeck", "cogging"]]
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Cogging(1.0, 2.345e-3, 1.0),
+        ThrustRipple(0.05, 2.345e-3, 1.0),
+        PositionDependentFriction(0.1, 1.234e-3, 1.0),
+    ],
+    ids=lambda law: law.name,
+)
+def test_a_period_far_below_the_usual_ones_is_found_where_a_machine_states_it(law: Effect) -> None:
+    """By a spectrum over the path, as no grid of periods would be near enough."""
+    period = "length" if law.name == "position_dependent_friction" else "pitch"
+    stated = replace(MACHINE, priors=(sizes(type(law))(**{period: (1e-3, 5e-3)}),))
+    records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
+    nominal = refit_within(stated, records)
+    found, _ = scan(nominal, records, freed(nominal, numbered(pieces(records), records)))
+    best = found[0].effect
+    assert best.name == law.name
+    fitted = which._with(nominal, best, records)
+    (adopted,) = fitted.candidate.effects
+    assert adopted.values()[:2] == pytest.approx(law.values()[:2], rel=0.1)
+    assert adopted.values()[1] == pytest.approx(law.values()[1], rel=1e-3)
+    assert not at_bounds(adopted)
 
 
 def test_what_is_known_of_a_scan_tells_the_next_stage_what_its_own_columns_would() -> None:

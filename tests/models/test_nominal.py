@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,28 @@ def test_how_well_its_values_are_known_may_stand_in_it(tmp_path: Path) -> None:
     assert found.tolerance == Tolerance(offset=2.0, mass=0.1)
     assert found.sources["tolerance.offset"].kind == "datasheet"
     assert nominal.load(written(tmp_path)).tolerance == Tolerance()
+
+
+def test_the_sizes_that_effects_may_have_may_stand_in_it(tmp_path: Path) -> None:
+    stated = {"cogging": {"pitch_m": [1e-3, 1e-2]}}
+    found = nominal.load(written(tmp_path, lambda content: content.update(priors=stated)))
+    assert machine.to_json(found)["priors"] == stated
+    assert found.sources["priors.cogging.pitch"].kind == "datasheet"
+
+
+@pytest.mark.parametrize(
+    ("stated", "says"),
+    [
+        ({"coging": {"pitch_m": [1e-3, 1e-2]}}, "priors.coging: unknown; did you mean 'cogging'?"),
+        ({"cogging": {}}, "priors.cogging: has no range"),
+        ({"cogging": {"pitch_m": [1e-2, 1e-3]}}, "priors.cogging: pitch: is no range"),
+        ({"cogging": [1e-2, 1e-3]}, "priors.cogging: is no object with names"),
+        ({"cogging": {"pitch": [1e-3, 1e-2]}}, "priors.cogging.pitch: unknown; known here: amplitude_N, pitch_m"),
+    ],
+)
+def test_sizes_that_are_none_are_refused(stated: dict[str, Any], says: str, tmp_path: Path) -> None:
+    with pytest.raises(MachineError, match=re.escape(says)):
+        nominal.load(written(tmp_path, lambda content: content.update(priors=stated)))
 
 
 def test_what_the_file_says_and_what_it_leaves_out(tmp_path: Path) -> None:

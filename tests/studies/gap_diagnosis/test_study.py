@@ -231,6 +231,38 @@ def test_how_far_a_part_of_an_explanation_goes_is_said(results: dict[str, Any]) 
     assert "which is not the whole answer: from 2 N to 1.23 N of unknown force, from 1 µm to 300 nm of pos" in told
 
 
+def test_of_an_effect_that_is_in_the_model_twice_both_members_are_said(results: dict[str, Any]) -> None:
+    def member(size: float, pitch: float) -> dict[str, Any]:
+        values = {"amplitude": (size, "N", "amplitude"), "pitch": (pitch, "m", "shape"), "phase": (1.0, "1", "phase")}
+        return {name: {"value": v, "unit": u, "std": None, "role": r} for name, (v, u, r) in values.items()}
+
+    row = {**results["which"][0], "effect": "cogging", "parameters": member(2.0, 0.03)}
+    verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cogging"]}
+    told = sentences({**results, "verdict": verdict, "which": [{**row, "further_members": [member(1.0, 0.02)]}]})
+    assert "It is cogging (amplitude 2 N, pitch 30 mm; and amplitude 1 N, pitch 20 mm)." in told["which"]
+    told = sentences({**results, "verdict": verdict, "which": [{**row, "further_members": []}]})
+    assert "It is cogging (amplitude 2 N, pitch 30 mm)." in told["which"]
+
+
+@pytest.mark.parametrize(
+    ("names", "interval", "says"),
+    [
+        (["cogging", "play"], [0.6, 0.8], "; 20 to 40 % of the gap have no name here; the floor is"),
+        (["cogging", "play"], [0.6, 0.95], ""),  # perhaps all of it has one
+        (["cogging"], [0.3, 0.6], ""),  # one is named so where nothing more is missing
+        (["controller_mismatch", "play"], [0.0, 0.0], ""),
+        (["cogging", "timing_jitter"], [0.6, 0.8], ""),
+    ],
+)
+def test_what_surely_has_no_name_beside_names_is_said(
+    names: list[str], interval: list[float], says: str, results: dict[str, Any]
+) -> None:
+    verdict = {**results["verdict"], "outcome": "attributed", "effects": names}
+    told = sentences({**results, "verdict": verdict, "how_far": {**results["how_far"], "closure_interval": interval}})
+    assert ("no name" in told["how_far"]) == bool(says)
+    assert says in told["how_far"]
+
+
 def test_the_first_page_tells_no_switch_of_the_effect_that_was_put_in(quick: Path, results: dict[str, Any]) -> None:
     roles = {name: item["role"] for name, item in results["truth"]["parameters"].items()}
     page = re.sub(r"\s+", " ", (quick / "report.html").read_text(encoding="utf-8"))
