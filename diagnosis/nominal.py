@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 
 
 FAR: Final = 3.0  # prior deviations that a value may be off
-FURTHER: Final = 8.0  # that these may be: a load, a drive or the rollers' preload is changed and forgotten
-LOOSE: Final = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level")
+FURTHER: Final = 8.0  # that these may be: a drive or the rollers' preload is changed and forgotten
+LOADED: Final = 20.0  # that the mass may be: a load is left on the table
+LOOSE: Final = ("mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level")
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,9 @@ def parameters(machine: Machine, records: int) -> Parameters:
     rows = list(_rows(machine, records))
     names, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
-    high = np.where(np.isin(names, LOOSE), FURTHER, FAR) * wide
+    far = np.where(np.isin(names, LOOSE), FURTHER, FAR)
+    far[np.array(names) == "payload_mass"] = LOADED
+    high = far * wide
     start = np.array(names) == "initial_friction_state"
     high[start] = np.tile(machine.friction.limit, records)
     low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)

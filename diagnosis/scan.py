@@ -270,7 +270,8 @@ def _along_the_path(
     weight: Weight, low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed
 ) -> list[float]:
     """Periods [m] at the peaks of the spectrum over position of the force's error, weighted [1]."""
-    return peaks([(one.position, force * weight(one)) for one, force, _ in adjoints(fitted, records, own)], low, high)
+    spans = [(one.position, force * weight(one)) for one, force, _ in adjoints(fitted, records, own)]
+    return peaks(spans, low, high, padded=8)
 
 
 def _by_command(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
@@ -303,13 +304,14 @@ ALONG: Final[Mapping[str, Weight]] = {
 SPECTRA: Final = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
 
 
-def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float) -> list[float]:
+def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded: int = 2) -> list[float]:
     """The periods between low and high at which sines of a coordinate agree the most with weights (n,), over all spans
-    [unit of the coordinate]."""
+    [unit of the coordinate]. padded: times its extent that the spectrum is taken over; from 4 on the lines of a peak
+    count once [1]."""
     width = low / 8
     extent = max(float(np.ptp(coordinate)) for coordinate, _ in spans)
     narrow = LINES / (1 / low - 1 / high)  # so many lines of the spectrum lie within the range, however narrow it is
-    count = int(2 ** np.ceil(np.log2(max(2 * extent, 4 * high, narrow) / width)))
+    count = int(2 ** np.ceil(np.log2(max(padded * extent, 2 * padded * high, narrow) / width)))
     power = np.zeros(count // 2 + 1)
     for coordinate, weight in spans:
         bins = np.floor((coordinate - coordinate.min()) / width).astype(int)
@@ -318,7 +320,8 @@ def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float) -> list
     inside = np.flatnonzero((frequency >= 1 / high) & (frequency <= 1 / low))
     found: list[float] = []
     for i in inside[np.argsort(-power[inside])]:
-        if all(abs(1 / frequency[i] - period) > 2e-3 * period for period in found):
+        apart = 1 / (extent * frequency[i]) if padded >= 4 else 2e-3
+        if all(abs(1 / frequency[i] - period) > apart * period for period in found):
             found.append(float(1 / frequency[i]))
         if len(found) == PEAKS:
             break

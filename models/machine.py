@@ -100,8 +100,8 @@ class Published:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How well the values are known, as standard deviations. A diagnosis re-fits within 3 of them, and what a changed
-    load, drive or preload moves (mass, modes, dead time, friction level) within 8."""
+    """How well the values are known, as standard deviations. A diagnosis re-fits within 3 of them, what a changed drive
+    or preload moves (modes, dead time, friction level) within 8, and the mass within 20."""
 
     mass: float = value(
         "1", "standard deviation of mass over thrust constant, of its value", above=0, below=1, default=0.015
