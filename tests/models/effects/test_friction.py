@@ -51,6 +51,7 @@ def test_what_has_no_clock_is_independent_of_rate(
         ("dwell_breakaway", 0.2, 0.1, 3e-6),
         ("viscous_friction", 50.0),
         ("stribeck", 0.2, 1e-2),
+        ("velocity_strengthening", 0.2, 1e-3),
         ("directional_friction", 0.07, 2e-4, 1.0),
         ("frictional_lag", 1e-3),
         ("friction_drift", 5e-3),
@@ -111,6 +112,16 @@ def test_viscous_friction_is_proportional_to_speed(speed: float, coefficient: fl
 def test_stribeck_falls_with_speed(speed: float, rise: float, over: float) -> None:
     force = rubbing(steady(speed, 1 + math.ceil(4e-4 / speed / TS)), make("stribeck", rise, over))
     assert force[-1, -1] == pytest.approx(COULOMB * (1 + rise * math.exp(-((speed / over) ** 2))))
+
+
+@given(st.floats(1e-3, 0.1), st.floats(0.02, 0.5), st.floats(1e-4, 1e-2))
+def test_velocity_strengthening_grows_with_the_logarithm_of_speed(speed: float, rise: float, over: float) -> None:
+    """By the same force with each e-fold of a speed far above v_0, and by none at rest."""
+    effect = make("velocity_strengthening", rise, over)
+    force = rubbing(steady(speed, 1 + math.ceil(2e-3 / speed / TS)), effect)[-1, -1]
+    assert force == pytest.approx(COULOMB * (1 + 0.5 * rise * math.log(1 + (speed / over) ** 2)))
+    fast = [rubbing(steady(v, 1 + math.ceil(4e-3 / v / TS)), effect)[-1, -1] for v in (100 * over, 100 * math.e * over)]
+    assert fast[1] - fast[0] == pytest.approx(rise * COULOMB, rel=1e-3)
 
 
 @given(st.floats(-0.1, 0.1), st.floats(5e-7, 5e-6), st.sampled_from([0.0, 1.0]))

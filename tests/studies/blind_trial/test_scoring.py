@@ -116,6 +116,18 @@ def test_only_what_is_visible_counts() -> None:
     assert merit.by_severity([hidden, shown])["high"]["silent"]["hits"] == 1
 
 
+def test_how_often_a_likeness_is_the_effect_itself() -> None:
+    """A name is no likeness, whatever is said beside it."""
+    unnamed = answer("none_of_these")["verdict"]
+    alike = [
+        score(SINGLE, {"verdict": {**unnamed, "partly": ["stribeck", "cogging"]}}),
+        score(label("outsider", "gusts"), {"verdict": {**unnamed, "partly": ["cogging"]}}),
+        score(SINGLE, {"verdict": {**unnamed, "partly": []}}),
+        score(SINGLE, answer("attributed", ["cogging"])),
+    ]
+    assert merit.likeness(alike) == merit.Rate(1, 2)
+
+
 def test_the_interval_of_a_rate_is_clopper_and_pearsons() -> None:
     """Known limits: 0 of n has the upper end 1 - (a/2)^(1/n); the tail beyond either end is a/2."""
     low, high = merit.Rate(0, 20).interval
