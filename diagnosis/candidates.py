@@ -22,7 +22,7 @@ from models.effects.base import parameters as parameters_of
 
 Array = NDArray[np.float64]
 
-HALF: Final = 0.5  # of the gap that a name closes, and several surely: a wrong name closes less
+HALF: Final = 0.5  # of the gap that a name closes, several surely, late commands perhaps: a wrong name closes less
 SEEDS: Final = (16180, 27182, 31337, 141421, 17320)  # of the trials that the probabilities were read off
 SURE: Final = 0.98  # probability of a name, be it far above its threshold or not
 NEAR: Final = 0.35  # probability of what just stays below its threshold

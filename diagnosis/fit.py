@@ -111,16 +111,16 @@ def amplitudes(effect: Effect) -> list[float]:
 def at(effect: Effect, where: Array) -> Effect:
     """The effect at other coordinates (Q,) [SI and logarithms of SI], its shapes kept near their prior range."""
     items = parameters(type(effect))
-    amplitudes = [item.name for item in items if item.role == "amplitude"]
+    sizes = [item.name for item in items if item.role == "amplitude"]
     phases = [item.name for item in items if item.role == "phase"]
     changed: dict[str, float] = {}
     if phases:
         c, s = where[0], where[1]
-        changed |= {amplitudes[0]: float(np.hypot(c, s)), phases[0]: float(np.arctan2(s, c) % (2 * np.pi))}
+        changed |= {sizes[0]: float(np.hypot(c, s)), phases[0]: float(np.arctan2(s, c) % (2 * np.pi))}
         rest = where[2:]
     else:
-        changed |= {name: float(number) for name, number in zip(amplitudes, where, strict=False)}
-        rest = where[len(amplitudes) :]
+        changed |= {name: float(number) for name, number in zip(sizes, where, strict=False)}
+        rest = where[len(sizes) :]
     shapes = [item for item in items if item.role in {"shape", "width"}]
     for item, number in zip(shapes, rest, strict=True):
         changed[item.name] = float(np.clip(np.exp(number), *_within(item)))
@@ -184,7 +184,8 @@ def fineness(effect: Effect, records: Sequence[Record]) -> float:
     if not effect.period_stated:
         return effect.fine
     travel = max(float(np.ptp(record.position)) for record in records)
-    return OF_PERIOD * float(getattr(effect, effect.period_field)) / travel
+    period = float(getattr(effect, effect.period_field))
+    return OF_PERIOD * period / max(travel, period)
 
 
 def difference_steps(effect: Effect, fine: float = 0.0) -> Array:

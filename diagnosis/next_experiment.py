@@ -98,13 +98,13 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
     for one in menu(machine):
         if coordinate in one.coordinates:
             sentence = (
-                f"No effect of the catalogue explains what is left; it depends most on {words(coordinate)}. "
+                f"No effect that was looked for explains what is left; it depends most on {words(coordinate)}. "
                 f"Run {one.words}, twice, and read the curve of the unknown force over it."
             )
             return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
     one = menu(machine)[-1]
     sentence = (
-        "No effect of the catalogue and no single coordinate explains what is left. "
+        "No effect that was looked for and no single coordinate explains what is left. "
         f"Run {one.words}: it shows whether the force is the same every time."
     )
     return Proposal(sentence, one.schedule, float("nan"))

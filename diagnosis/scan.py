@@ -36,7 +36,7 @@ POINTS: Final = 6  # of a grid over a shape of a decade or two
 GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2}  # points of these shapes
 DECADE: Final = {"distance": 2}  # and of these in each decade
 BATCH: Final = 24  # columns that are filtered side by side
-LINES: Final = 8  # of a spectrum that lie between the ends of its range at least
+LINES: Final = 8  # of a spectrum that have to lie within a range, and points of a grid where fewer do
 PEAKS: Final = 4  # of a spectrum that are looked at
 REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
 UNSEEN: Final = ("scale_gain_error", "controller_mismatch", "timing_jitter")  # no column of force or reading shows them
@@ -310,8 +310,9 @@ def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded:
     count once [1]."""
     width = low / 8
     extent = max(float(np.ptp(coordinate)) for coordinate, _ in spans)
-    narrow = LINES / (1 / low - 1 / high)  # so many lines of the spectrum lie within the range, however narrow it is
-    count = int(2 ** np.ceil(np.log2(max(padded * extent, 2 * padded * high, narrow) / width)))
+    count = int(2 ** np.ceil(np.log2(padded * max(extent, 2 * high) / width)))
+    if (1 / low - 1 / high) * count * width < LINES:  # a range too narrow for a spectrum
+        return [float(1 / wave) for wave in np.linspace(1 / high, 1 / low, LINES)]
     power = np.zeros(count // 2 + 1)
     for coordinate, weight in spans:
         bins = np.floor((coordinate - coordinate.min()) / width).astype(int)

@@ -90,9 +90,9 @@ def _likelihood(seen: Sequence[Seen]) -> float:
 
 def _frequencies(fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
     """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
-    kind = fitted.candidate.layout.machine.kinds[FloorVibration.name]
-    item = next(item for item in parameters(kind) if item.name == "frequency")
-    grid = np.geomspace(item.low, item.high, 400)
+    kinds = (FloorVibration, fitted.candidate.layout.machine.kinds[FloorVibration.name])
+    usual, stated = (next(item for item in parameters(kind) if item.name == "frequency") for kind in kinds)
+    grid = np.geomspace(min(usual.low, stated.low), max(usual.high, stated.high), 400)
     power = np.zeros(grid.size)
     for record, force, _ in adjoints(fitted, records, own):
         n = int(2 ** np.ceil(np.log2(force.size)))
@@ -101,7 +101,9 @@ def _frequencies(fitted: Fit, records: Sequence[Record], own: Freed) -> list[flo
     about = np.array([np.median(power[max(i - 40, 0) : i + 41]) for i in range(grid.size)])
     found: list[float] = []
     for i in np.argsort(-power / about):
-        if all(abs(np.log(grid[i] / other)) > 0.15 for other in found):
+        if stated.low * 0.99 <= grid[i] <= stated.high * 1.01 and all(
+            abs(np.log(grid[i] / other)) > 0.15 for other in found
+        ):
             found.append(float(grid[i]))
         if len(found) == TRIED:
             break

@@ -182,7 +182,8 @@ def _bent(fitted: Fit, name: str) -> bool:
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this kind, the machine file's among them, take from each other: they draw another form."""
+    """Whether members of this kind, the machine file's among them, take from each other as tried: they draw another
+    form together."""
     sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)]
     return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
 

@@ -161,7 +161,8 @@ class Machine:
     def __post_init__(self) -> None:
         """Its effects have the sizes that it states."""
         if self.priors:
-            object.__setattr__(self, "effects", tuple(_as_stated(effect, self.kinds) for effect in self.effects))
+            kinds = self.kinds
+            object.__setattr__(self, "effects", tuple(_as_stated(effect, kinds) for effect in self.effects))
 
     @property
     def sample_time(self) -> float:

@@ -77,7 +77,7 @@ class _Reader:
             ),
             "tolerance": self.part(Tolerance, whole.get("tolerance", {}), "tolerance."),
             "priors": {
-                name: self.sizes(name, table) if name in every() else table
+                name: self.ranges(name, table) if name in every() else table
                 for name, table in _object(whole.get("priors", {}), "priors.").items()
             },
         }
@@ -107,7 +107,7 @@ class _Reader:
                 raise MachineError(f"{where}{name}: missing; add it, {declared.meaning}")
         return table
 
-    def sizes(self, name: str, given: object) -> Table:
+    def ranges(self, name: str, given: object) -> Table:
         """The ranges of an effect's sizes under their names in results.json."""
         kind, where = sizes(every()[name]), f"priors.{name}."
         known = [json_name(one.name, stated.unit) for one in dataclasses.fields(kind) if (stated := declaration(one))]

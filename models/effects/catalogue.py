@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache
-from typing import Any, ClassVar, Final, cast
+from typing import Any, ClassVar, Final, TypeVar, cast
 
 import models.effects
 from models.effects.base import FAMILIES, Effect, parameters
@@ -42,6 +42,9 @@ class Sizes:
                 raise ValueError(f"{name}: is no range; give its least and its most, the least above 0")
         if not stated:
             raise ValueError(f"has no range; give the least and the most of {fields(self)[0].name}, say")
+
+
+Own = TypeVar("Own", Effect, Sizes)
 
 
 @cache
@@ -117,13 +120,13 @@ def beyond(own: Iterable[Effect], effects: Iterable[Effect]) -> list[Effect]:
     return more
 
 
-def named(effects: Iterable[Effect]) -> Mapping[str, Effect]:
+def named(effects: Iterable[Own]) -> Mapping[str, Own]:
     """The effects, or what a machine states of them, by name as in a machine file's paths: "cogging", or "cogging.1"
     and "cogging.2" of two."""
-    members: dict[str, list[Effect]] = {}
+    members: dict[str, list[Own]] = {}
     for effect in effects:
         members.setdefault(effect.name, []).append(effect)
-    paths: dict[str, Effect] = {}
+    paths: dict[str, Own] = {}
     for name, same in members.items():
         for i, effect in enumerate(same):
             paths[name if len(same) == 1 else f"{name}.{i + 1}"] = effect

@@ -15,7 +15,7 @@ MUCH: Final = 0.1  # of the gap that is left for sure without a name, from which
 
 
 def sentences(results: Results) -> dict[str, str]:
-    """Where, which and how far, each in one sentence, and the outcome in a few words."""
+    """Where, which and how far, each in a sentence or two, and the outcome in a few words."""
     return {
         "outcome": _outcome(results["verdict"]),
         "where": _where(results["where"]),
@@ -38,7 +38,7 @@ def _outcome(verdict: Results) -> str:
     return {
         "attributed": f"Attributed to {listed(verdict['effects'])}",
         "ambiguous": f"Either {listed(_rivals(verdict), 'or')}",
-        "none_of_these": f"No effect of the catalogue explains it{alike}",
+        "none_of_these": f"No effect that was looked for explains it{alike}",
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {listed(verdict['effects'])}",
     }[verdict["outcome"]]
@@ -146,8 +146,8 @@ def _how_far(verdict: Results, far: Results) -> str:
 
 
 def _nameless(verdict: Results, far: Results) -> str:
-    """What several names surely leave of the gap. One name is given where nothing more is missing, or says its share;
-    how much a mismatch or late commands explain, no closure tells."""
+    """What several names surely leave of the gap. One may leave as much where nothing more is missing, so that its
+    closure is all that is said; how much a mismatch or late commands explain, no closure tells."""
     names, (low, high) = verdict["effects"], far["closure_interval"]
     if len(names) < 2 or {"controller_mismatch", "timing_jitter"} & set(names) or 1 - high < MUCH:
         return ""

@@ -20,7 +20,7 @@ from diagnosis.nominal import FURTHER, applied, bounded, parameters
 from diagnosis.null import LEAST
 from diagnosis.refit import refit_within
 from diagnosis.residual import Candidate, columns, look, smooth
-from diagnosis.scan import freed, scan
+from diagnosis.scan import freed, peaks, scan
 from diagnosis.shaking import _steady
 from diagnosis.where_words import _drive
 from diagnosis.which import ANOTHER, FORM, MOST, REST, SECOND, Step, further, search_effects
@@ -203,7 +203,7 @@ def test_a_second_effect_at_its_bounds_counts_only_if_it_is_large(
 
 
 @pytest.mark.parametrize(
-    ("members", "opposed"),
+    ("members", "opposed"),  # the first may be the machine file's own
     [
         ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(0.1, 6e-5, 1)], True),
         ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(-0.1, 6e-5, 1)], False),
@@ -214,9 +214,10 @@ def test_a_second_effect_at_its_bounds_counts_only_if_it_is_large(
 def test_members_of_one_kind_that_take_from_each_other_are_the_form_of_one(
     members: list[Effect], opposed: bool
 ) -> None:
-    layout = parameters(MACHINE, 1)
-    fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), in_order(members)))
-    assert any(which._opposed(fitted, effect.name) for effect in members) == opposed
+    for own in ((), members[:1]):
+        layout = parameters(replace(MACHINE, effects=tuple(own)), 1)
+        fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), in_order(members)))
+        assert any(which._opposed(fitted, effect.name) for effect in members) == opposed
 
 
 def test_such_a_member_is_put_aside_and_the_search_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,6 +226,15 @@ def test_such_a_member_is_put_aside_and_the_search_goes_on(monkeypatch: pytest.M
     costs = {"stribeck": 1000.0, "cogging": 500.0}
     alone = _searched(monkeypatch, promises, costs, opposed=["stribeck"])
     assert alone == [[], ["stribeck"], ["stribeck", "cogging"]]
+
+
+@pytest.mark.parametrize("range_", [(1e-3, 4e-3), (1.9e-3, 2.1e-3), (1.999e-3, 2.001e-3)])
+def test_a_period_is_found_in_however_narrow_a_range(range_: tuple[float, float]) -> None:
+    place = np.linspace(0.0, 0.03, 20_000)
+    found = peaks([(place, np.sin(2 * np.pi * place / 2e-3))], *range_, padded=8)
+    assert found
+    assert all(0.999 * range_[0] <= period <= 1.001 * range_[1] for period in found)
+    assert min(abs(period / 2e-3 - 1) for period in found) < 0.01
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ OWN = {
     ),
     "gap_diagnosis": (
         (["nowhere.csv"], "nowhere.csv: can't be read"),
-        (["--disable", "coging"], "--disable coging: is no effect of the catalogue; did you mean cogging?"),
+        (["--disable", "coging"], "--disable coging: is no effect that is looked for; did you mean cogging?"),
         (["--column", "speed=v", RECORD], "'speed' is no signal"),
         (["--column", "position=x [kg]", RECORD], "quantity in m"),
         ([RECORD], "is too few"),
