@@ -101,6 +101,17 @@ def strongest_period(record: Record) -> float:
     return float(1 / waves[np.argmax(power)])
 
 
+def test_the_improved_machine_begins_where_the_answer_ended(
+    data: Path, folder: Path, results: dict[str, Any], tmp_path: Path
+) -> None:
+    """In force and in position: its PID, which has no integral, holds nothing of where the contacts start."""
+    given = ["--machine", str(folder / "improved.toml"), "--no-report", "--output", str(tmp_path / "out")]
+    assert main(STUDY, [str(data), *given]) == DONE
+    again = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]["how_far"]
+    for gap in ("force_N", "position_m"):
+        assert again["gap_as_delivered"][gap] == pytest.approx(results["how_far"]["gap_after"][gap], rel=0.01)
+
+
 def test_the_machine_without_its_priors_is_not_explained(data: Path, tmp_path: Path) -> None:
     """Sizes that are those of a linear motor's table fit no screw: directional friction is the first all the same."""
     text, plain = MACHINE.read_text(encoding="utf-8"), tmp_path / "plain.toml"
