@@ -101,6 +101,22 @@ def strongest_period(record: Record) -> float:
     return float(1 / waves[np.argmax(power)])
 
 
+def test_the_readme_tells_what_is_computed(results: dict[str, Any]) -> None:
+    told, far = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split()), results["how_far"]
+    before, after, (low, high) = far["gap_refitted"], far["gap_after"], far["closure_interval"]
+    (row,) = (row for row in results["which"] if row["effect"] == DIRECTIONAL)
+    (cogs,) = (row for row in results["which"] if row["effect"] == "cogging")
+    for text in (
+        f"the unknown force from {before['force_N']:.2f} N to {after['force_N']:.2f} N and the simulated position from "
+        f"{1e6 * before['position_m']:.1f} µm to {1e6 * after['position_m']:.1f} µm off the record",
+        f"close {100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of the gap; "
+        f"{100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of it have no name",
+        f"The friction differs by {-100 * row['parameters']['asymmetry']['value']:.0f} %",
+        f"the axis cogs at {1e3 * cogs['parameters']['pitch']['value']:.2f} mm",
+    ):
+        assert text in told
+
+
 def test_the_improved_machine_begins_where_the_answer_ended(
     data: Path, folder: Path, results: dict[str, Any], tmp_path: Path
 ) -> None:
