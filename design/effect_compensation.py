@@ -1,7 +1,7 @@
 """Which of a machine's effects a controller can meet ahead, along x_T*, and why it cannot meet the others.
 
-What follows from the path and the thrust alone is replayed along x_T* (models/effects/ahead.py) and added to u_rf. A
-mode is no force to be added: the feedforward is designed for a plant that has it.
+What follows from the path and the thrust alone is replayed along x_T* (models/effect_feedforward.py) and added to u_rf.
+A mode is not a force that could be added: the feedforward is designed for a plant that has it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Final
 
 from models.controller import Controller
-from models.effects.ahead import Ahead
+from models.effect_feedforward import Ahead
 from models.effects.base import Effect
 from models.effects.catalogue import named
 from models.machine import Machine

@@ -20,9 +20,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.beside import beside
-from diagnosis.candidates import HALF, Named, candidates
-from diagnosis.fit import Fit, at_bounds, largest, weights
 from diagnosis.how_far import (
     Closed,
     Gap,
@@ -37,22 +34,25 @@ from diagnosis.how_far import (
     mirrored,
     signal,
 )
-from diagnosis.lateness import LATE
-from diagnosis.motions import Piece, numbered, pieces
-from diagnosis.nominal import parameters
+from diagnosis.model.fit import Fit, at_bounds, largest, weights
+from diagnosis.model.motions import Piece, numbered, pieces
+from diagnosis.model.parallel import beside
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import look, noise, smooth
 from diagnosis.null import Null, null
-from diagnosis.orders import Orders, added, in_all_orders, shrinking
 from diagnosis.refit import refit_within
-from diagnosis.residual import look, noise, smooth
-from diagnosis.scan import freed
-from diagnosis.where_controller import replayed
-from diagnosis.which import MOST, Step, search_effects
+from diagnosis.where.controller import replayed
+from diagnosis.which.command_jitter import LATE
+from diagnosis.which.scan import freed
+from diagnosis.which.select import MOST, Step, search_effects
+from diagnosis.which.shapley import Orders, added, in_all_orders, shrinking
+from diagnosis.which.table import HALF, Named, candidates
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
 from models.effects.motor import TimingJitter
 from models.machine import Machine
-from models.record import Record
+from models.records.record import Record
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]

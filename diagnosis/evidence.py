@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from operator import call
 from typing import Any, Final
 
-from diagnosis.beside import beside
-from diagnosis.confusability import Confusability, confusability
-from diagnosis.confusability import to_json as confusion
 from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Baseline, Diagnosis, Progress, diagnosed
-from diagnosis.next_experiment import Proposal, along, next_experiment, showing
-from diagnosis.where import Where, where
-from diagnosis.where import to_json as place
-from diagnosis.where_words import LEAST, SURE
+from diagnosis.experiments.confusability import Confusability, confusability
+from diagnosis.experiments.confusability import to_json as confusion
+from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
+from diagnosis.model.parallel import beside
+from diagnosis.where.locate import Where, where
+from diagnosis.where.locate import to_json as place
+from diagnosis.where.sentences import LEAST, SURE
 
 UNSHOWN: Final = 6  # effects that these records cannot show, for which an experiment is looked for
 

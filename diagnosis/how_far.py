@@ -18,18 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from diagnosis.beside import beside
-from diagnosis.fit import Fit, own_spread, unrepeated, weights
-from diagnosis.kalman import smoothed
-from diagnosis.motions import Piece, repeated, rms, scatter
+from diagnosis.model.fit import Fit, own_spread, unrepeated, weights
+from diagnosis.model.kalman import smoothed
+from diagnosis.model.motions import Piece, repeated, rms, scatter
+from diagnosis.model.parallel import beside
+from diagnosis.model.residual import STARTING, Candidate, Seen, Smoothed, look, noise, seeing, smooth
 from diagnosis.null import simulated
-from diagnosis.residual import STARTING, Candidate, Seen, Smoothed, look, noise, seeing, smooth
-from diagnosis.scan import FOLDS, Freed
+from diagnosis.which.scan import FOLDS, Freed
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.effects.structure import FloorVibration
 from models.machine import Machine
-from models.record import Record, motions
+from models.records.record import Record, motions
 from models.settling import settling_time
 
 Array = NDArray[np.float64]

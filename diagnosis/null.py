@@ -19,17 +19,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.beside import beside
-from diagnosis.fit import SPIKE, Fit, largest, one_step
-from diagnosis.motions import numbered, pieces
-from diagnosis.nominal import Parameters, bounded, initial_state
-from diagnosis.residual import STARTING, Candidate
-from diagnosis.scan import Columns, Finding, Freed, freed, scan
+from diagnosis.model.fit import SPIKE, Fit, largest, one_step
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.model.parallel import beside
+from diagnosis.model.parameters import Parameters, bounded, initial_state
+from diagnosis.model.residual import STARTING, Candidate
+from diagnosis.which.scan import Columns, Finding, Freed, freed, scan
 from models.controller import Controller, References
 from models.effects.catalogue import in_order
 from models.machine import Machine, to_json
-from models.record import Record
-from models.simulator import simulate
+from models.records.record import Record
+from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 Drawn = tuple[Fit, list[Record], Freed]

@@ -8,16 +8,16 @@ from typing import Final
 
 import numpy as np
 
-from diagnosis.fit import Fit, fit, unrepeated
-from diagnosis.initial import balanced, search
-from diagnosis.kalman import JITTER
-from diagnosis.motions import pieces
-from diagnosis.nominal import Parameters, parameters
-from diagnosis.residual import Candidate
+from diagnosis.model.fit import Fit, fit, unrepeated
+from diagnosis.model.kalman import JITTER
+from diagnosis.model.motions import pieces
+from diagnosis.model.parameters import Parameters, parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.model.start_states import balanced, search
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, Provenance
-from models.record import Record
+from models.records.record import Record
 
 STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
 RATED: Final = "drive.rated_thrust"

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
+from models.effect_feedforward import Ahead, ahead_thrust
 from models.effects import catalogue
-from models.effects.ahead import Ahead, ahead_thrust
 from models.effects.base import Effect, parameters
 from models.friction import Friction, elements, follow
 from models.quantity import json_name, value

@@ -15,7 +15,6 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
-from models.columns import Columns
 from models.controller import PID
 from models.effects import catalogue
 from models.effects.base import Effect
@@ -23,6 +22,7 @@ from models.effects.catalogue import Sizes
 from models.friction import Friction, branch
 from models.plant import Plant
 from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, value
+from models.records.columns import Columns
 
 SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
 BY_NAME: Final = ("priors", "effects")  # parts of a machine of which each has a name and a table of its own

@@ -7,10 +7,10 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from models.columns import Columns
 from models.effects import catalogue
 from models.machine import BY_NAME, Machine, Provenance, left_out
 from models.quantity import declaration
+from models.records.columns import Columns
 
 
 def to_toml(machine: Machine) -> str:

@@ -247,7 +247,8 @@ def _run(study: Study, options: argparse.Namespace) -> int:
 
 def machine_of(path: Path) -> Machine:
     """The machine in a machine file, or in the nominal.json of a pack. Raises BadInputError."""
-    from models import machine, nominal
+    from models import machine
+    from models import nominal_file as nominal
 
     try:
         return nominal.load(path) if path.suffix == ".json" else machine.load(path)

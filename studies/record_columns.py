@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from models.columns import Columns
 from models.machine import Machine
+from models.records.columns import Columns
 from studies.command import BadInputError
 
 

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from models.controller import Controller
 from models.machine import Machine
 from models.plant import Mode, Plant
-from models.record import Motion, feeding_sequence, motions
+from models.records.record import Motion, feeding_sequence, motions
 from models.settling import dispersion, overshoot, settling_time
-from models.simulator import Response, simulate, simulate_many
+from models.simulation.simulator import Response, simulate, simulate_many
 
 Array = NDArray[np.float64]
 REPEATS = (3, 6, 12, 24)  # of the sequence, until the last two agree

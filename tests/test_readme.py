@@ -11,7 +11,7 @@ import pytest
 
 from design.controller import default_controller
 from design.deadbeat import Constraints, DesignError, synthesise
-from diagnosis.candidates import SEEDS
+from diagnosis.which.table import SEEDS
 from models.machine import load
 from studies.validation import validate
 

@@ -117,8 +117,8 @@ class Effect(ABC):
     the law follows a time whose beginning no controller knows, rather than the table. usual: a diagnosis looks for it
     in any machine, not only where the machine file states its sizes. fine: the relative step of a fit in a width or
     period of which very many fit into the motion, 0: the usual step (a stated period has its own, `fineness` in
-    diagnosis/fit.py). period_field: the parameter that is a period along the path, where diagnosis/scan.py has a
-    spectrum of it (`ALONG`, `SPECTRA`). period_stated: a machine file states its range.
+    diagnosis/model/fit.py). period_field: the parameter that is a period along the path, where
+    diagnosis/which/scan.py has a spectrum of it (`ALONG`, `SPECTRA`). period_stated: a machine file states its range.
     """
 
     name: ClassVar[str]

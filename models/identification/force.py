@@ -26,7 +26,7 @@ from scipy.signal import butter, cheby1, sosfiltfilt
 from models.friction import deflections, elements
 from models.identification.estimate import STRONG, Estimate, newey_west
 from models.identification.force_fit import DAMPING, SURE, ForceFit
-from models.record import Record
+from models.records.record import Record
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt
 
 from models.identification.estimate import Estimate
-from models.record import Record
+from models.records.record import Record
 
 Array = NDArray[np.float64]
 

@@ -28,8 +28,8 @@ from models.friction import elements
 from models.identification.estimate import STRONG, Estimate
 from models.identification.force_fit import DAMPING, SURE
 from models.machine import Machine
-from models.record import Record
-from models.simulator import simulate
+from models.records.record import Record
+from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 

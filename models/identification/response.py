@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.record import Record
+from models.records.record import Record
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

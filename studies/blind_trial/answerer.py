@@ -20,7 +20,8 @@ from studies.blind_trial.guard import forbid
 
 def answer(task: dict[str, Any]) -> dict[str, Any]:
     """The diagnosis of a case, in the names of results.json, with the seconds that it took."""
-    from models import nominal, record_file
+    from models import nominal_file as nominal
+    from models.records import files as record_file
 
     diagnosis = import_module(task["diagnosis"])
     machine = nominal.load(Path(task["nominal"]))

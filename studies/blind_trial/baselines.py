@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.fit import weights
-from diagnosis.motions import numbered
-from diagnosis.residual import columns
-from diagnosis.scan import Freed, freed, quadratures
-from diagnosis.where_force import SLOW, unknown
+from diagnosis.model.fit import weights
+from diagnosis.model.motions import numbered
+from diagnosis.model.residual import columns
+from diagnosis.where.force import SLOW, unknown
+from diagnosis.which.scan import Freed, freed, quadratures
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
-from models.nominal import load
-from models.record import Record
+from models.nominal_file import load
+from models.records.record import Record
 from studies.blind_trial.packs import Pack
 
 Array = NDArray[np.float64]

@@ -11,15 +11,15 @@ from typing import Any, Final
 from diagnosis.diagnose import Diagnosis, baseline
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
-from diagnosis.experiments import suite, to_csv
-from diagnosis.kalman import JITTER
-from diagnosis.motions import Piece
-from diagnosis.where_json import pictures
+from diagnosis.experiments.schedules import suite, to_csv
+from diagnosis.model.kalman import JITTER
+from diagnosis.model.motions import Piece
+from diagnosis.where.serialise import pictures
 from models.effects.base import parameters
 from models.effects.catalogue import every
 from models.machine import Machine
 from models.machine_file import to_toml
-from models.record import Record
+from models.records.record import Record
 from studies.command import Answer, Check, Progress
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Final
 
-from diagnosis.candidates import deviations_of
 from diagnosis.diagnose import Diagnosis
 from diagnosis.how_far import with_sines
+from diagnosis.which.table import deviations_of
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import named

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis import experiments
-from diagnosis.experiments import Schedule
-from diagnosis.nominal import bounded, parameters
+from diagnosis.experiments import schedules as experiments
+from diagnosis.experiments.schedules import Schedule
+from diagnosis.model.parameters import bounded, parameters
+from diagnosis.model.residual import Candidate
 from diagnosis.null import simulated
-from diagnosis.residual import Candidate
 from models.effects.base import Effect
-from models.effects.friction import FrictionRelaxation
+from models.effects.friction_laws import FrictionRelaxation
 from models.machine import Machine
-from models.record import Record
+from models.records.record import Record
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from diagnosis.experiments import moved_mass
-from diagnosis.motions import pieces
+from diagnosis.experiments.schedules import moved_mass
+from diagnosis.model.motions import pieces
 from models.machine import Machine
 from models.quantity import show
-from models.record import Record
-from models.record_check import RecordError, derivative_of_error, quantisation
-from models.record_file import Loaded, load
+from models.records.checks import RecordError, derivative_of_error, quantisation
+from models.records.files import Loaded, load
+from models.records.record import Record
 from studies.command import BadInputError
 from studies.record_columns import columns_of
 

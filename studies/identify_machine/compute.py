@@ -17,9 +17,9 @@ from models.identification.response import FrequencyResponse, period
 from models.machine import Machine, parameters
 from models.machine_file import to_toml
 from models.quantity import show
-from models.record import Record, cut
-from models.record_check import RecordError
-from models.record_file import Loaded, load
+from models.records.checks import RecordError
+from models.records.files import Loaded, load
+from models.records.record import Record, cut
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.identify_machine import own_records, round_trip
 from studies.identify_machine.__main__ import KINDS

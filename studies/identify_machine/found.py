@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from models.identification.estimate import Estimate, not_identifiable
 from models.machine import Machine, Provenance, Tolerance
 from models.plant import Plant
-from models.record import Record
-from models.record_file import Loaded
+from models.records.files import Loaded
+from models.records.record import Record
 from studies.command import Check
 
 Array = NDArray[np.float64]

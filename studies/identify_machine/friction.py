@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from models.effects import catalogue
 from models.effects.base import Effect
-from models.effects.friction import DirectionalFriction, ViscousFriction
+from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.identification import force, inverse_dynamics
 from models.identification.estimate import STRONG, newey_west
 from models.identification.force_fit import SURE, ForceFit
 from models.machine import Machine, Provenance
-from models.record import Record
-from models.record_file import Loaded
+from models.records.files import Loaded
+from models.records.record import Record
 from studies.command import Check
 from studies.identify_machine.found import SHOWN, Found, identified, mass_of, own_curve, record_of, with_offset
 

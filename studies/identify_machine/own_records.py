@@ -16,8 +16,8 @@ from design.controller import default_controller
 from models.controller import Controller, References
 from models.friction import elements
 from models.machine import Machine
-from models.record import Record, feeding_sequence
-from models.simulator import simulate
+from models.records.record import Record, feeding_sequence
+from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from models.identification import modes, motion, response
 from models.identification.estimate import Estimate
 from models.identification.force_fit import DAMPING, SURE
 from models.machine import Machine, Provenance
-from models.record import Record
-from models.record_file import Loaded
+from models.records.files import Loaded
+from models.records.record import Record
 from studies.command import Check
 from studies.identify_machine.found import SHOWN, Found, identified, own_curve, record_of, with_offset
 from studies.identify_machine.friction import from_dynamics, from_hysteresis

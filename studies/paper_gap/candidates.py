@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final
 
-from design.scenarios import with_friction_error, with_mass_error
+from design.trajectory.scenarios import with_friction_error, with_mass_error
 from models.effects import base, catalogue
 from models.machine import Machine, Tolerance
 from models.plant import Mode

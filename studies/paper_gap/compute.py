@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from design.deadbeat import DesignError
-from diagnosis.experiments import to_csv
+from diagnosis.experiments.schedules import to_csv
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.machine import Machine, MachineError

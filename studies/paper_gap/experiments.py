@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from design.deadbeat import DesignError
-from diagnosis.experiments import Schedule, strokes
+from diagnosis.experiments.schedules import Schedule, strokes
 from models.controller import Controller, References, references
 from models.friction import follow
 from models.machine import Machine
 from models.quantity import show
-from models.record import Record
-from models.simulator import simulate
+from models.records.record import Record
+from models.simulation.simulator import simulate
 from studies.paper_gap import observables
 from studies.paper_gap.explore import Draw, Table, rest
 from studies.paper_gap.observables import MOVES, Departure, Observable, Plan

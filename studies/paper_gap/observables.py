@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.experiments import Schedule
+from diagnosis.experiments.schedules import Schedule
 
 Array = NDArray[np.float64]
 

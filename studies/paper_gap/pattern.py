@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from models.controller import Controller
 from models.machine import Machine
-from models.record import feeding_sequence, motions
+from models.records.record import feeding_sequence, motions
 from models.settling import dispersion, settling_time
-from models.simulator import Response, simulate
+from models.simulation.simulator import Response, simulate
 
 Array = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from design.controller import default_controller
 from design.deadbeat import DesignError
 from design.family import Member, family, slopes
 from design.loop import DIAGRAM, frequency_response, grid, pid_response, sensitivities
-from design.pid import pose, tune
-from design.pid_goal import OBJECTIVES, Goal
-from design.pid_problem import Bounds, TuningError
-from design.pid_rules import simc
+from design.pid.goal import OBJECTIVES, Goal
+from design.pid.problem import Bounds, TuningError
+from design.pid.rules import simc
+from design.pid.tuning import pose, tune
 from models.controller import PID, Controller, to_json
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble

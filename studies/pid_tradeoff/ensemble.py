@@ -11,9 +11,9 @@ import numpy as np
 
 from design.family import Member, family
 from design.loop import assess
-from design.pid import pose, tune
-from design.pid_goal import Goal
-from design.pid_problem import Bounds, TuningError
+from design.pid.goal import Goal
+from design.pid.problem import Bounds, TuningError
+from design.pid.tuning import pose, tune
 from models.controller import PID, Controller
 from models.machine import Machine, with_pid
 from studies.pid_tradeoff.front import magnitude, mt_bound

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from design.family import Member
 from design.loop import Assessment, assess, rms, sensitivity
-from design.pid import tune
-from design.pid_problem import Bounds, Problem, Tuning, TuningError
-from design.pid_rules import lambda_rule, simc
+from design.pid.problem import Bounds, Problem, Tuning, TuningError
+from design.pid.rules import lambda_rule, simc
+from design.pid.tuning import tune
 from models.controller import PID, Controller
 from models.friction import branch
 from models.machine import Machine, with_pid

@@ -1,7 +1,7 @@
 """Published optima that the program has to find again as T_s goes to zero: PI and PID, largest integral gain.
 
 Quoted from memory; none of the papers was at hand. Each row is here because a search of another kind, in continuous
-time and over all gains (tests/design/test_pid_published.py), finds the figures that are quoted: three digits of two or
+time and over all gains (tests/design/pid/test_published.py), finds the figures that are quoted: three digits of two or
 three gains do not agree by chance. Rows remembered that this search did not confirm were left out.
 
 "Ms" keeps |1 + L| >= 1 / M. "M" keeps L out of the one circle around those of |S| = M and of |T| = M, of centre -c and
@@ -22,9 +22,9 @@ import numpy as np
 
 from design.family import Member
 from design.loop import frequency_response, pid_response
-from design.pid import pose, tune
-from design.pid_goal import Goal
-from design.pid_problem import Bounds, Problem
+from design.pid.goal import Goal
+from design.pid.problem import Bounds, Problem
+from design.pid.tuning import pose, tune
 from models.controller import PID
 
 FIRST: Final = "Åström, Panagopoulos and Hägglund, Automatica 34 (1998), 585–601"

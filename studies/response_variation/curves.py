@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from models.friction import Friction, branch, follow
 from models.machine import Machine
 from models.plant import bode
-from models.record import feeding_sequence
+from models.records.record import feeding_sequence
 from studies.response_variation.published import Shown
 from studies.validation import Achieved, Validation
 

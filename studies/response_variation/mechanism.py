@@ -8,9 +8,9 @@ import numpy as np
 
 from models.controller import Controller
 from models.machine import Machine
-from models.record import feeding_sequence
+from models.records.record import feeding_sequence
 from models.settling import settling_time
-from models.simulator import simulate
+from models.simulation.simulator import simulate
 from studies.validation import Validation
 
 

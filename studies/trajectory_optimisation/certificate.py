@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.scenarios import Scenario, respond
-from design.trajectory import Trajectory
+from design.trajectory.history_aware import Trajectory
+from design.trajectory.scenarios import Scenario, respond
 from models.controller import References
 from models.friction import follow
 from models.machine import Machine
-from models.simulator import simulate
+from models.simulation.simulator import simulate
 from models.smooth_friction import follow_smoothed
 from studies.trajectory_optimisation.designs import bare, feedback
 

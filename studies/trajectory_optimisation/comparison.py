@@ -9,11 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from design.common import CommonTrajectory
 from design.controller import assemble
 from design.deadbeat import Deadbeat
-from design.history import compensate
-from design.trajectory import Trajectory
+from design.trajectory.compensator import compensate
+from design.trajectory.history_aware import Trajectory
+from design.trajectory.robust import CommonTrajectory
 from models.controller import Controller, References
 from models.friction import Friction
 from models.machine import Machine

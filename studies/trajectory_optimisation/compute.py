@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from design.controller import waiting
 from design.deadbeat import Deadbeat, DesignError, synthesise
-from design.history import compensate
-from design.trajectory import (
+from design.trajectory.compensator import compensate
+from design.trajectory.history_aware import (
     OBJECTIVES,
     Limits,
     Task,

@@ -10,18 +10,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.common import CommonTask, CommonTrajectory, build_common, solve_common
 from design.controller import waiting
 from design.deadbeat import DesignError
-from design.history import Shape, compensate, learn, rest_states, shape
-from design.scenarios import Errors, Feedback, Scenario, tables
-from design.trajectory import Built, Limits, Task, Trajectory, build, solve
+from design.trajectory.compensator import Shape, compensate, learn, rest_states, shape
+from design.trajectory.history_aware import Built, Limits, Task, Trajectory, build, solve
+from design.trajectory.robust import CommonTask, CommonTrajectory, build_common, solve_common
+from design.trajectory.scenarios import Errors, Feedback, Scenario, tables
 from models.controller import Controller, References, references
 from models.friction import Friction
 from models.machine import Machine
 from models.plant import delay_split
-from models.record import motions
-from models.simulator import simulate
+from models.records.record import motions
+from models.simulation.simulator import simulate
 from studies.trajectory_optimisation.judge import RANGE, run, sequence
 
 Array = NDArray[np.float64]

@@ -13,9 +13,9 @@ from models.controller import Controller, References
 from models.friction import elements
 from models.machine import Machine
 from models.plant import Mode
-from models.record import feeding_sequence, motions
+from models.records.record import feeding_sequence, motions
 from models.settling import dispersion, settling_time
-from models.simulator import Response, simulate_many
+from models.simulation.simulator import Response, simulate_many
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from design.history import compensate
-from design.scenarios import Errors
-from design.scenarios import tables as scenario_tables
-from design.trajectory import CONTINUATION, Limits, Task, Trajectory, build, least_settling_time, solve
+from design.trajectory.compensator import compensate
+from design.trajectory.history_aware import CONTINUATION, Limits, Task, Trajectory, build, least_settling_time, solve
+from design.trajectory.scenarios import Errors
+from design.trajectory.scenarios import tables as scenario_tables
 from models.machine import Machine
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.designs import Wanted, bare, motion_of

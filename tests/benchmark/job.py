@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from models.controller import Controller, references
-from models.kernel import Loop, Run
 from models.machine import Machine, load
-from models.record import feeding_sequence
-from models.simulator import _prepare
+from models.records.record import feeding_sequence
+from models.simulation.kernel import Loop, Run
+from models.simulation.simulator import _prepare
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from statistics import median
 
 import numpy as np
 
-from design.common import CommonTask, build_common, solve_common
-from design.ocp import Solution
-from design.scenarios import Scenario
-from design.trajectory import Limits, Task, build, solve
+from design.trajectory.history_aware import Limits, Task, build, solve
+from design.trajectory.program import Solution
+from design.trajectory.robust import CommonTask, build_common, solve_common
+from design.trajectory.scenarios import Scenario
 from models.machine import Machine, load
 from studies.trajectory_optimisation import designs
 

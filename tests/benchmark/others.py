@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from models.controller import references
-from models.kernel import pid_step, quantised
 from models.machine import Machine
 from models.plant import delay_split, state_space
+from models.simulation.kernel import pid_step, quantised
 from tests.benchmark.job import Job
 
 Array = NDArray[np.float64]

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.kernel import run_one
-from models.simulator import simulate
+from models.simulation.kernel import run_one
+from models.simulation.simulator import simulate
 from tests.benchmark.job import default_job, prepared
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.exact import respond
-from models.kernel import Loop, Run, run_one
-from models.simulator import simulate, simulate_many
+from models.simulation.exact import respond
+from models.simulation.kernel import Loop, Run, run_one
+from models.simulation.simulator import simulate, simulate_many
 from tests.benchmark import others
 from tests.benchmark.job import PIECE, Job, prepared, variations
 from tests.benchmark.plain import Plain
@@ -112,7 +112,7 @@ def contenders(job: Job, size: Size, twin: Twin | None, plain: Plain) -> list[Co
 
 
 def oracle(job: Job) -> Array:
-    """x (n,) [m] of the job's reversal by models/exact.py."""
+    """x (n,) [m] of the job's reversal by models/simulation/exact.py."""
     exact = job.reversal()
     return respond(exact.machine, exact.controller, exact.target)[0]
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from models.controller import references
-from models.exact import respond
-from models.kernel import run_one
-from models.simulator import simulate, simulate_many
+from models.simulation.exact import respond
+from models.simulation.kernel import run_one
+from models.simulation.simulator import simulate, simulate_many
 from tests.benchmark import __main__ as command
 from tests.benchmark import others, outcome, rows
 from tests.benchmark.job import Job, default_job, prepared, variations

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from models.kernel import Loop, Run
+from models.simulation.kernel import Loop, Run
 
 SOURCE: Final = Path(__file__).with_name("twin.c")
 FLAGS: Final = ("-O3", "-march=native", "-Wall", "-Wextra", "-shared", "-fPIC")

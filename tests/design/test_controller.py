@@ -11,7 +11,7 @@ from design.controller import default_controller, waiting
 from models.controller import references
 from models.friction import elements
 from models.machine import Machine, load
-from models.simulator import simulate
+from models.simulation.simulator import simulate
 from studies.validation import linear_response
 
 

@@ -13,16 +13,16 @@ from design.controller import assemble, default_controller
 from design.deadbeat import synthesise
 from design.effect_compensation import designed_for, left_out, with_effects
 from models.controller import Controller, ControllerError, load, references, to_json
-from models.effects.ahead import Ahead, ahead_thrust
+from models.effect_feedforward import Ahead, ahead_thrust
 from models.effects.base import Effect
 from models.effects.catalogue import every
-from models.effects.friction import FrictionRelaxation, ViscousFriction
+from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging, GainAsymmetry
 from models.effects.structure import CableSpring
 from models.friction import elements
 from models.machine import Machine
 from models.machine import load as load_machine
-from models.simulator import simulate
+from models.simulation.simulator import simulate
 from studies.validation import validate
 
 TS = 5e-4

@@ -24,8 +24,8 @@ from design.loop import (
     stays_below,
 )
 from models.controller import PID
-from models.kernel import pid_step
 from models.plant import Mode, Plant, sampled
+from models.simulation.kernel import pid_step
 
 TS = 5e-4
 STAND = Plant(1.2e-3, 1.0, (Mode(1 / 45, 0.0, 0.0), Mode(1 / 900, 38.0, 0.01), Mode(5e-4, 81.0, 0.02)))

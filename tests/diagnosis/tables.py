@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.experiments import (
+from diagnosis.experiments.schedules import (
     Schedule,
     amplitude_ladder,
     dwell_sweep,
@@ -17,15 +17,15 @@ from diagnosis.experiments import (
     strokes,
     together,
 )
-from diagnosis.nominal import applied, bounded, parameters
+from diagnosis.model.parameters import applied, bounded, parameters
 from models.controller import Controller, References
 from models.effects.base import Effect
 from models.effects.base import parameters as ranges_of
 from models.effects.catalogue import SIZES, every, sizes
 from models.friction import deflections
 from models.machine import Machine, load
-from models.record import Record
-from models.simulator import simulate
+from models.records.record import Record
+from models.simulation.simulator import simulate
 
 LEAD = 0.5  # s of rest before a record
 

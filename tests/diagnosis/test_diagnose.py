@@ -27,15 +27,15 @@ from diagnosis.diagnose import (
     to_json,
 )
 from diagnosis.evidence import evidence, examined
-from diagnosis.fit import SPIKE, at_bounds, largest
-from diagnosis.nominal import parameters
-from diagnosis.residual import Candidate
-from diagnosis.where import where
-from diagnosis.where_words import _spike
+from diagnosis.model.fit import SPIKE, at_bounds, largest
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.where.locate import where
+from diagnosis.where.sentences import _spike
 from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
-from models.effects.friction import FrictionRelaxation, ViscousFriction
+from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
-from models.record import Record
+from models.records.record import Record
 from tests.diagnosis.tables import LEAD, recorded, schedules, table
 
 MACHINE = table()

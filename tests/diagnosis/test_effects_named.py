@@ -9,18 +9,18 @@ from dataclasses import replace
 
 import pytest
 
-from diagnosis.fit import fit
-from diagnosis.initial import balanced, search
-from diagnosis.motions import numbered, pieces
-from diagnosis.nominal import parameters
+from diagnosis.model.fit import fit
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.model.start_states import balanced, search
 from diagnosis.null import LEAST, SAFETY
-from diagnosis.residual import Candidate
-from diagnosis.scan import UNSEEN, Finding, freed, scan
-from diagnosis.where_controller import replayed
+from diagnosis.where.controller import replayed
+from diagnosis.which.scan import UNSEEN, Finding, freed, scan
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
-from models.record import Record
+from models.records.record import Record
 from tests.diagnosis.tables import asking, recorded, short, table
 from tests.models.effects.laws import laws
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from diagnosis import null
-from diagnosis.fit import Fit, fit, one_step
-from diagnosis.initial import balanced
-from diagnosis.motions import numbered, pieces
-from diagnosis.nominal import parameters
+from diagnosis.model.fit import Fit, fit, one_step
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.model.start_states import balanced
 from diagnosis.null import SAFETY, Null
-from diagnosis.residual import Candidate
-from diagnosis.scan import Freed, freed, scan
-from models.record import Record
+from diagnosis.which.scan import Freed, freed, scan
+from models.records.record import Record
 from tests.diagnosis.tables import recorded, table
-from tests.diagnosis.where_cases import fitted, schedules
+from tests.diagnosis.where.cases import fitted, schedules
 
 MACHINE = table()
 PLAN = schedules(MACHINE)

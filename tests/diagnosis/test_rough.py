@@ -14,18 +14,18 @@ from hypothesis import strategies as st
 
 from diagnosis import refit
 from diagnosis.diagnose import ATTRIBUTED, NONE, Diagnosis, diagnose
-from diagnosis.experiments import amplitude_ladder, repeated_strokes, sequence
-from diagnosis.fit import Fit, unrepeated
+from diagnosis.experiments.propose import virtual
+from diagnosis.experiments.schedules import amplitude_ladder, repeated_strokes, sequence
 from diagnosis.how_far import gap, measured, signal
-from diagnosis.kalman import JITTER
-from diagnosis.motions import Piece, pieces, rms, scatter
-from diagnosis.next_experiment import virtual
-from diagnosis.nominal import applied, parameters
+from diagnosis.model.fit import Fit, unrepeated
+from diagnosis.model.kalman import JITTER
+from diagnosis.model.motions import Piece, pieces, rms, scatter
+from diagnosis.model.parameters import applied, parameters
 from diagnosis.refit import refit_within, weighed
 from models.effects.base import Effect, Numbers, T, hook, parameter
-from models.effects.friction import ViscousFriction
+from models.effects.friction_laws import ViscousFriction
 from models.machine import Machine
-from models.record import Record
+from models.records.record import Record
 from tests.diagnosis.tables import recorded, table
 
 MACHINE = table()

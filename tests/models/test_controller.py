@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from models.controller import PID, Controller, ControllerError, load, references, to_json
 from models.friction import elements, follow
-from models.kernel import pid_step
+from models.simulation.kernel import pid_step
 
 TS = 5e-4
 GAINS = PID(1.9e6, 7.8e7, 1.05e4, 2e-4)

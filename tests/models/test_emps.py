@@ -14,13 +14,13 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, cheby1, sosfiltfilt
 
-from models.effects.kernel import Path, replay
 from models.identification.force import Terms, identify
 from models.identification.inverse_dynamics import regress
 from models.machine import Machine
 from models.machine import load as load_machine
-from models.record import Record, cut
-from models.record_file import load
+from models.records.files import load
+from models.records.record import Record, cut
+from models.simulation.effect_kernel import Path, replay
 from studies.command import DONE, main
 from studies.identify_machine.__main__ import STUDY
 

@@ -14,13 +14,13 @@ import pytest
 from scipy.signal import chirp
 
 from models.effects import catalogue
-from models.effects.friction import DirectionalFriction, ViscousFriction
+from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.friction import elements
 from models.identification import modes
 from models.machine import DEFAULT, Machine, load, parameters
 from models.machine_file import to_toml
-from models.record import Record
-from models.record_file import Loaded
+from models.records.files import Loaded
+from models.records.record import Record
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DESIGN
 from studies.identify_machine import own_records

@@ -16,7 +16,7 @@ from models.ensemble import load_ensemble
 from models.friction import elements
 from models.machine import Machine, load
 from models.plant import Plant, frequency_response
-from models.simulator import simulate
+from models.simulation.simulator import simulate
 from studies.response_variation import choice
 from studies.response_variation.compute import _gap
 from studies.response_variation.curves import hysteresis, plants, responses

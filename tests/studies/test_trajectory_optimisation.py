@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from design.deadbeat import synthesise
-from design.history import compensate, shape
-from design.trajectory import Limits
+from design.trajectory.compensator import compensate, shape
+from design.trajectory.history_aware import Limits
 from models.controller import Controller, load
 from models.machine import load as load_machine
-from models.record import motions
+from models.records.record import motions
 from models.settling import dispersion, settling_time
-from models.simulator import simulate
+from models.simulation.simulator import simulate
 from studies.command import CHECK_MISSED, DONE, main
 from studies.trajectory_optimisation.__main__ import STUDY
 from studies.trajectory_optimisation.designs import (

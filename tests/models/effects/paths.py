@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from models.effects.base import Effect
 from models.effects.catalogue import every
-from models.effects.kernel import Path
+from models.simulation.effect_kernel import Path
 
 Array = NDArray[np.float64]
 

@@ -14,16 +14,16 @@ import pytest
 
 import models.effects
 from models.effects.base import FAMILIES, PLACES, ROLES, parameter, parameters
-from models.effects.calling import pack
 from models.effects.catalogue import beyond, every, in_order, looked_for, named
-from models.effects.friction import ViscousFriction
+from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
 from models.machine import DEFAULT, MachineError, load, to_json
 from models.machine import parameters as values
 from models.machine_file import to_toml
-from models.simulator import simulate
+from models.simulation.hooks import pack
+from models.simulation.simulator import simulate
 from tests.models.effects.paths import make
-from tests.models.test_simulator import TARGET, controlled
+from tests.models.simulation.test_simulator import TARGET, controlled
 
 AGREED = {
     "friction": "friction_relaxation dwell_breakaway viscous_friction stribeck directional_friction "

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.effects.base import Effect
-from models.effects.kernel import Replayed, replay
 from models.machine import load
-from models.record import feeding_sequence
-from models.simulator import simulate
+from models.records.record import feeding_sequence
+from models.simulation.effect_kernel import Replayed, replay
+from models.simulation.simulator import simulate
 from tests.models.effects.paths import TS, make, steady, through
-from tests.models.test_simulator import controlled, exact_scale
+from tests.models.simulation.test_simulator import controlled, exact_scale
 
 FRICTION = load().friction
 COMMAND = 80 * np.sin(0.3 * np.arange(200)) * np.linspace(0, 1, 200)

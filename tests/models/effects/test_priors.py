@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.fit import OF_PERIOD, at_bounds, fineness
+from diagnosis.model.fit import OF_PERIOD, at_bounds, fineness
 from models.effects.base import parameters
 from models.effects.catalogue import SIZES, every, looked_for, ranged, sizes
-from models.effects.friction import Stribeck
+from models.effects.friction_laws import Stribeck
 from models.effects.motor import Cogging
 from models.effects.scale import ScalePeriodicError
 from models.machine import MachineError, load, to_json
 from models.machine import parameters as values
 from models.machine_file import to_toml
-from models.record import Record
+from models.records.record import Record
 from tests.models.effects.test_catalogue import machine_file
 
 SCREW = """

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from models.machine import Machine
-from models.record import Record
+from models.records.record import Record
 
 SLOW = "STAND_IN_SECONDS"
 

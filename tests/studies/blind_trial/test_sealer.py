@@ -15,8 +15,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from models import record_file
-from models.record import Record
+from models.records import files as record_file
+from models.records.record import Record
 from studies.blind_trial.sealer import draw, nominal, simulate
 from studies.blind_trial.sealer.distance import contact_force, distance
 from studies.blind_trial.sealer.effects import CATALOGUE, Change, Law

@@ -17,10 +17,10 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.refit import refit_within
-from models.effects.friction import ViscousFriction
+from models.effects.friction_laws import ViscousFriction
 from models.identification.inverse_dynamics import regress
 from models.machine import load
-from models.record import Record
+from models.records.record import Record
 from studies.command import DONE, main
 from studies.gap_diagnosis.__main__ import STUDY
 from studies.gap_diagnosis.records import loaded

@@ -14,9 +14,9 @@ import pytest
 
 from models.machine import Machine, load, to_json, with_pid
 from models.machine_file import to_toml
-from models.record import Record
-from models.record_file import load as load_record
-from models.record_file import read
+from models.records.files import load as load_record
+from models.records.files import read
+from models.records.record import Record
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, Progress, machine_of, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT_DESIGN
 from studies.gap_diagnosis.__main__ import STUDY

@@ -13,8 +13,8 @@ import pytest
 from design.controller import default_controller
 from models.controller import Controller, References
 from models.machine import DEFAULT, load
-from models.record_file import read
-from models.simulator import simulate
+from models.records.files import read
+from models.simulation.simulator import simulate
 from studies.command import BAD_INPUT, main
 from studies.paper_gap.__main__ import STUDY
 from studies.paper_gap.candidates import every

@@ -1,0 +1,1 @@
+"""The PID at the edge of stability: goal, program, rounds, certificate."""

@@ -1,0 +1,1 @@
+"""What to record next, and what records can tell apart."""

@@ -1,0 +1,240 @@
+"""What these very records can tell apart: computed from their paths, before anybody looks at what the model leaves.
+
+An effect at its typical size changes the whitened innovations by a column. How far that column is from the best that
+another effect and the nominal parameters, within their priors, can make is a distance in units of the noise: its square
+is the chi-square by which the right effect would win. Linear in the effects' sizes; three points of each shape,
+a switch both ways.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from diagnosis.model.fit import Fit, weights
+from diagnosis.model.residual import columns
+from diagnosis.where.controller import replayed
+from diagnosis.which.command_jitter import LATE, lateness
+from diagnosis.which.scan import BATCH, quadratures
+from models.effects.base import Effect, parameters
+from models.effects.catalogue import every, in_order
+from models.effects.motor import TimingJitter
+from models.effects.protocol import ControllerMismatch
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+THRESHOLD: Final = 40.0  # squared distance that counts as told apart: clean tables gain 10 at most, and 30 is room
+NOTHING: Final = 1e-3  # distance below which no size of an effect shows
+ROOM: Final = 1.5  # by which a size may leave its prior range
+
+
+@dataclass(frozen=True)
+class Confusability:
+    """Distances [1] in units of the noise, effects in the catalogue's order.
+
+    distance (E, E): of the row's effect at its typical size from the best fit of the column's with all that is nominal;
+    on the diagonal from the nominal parameters alone. limits: the size at which an effect's squared distance from them
+    reaches the threshold, as (parameter, SI value, typical value). equivalent: groups that can't be told apart, though
+    each can be seen. mistaken: for each effect those that it could be passed off as. not_identifiable: those whose
+    typical size is below the limit.
+    """
+
+    names: tuple[str, ...]
+    distance: Array
+    threshold: float
+    limits: tuple[tuple[str, float, float], ...]
+    equivalent: tuple[tuple[str, ...], ...]
+    mistaken: Mapping[str, tuple[str, ...]]
+    not_identifiable: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Inner products (K, K) of what effects change of the innovations, freed of what is nominal; `place` says which of
+    them belong to which point of which effect's grid: name, effect, indices."""
+
+    product: Array
+    place: tuple[tuple[str, Effect, tuple[int, ...]], ...]
+
+    def of(self, name: str) -> list[tuple[Effect, list[int]]]:
+        """The points of an effect's grid, the typical one first."""
+        return [(effect, list(where)) for other, effect, where in self.place if other == name]
+
+
+def confusability(fitted: Fit, records: Sequence[Record], left_out: Collection[str] = ()) -> Confusability:
+    """The matrix for the fit's records; effects of `left_out` are no part of it. Distances are [1]."""
+    kinds = fitted.candidate.layout.machine.kinds
+    names = tuple(name for name in kinds if name not in left_out)
+    apart = {TimingJitter.name, ControllerMismatch.name}
+    found = products(fitted, records, [name for name in names if name not in apart])
+    distance = distances(found, names)
+    for name, square in (
+        (TimingJitter.name, _jitter(fitted, records)),
+        (ControllerMismatch.name, _mismatch(fitted, records)),
+    ):
+        if name in names:  # neither is a force or an addition to the reading: nothing can pass for it
+            i = names.index(name)
+            distance[i, :] = distance[:, i] = np.inf
+            distance[np.arange(len(names)), i] = np.diag(distance)
+            distance[i, :] = np.sqrt(square)
+    return _confusability(names, distance, kinds)
+
+
+def _confusability(names: tuple[str, ...], distance: Array, kinds: Mapping[str, type[Effect]]) -> Confusability:
+    seen = np.diag(distance) ** 2 >= THRESHOLD
+    near = distance**2 < THRESHOLD
+    limits = []
+    for i, name in enumerate(names):
+        size = next(item for item in parameters(kinds[name]) if item.role in {"amplitude", "width"})
+        factor = np.sqrt(THRESHOLD) / distance[i, i] if distance[i, i] > NOTHING else np.inf
+        limits.append((size.name, float(size.typical * factor), size.typical))
+    mistaken = {
+        name: tuple(names[j] for j in np.flatnonzero(near[i]) if j != i and seen[j])
+        for i, name in enumerate(names)
+        if seen[i]
+    }
+    groups = _groups(names, near & near.T & seen & seen[:, None])
+    hidden = tuple(name for i, name in enumerate(names) if not seen[i])
+    return Confusability(names, distance, THRESHOLD, tuple(limits), groups, mistaken, hidden)
+
+
+def _groups(names: Sequence[str], near: NDArray[np.bool_]) -> tuple[tuple[str, ...], ...]:
+    """Chains of effects each of which is near the next."""
+    left, found = set(range(len(names))), []
+    while left:
+        group, grows = {left.pop()}, True
+        while grows:
+            more = {int(j) for i in group for j in np.flatnonzero(near[i])} & left
+            group, left, grows = group | more, left - more, bool(more)
+        if len(group) > 1:
+            found.append(tuple(names[i] for i in sorted(group)))
+    return tuple(sorted(found))
+
+
+def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Columns:
+    """The named effects' columns along the records' paths, freed of the nominal parameters by their priors [1]."""
+    place: list[tuple[str, Effect, tuple[int, ...]]] = []
+    variants: list[Effect] = []
+    kinds = fitted.candidate.layout.machine.kinds
+    for name in names:
+        for effect in grid(kinds[name]):
+            parts = quadratures(effect)
+            place.append((name, effect, tuple(range(len(variants), len(variants) + len(parts)))))
+            variants += parts
+    weight = weights(records)[:, None]
+    filtered = [
+        columns(
+            fitted.candidate,
+            [in_order((*fitted.candidate.effects, variant)) for variant in variants[i : i + BATCH]],
+            records,
+            fitted.paths,
+            fitted.seen,
+            fitted.walk,
+        )
+        * weight
+        for i in range(0, len(variants), BATCH)
+    ]
+    whole = np.hstack(filtered)
+    basis = fitted.slopes * fitted.candidate.layout.deviation
+    onto = basis.T @ whole
+    factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
+    return Columns(whole.T @ whole - onto.T @ cho_solve(factor, onto), tuple(place))
+
+
+def grid(kind: type[Effect]) -> list[Effect]:
+    """The effect at its typical shape first, then at the other points of a small grid."""
+    typical = kind.typical()
+    axes = [
+        [(item.name, point) for point in sorted({item.low, item.typical, item.high})]
+        for item in parameters(kind)
+        if item.role in {"shape", "width", "switch"}
+    ]
+    found = [replace(typical, **dict(point)) for point in itertools.product(*axes)]
+    return [typical, *(other for other in found if other != typical)]
+
+
+def distances(found: Columns, names: Sequence[str]) -> Array:
+    """(E, E) [1]: see Confusability; infinite for names without columns."""
+    whole = np.full((len(names), len(names)), np.inf)
+    known = {name for name, _, _ in found.place}
+    for i, name in enumerate(names):
+        if name not in known:
+            continue
+        effect, own = found.of(name)[0]
+        size = _size(effect)
+        signs = (1.0, -1.0) if size.low < 0 else (1.0,)
+        alone = float(np.mean(np.diag(found.product)[own]))
+        for j, other in enumerate(names):
+            if other not in known:
+                continue
+            left = [
+                min(_left(found, at, sign, point) for point in found.of(other) for sign in signs) for at in own
+            ] if i != j else [alone]  # fmt: skip
+            whole[i, j] = np.sqrt(max(float(np.mean(left)), 0.0))
+    return whole
+
+
+def _size(effect: Effect) -> Any:
+    return next(item for item in parameters(type(effect)) if item.role in {"amplitude", "width"})
+
+
+def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]]) -> float:
+    """Squared distance of a column from the best that another effect's point of the grid can make, of a size and sign
+    that it may have."""
+    effect, where = point
+    gram, onto = found.product[np.ix_(where, where)], sign * found.product[where, at]
+    size = _size(effect)
+    most = ROOM * size.high / getattr(effect, size.name)
+    best = np.linalg.solve(gram + 1e-9 * (np.trace(gram) + 1e-12) * np.eye(len(where)), onto)
+    if len(where) == 1:
+        best = np.clip(best, -most if size.low < 0 else 0.0, most)
+    else:
+        best = best * min(1.0, most / max(float(np.linalg.norm(best)), 1e-300))
+    return float(found.product[at, at] - 2 * best @ onto + best @ gram @ best)
+
+
+def _jitter(fitted: Fit, records: Sequence[Record]) -> float:
+    """Squared distance of typical jitter: its variance over what that scatters by where motions repeat and no command
+    is late; what is enough for a name is the threshold."""
+    typical = fitted.candidate.layout.machine.kinds[TimingJitter.name].typical()
+    variance = typical.strength() * records[0].sample_time ** 2
+    return (variance / lateness(fitted, records).scatter) ** 2 * THRESHOLD / LATE
+
+
+def _mismatch(fitted: Fit, records: Sequence[Record]) -> float:
+    """Squared distance of a typical mismatch: what it changes of the command over what the replay is held to."""
+    nominal, total = fitted.candidate.layout.machine, 0.0
+    excess = nominal.kinds[ControllerMismatch.name].typical().strength()
+    for record in records:
+        found = replayed(nominal, record)
+        if found.checked:
+            feedback = record.command - record.feedforward
+            total += float(np.sum((excess * (feedback - np.median(feedback)) / found.tolerance) ** 2))
+    return total
+
+
+def to_json(found: Confusability) -> dict[str, Any]:
+    """The matrix and the limits as results.json holds them; SI. An infinite distance becomes null."""
+    return {
+        "names": list(found.names),
+        "distance": found.distance.tolist(),
+        "threshold": found.threshold,
+        "limits": [
+            {"effect": name, "parameter": parameter, "unit": _unit(name, parameter), "limit": limit, "typical": typical}
+            for name, (parameter, limit, typical) in zip(found.names, found.limits, strict=True)
+        ],
+        "equivalent": [list(group) for group in found.equivalent],
+        "mistaken": {name: list(others) for name, others in found.mistaken.items() if others},
+        "not_identifiable": list(found.not_identifiable),
+    }
+
+
+def _unit(name: str, parameter: str) -> str:
+    return next(item.unit for item in parameters(every()[name]) if item.name == parameter)

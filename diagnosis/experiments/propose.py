@@ -1,0 +1,159 @@
+"""The next experiment: of a menu, the one that most separates what is left to choose from, on the nominal table.
+
+Every experiment's references are run on the nominal machine; along the path that follows, the columns of the effects in
+question have distances like those in confusability.py. The shortest experiment that separates them with room to spare
+is proposed, or, where none does, the one that comes nearest, and that is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.experiments.confusability import THRESHOLD, distances, products
+from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
+from diagnosis.model.fit import Fit, weights
+from diagnosis.model.kalman import JITTER
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import WALK, Candidate, look, nominal_slopes, smooth
+from diagnosis.where.sentences import words
+from models.controller import Controller
+from models.machine import Machine
+from models.records.record import Record
+from models.simulation.simulator import simulate
+
+Array = NDArray[np.float64]
+
+SPARE: Final = 4.0  # times the threshold that counts as told apart with room to spare
+REPEATS: Final = 10  # of an experiment that are still reasonable; squared distances grow in proportion
+MOST: Final = 4  # effects that are compared; more of them are compared in part, the first ones
+UNSEEN: Final = ("timing_jitter", "controller_mismatch")  # no column of force or reading shows them
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What to do next in one sentence, its schedule, and the squared distance [1] that it is expected to reach."""
+
+    sentence: str
+    schedule: Schedule
+    reaches: float
+
+
+def next_experiment(
+    members: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER
+) -> Proposal | None:
+    """What to run on the machine in order to tell the members apart, or to see the one that there is; None without any.
+
+    The menu's settings are in its sentence, with their units; jitter: the white force of this drive [N].
+    """
+    asked = [name for name in members if name in machine.kinds and name not in UNSEEN][:MOST]
+    if not asked:
+        return None
+    tried = [(one, _reached(machine, one, asked, seed, jitter)) for one in menu(machine)]
+    enough = [(one, reached) for one, reached in tried if reached >= SPARE * THRESHOLD]
+    if enough:
+        best, reached = min(enough, key=lambda item: item[0].schedule.target.size)
+    else:
+        best, reached = max(tried, key=lambda item: item[1])
+    times = max(int(np.ceil(THRESHOLD / max(reached, 1e-9))), 1)
+    if times > REPEATS:
+        return Proposal(_hopeless(asked, best, reached, len(tried)), best.schedule, reached)
+    whole = together(best.schedule.name, [best.schedule] * times)
+    return Proposal(_sentence(asked, best, reached, times, len(tried)), whole, times * reached)
+
+
+def _sentence(asked: Sequence[str], best: Experiment, reached: float, times: int, tried: int) -> str:
+    how = "is the shortest that" if reached >= SPARE * THRESHOLD else "best"
+    often = f" {times} times" if times > 1 else ""
+    return (
+        f"Run{often} {best.words}: of {tried} experiments it {how} {_what(asked)} (chi-square {times * reached:.0f} of "
+        f"{THRESHOLD:.0f} needed)."
+    )
+
+
+def _hopeless(asked: Sequence[str], best: Experiment, reached: float, tried: int) -> str:
+    return (
+        f"None of {tried} experiments with this scale and command {_what(asked)}; the best, {best.words}, would give a "
+        f"chi-square of {reached:.2g} of {THRESHOLD:.0f} needed: measure the table with an external gauge meanwhile, "
+        "such as an interferometer."
+    )
+
+
+def _what(asked: Sequence[str]) -> str:
+    return f"separates {_named(asked)}" if len(asked) > 1 else f"shows {_named(asked)} at a typical size"
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = [name.replace("_", " ") for name in names]
+    return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+
+
+def along(coordinate: str | None, machine: Machine) -> Proposal:
+    """What moves the coordinate the most, so that its curve can be read off whatever the effect is; where no coordinate
+    explains anything, what shows whether the force repeats at all. Its settings are in the sentence [SI prefixes]."""
+    for one in menu(machine):
+        if coordinate in one.coordinates:
+            sentence = (
+                f"No effect that was looked for explains what is left; it depends most on {words(coordinate)}. "
+                f"Run {one.words}, twice, and read the curve of the unknown force over it."
+            )
+            return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
+    one = menu(machine)[-1]
+    sentence = (
+        "No effect that was looked for and no single coordinate explains what is left. "
+        f"Run {one.words}: it shows whether the force is the same every time."
+    )
+    return Proposal(sentence, one.schedule, float("nan"))
+
+
+def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER) -> Proposal | None:
+    """What shows the most of these effects at their typical sizes [SI], which earlier records could not; None where no
+    experiment of the menu shows any."""
+    asked = [name for name in names if name in machine.kinds and name not in UNSEEN]
+    if not asked:
+        return None
+    seen = [(one, np.diag(_distances(machine, one, asked, seed, jitter)) ** 2 >= THRESHOLD) for one in menu(machine)]
+    best, shown = max(seen, key=lambda item: (np.count_nonzero(item[1]), -item[0].schedule.target.size))
+    if not np.any(shown):
+        return None
+    found = [name for name, there in zip(asked, shown, strict=True) if there]
+    sentence = (
+        f"Run {best.words}: of {len(seen)} experiments it shows the most of what these records could not show, "
+        f"{_named(found)}, if they are of a typical size."
+    )
+    return Proposal(sentence, best.schedule, THRESHOLD)
+
+
+def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, jitter: float) -> float:
+    """The smallest squared distance [1] between any two of the effects, or of the one from the nominal parameters."""
+    square = _distances(machine, one, asked, seed, jitter) ** 2
+    if len(asked) > 1:
+        np.fill_diagonal(square, np.inf)
+    return float(np.min(square))
+
+
+def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, jitter: float) -> Array:
+    fitted, record = virtual(machine, one.schedule, seed, jitter)
+    return distances(products(fitted, [record], asked), tuple(asked))
+
+
+def virtual(machine: Machine, planned: Schedule, seed: int = 0, jitter: float = JITTER) -> tuple[Fit, Record]:
+    """The record that the nominal machine would make of a schedule, and the linearisation along it, weighed by a white
+    force of deviation `jitter` [N]; nothing is fitted. Forces in [N]."""
+    scale = machine.scale
+    noisy = replace(machine, effects=(), scale=replace(scale, noise=scale.noise or 0.3 * scale.resolution))
+    control = machine.control
+    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
+    record = simulate(noisy, controller, planned.target, given=planned.given, seed=seed).record
+    layout = parameters(noisy, 1)
+    candidate = Candidate(layout, np.zeros(layout.count), jitter=jitter)
+    paths = smooth(candidate, [record])
+    seen = look(candidate, [record], paths)
+    weight = weights([record])
+    slopes = nominal_slopes(candidate, [record], seen) * weight[:, None]
+    e = seen[0].innovations * weight
+    return Fit(candidate, paths, seen, e, slopes, np.zeros((e.size, 0)), float(e @ e), WALK), record

@@ -1,0 +1,1 @@
+"""What a candidate model leaves of the records: filter, innovations, slopes, fit."""

@@ -1,0 +1,116 @@
+"""Records cut for a diagnosis: motions, what type each is, and the phases of each.
+
+A motion's type is its stroke and its peak speed by factors of about three, or what else happens at rest; motions of one
+type that start from the same place in the same direction repeat each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.records.record import Record, cut
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LONGEST: Final = 1.5  # s; longer motions are cut into pieces, so that one of them does not outweigh the others
+SHORTEST: Final = 0.02  # s
+SAME: Final = 2e-7  # [m] by which references of equal motions may differ
+SAME_FORCE: Final = 1e-3  # of its largest value by which their feedforward may differ
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Samples start .. stop of record `record`, all of one motion or of one rest; its type in words."""
+
+    record: int
+    start: int
+    stop: int
+    kind: str
+    direction: int
+    origin: float
+
+
+def pieces(records: Sequence[Record]) -> tuple[Piece, ...]:
+    """All records cut into motions, long ones into parts."""
+    found: list[Piece] = []
+    for number, record in enumerate(records):
+        ts = record.sample_time
+        ends = [motion.start for motion in cut(record)]
+        ends = sorted({0, *ends, record.position.size})
+        ends = [end for i, end in enumerate(ends) if i == 0 or end - ends[i - 1] > SHORTEST / ts or end == ends[-1]]
+        for start, stop in pairwise(ends):
+            parts = max(1, round((stop - start) * ts / LONGEST))
+            edges = np.linspace(start, stop, parts + 1).astype(int)
+            for a, b in pairwise(edges):
+                found.append(_piece(record, number, int(a), int(b)))
+    return tuple(found)
+
+
+def _piece(record: Record, number: int, start: int, stop: int) -> Piece:
+    reference = record.reference[start:stop]
+    stroke = float(np.ptp(reference))
+    if stroke == 0:
+        shaken = np.std(np.diff(record.feedforward[start:stop])) > 0 if stop - start > 2 else False
+        return Piece(number, start, stop, "excitation at rest" if shaken else "rest", 0, float(reference[0]))
+    speed = float(np.max(np.abs(np.diff(reference)))) / record.sample_time
+    decades = 10 ** (np.round(2 * np.log10([stroke, speed])) / 2)
+    kind = f"{decades[0] * 1e6:.3g} um at {decades[1] * 1e3:.3g} mm/s"
+    direction = int(np.sign(reference[-1] - reference[0]))
+    return Piece(number, start, stop, kind, direction, float(reference[0]))
+
+
+def numbered(found: Sequence[Piece], records: Sequence[Record]) -> Integers:
+    """The number of the piece that each sample of all records, one after another, belongs to: (n,)."""
+    begins = np.concatenate([[0], np.cumsum([record.position.size for record in records])])
+    number = np.zeros(int(begins[-1]), np.int64)
+    for i, piece in enumerate(found):
+        number[begins[piece.record] + piece.start : begins[piece.record] + piece.stop] = i
+    return number
+
+
+def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[int, ...], ...]:
+    """Groups of equal motions, as indices of the pieces: kind, direction, origin and reference agree."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for i, piece in enumerate(pieces):
+        if piece.kind != "rest":
+            where = round(piece.origin / SAME)
+            alike = (piece.kind, piece.direction, where, piece.stop - piece.start)
+            near = [group for group in _near(groups, alike) if _equal(pieces[group[0]], piece, records)]
+            (near[0] if near else groups.setdefault((*alike, i), [])).append(i)
+    return tuple(tuple(group) for group in groups.values() if len(group) > 1)
+
+
+def scatter(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> tuple[Array, ...]:
+    """What of every record's signal (n,) [any unit] does not repeat: its difference from the mean course of equal
+    motions, of the deviation of one of them; not a number where nothing repeats. Each motion counts alike."""
+    apart = tuple(np.full(signal.size, np.nan) for signal in signals)
+    for group in groups:
+        parts = [(pieces[i].record, slice(pieces[i].start, pieces[i].stop)) for i in group]
+        mean = np.mean([signals[record][part] for record, part in parts], axis=0)
+        for record, part in parts:
+            apart[record][part] = (signals[record][part] - mean) * (len(group) / (len(group) - 1)) ** 0.5
+    return apart
+
+
+def rms(parts: Sequence[Array]) -> float:
+    """Root of the mean square of the samples of all parts (n,) that are numbers; [their unit]."""
+    return float(np.sqrt(np.nanmean(np.concatenate(list(parts)) ** 2)))
+
+
+def _near(groups: dict[tuple[object, ...], list[int]], alike: tuple[object, ...]) -> list[list[int]]:
+    return [group for key, group in groups.items() if key[: len(alike)] == alike]
+
+
+def _equal(one: Piece, other: Piece, records: Sequence[Record]) -> bool:
+    """Whether reference and feedforward agree: parts of one multisine have the same reference, and are no repeats."""
+    a, b = (records[piece.record].part(piece.start, piece.stop) for piece in (one, other))
+    largest = max(float(np.max(np.abs(a.feedforward))), float(np.max(np.abs(b.feedforward))))
+    alike = float(np.max(np.abs(a.feedforward - b.feedforward))) <= SAME_FORCE * largest
+    return alike and bool(np.max(np.abs(a.reference - b.reference)) < SAME)

@@ -1,0 +1,399 @@
+"""What a candidate model leaves of the records: whitened innovations, and how they depend on every parameter.
+
+A candidate is the nominal machine, theta (nominal.py) and effects. Its friction is evaluated on the position that a
+smoother makes of the recorded command and reading, so that what is left is linear in the unknown force; two closed
+loops are never compared, because the feedback hides the gap and hysteresis makes them part. n samples, M substeps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from diagnosis.model.kalman import (
+    JITTER,
+    SUBSTEPS,
+    Predictor,
+    Resonance,
+    discretised,
+    innovations,
+    predictor,
+    responses,
+    smoothed,
+)
+from diagnosis.model.parallel import beside
+from diagnosis.model.parameters import Parameters, applied, initial_state
+from models.compiled import compiled
+from models.effects.base import Effect
+from models.effects.catalogue import beyond
+from models.machine import Machine
+from models.plant import Mode, Plant
+from models.records.record import Record
+from models.simulation.effect_kernel import Path, Replayed, changed, coupled, kept, replay
+
+Array = NDArray[np.float64]
+
+WALK: Final = 2e-3  # [N a sample] of the unknown force in the predictor: a fast one swallows slow effects
+FIRST: Final = (3.0, 1.0, 0.3, 0.1, 0.05)  # [N a sample] of the smoother, pass by pass, from no knowledge of friction
+AGAIN: Final = (0.05,)  # [N a sample] of the smoother once friction is known
+STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model of the machine: theta (P,) of the nominal parameters, effects in the catalogue's order, random forces,
+    and the deviation [N] of the white force that it leaves open."""
+
+    layout: Parameters
+    theta: Array
+    effects: tuple[Effect, ...] = ()
+    shaken: tuple[Resonance, ...] = ()
+    jitter: float = JITTER
+
+    @property
+    def machine(self) -> Machine:
+        """The nominal machine with theta put in."""
+        return applied(self.layout, self.theta)
+
+    @property
+    def found(self) -> list[Effect]:
+        """The effects that the machine file has not."""
+        return beyond(self.layout.machine.effects, self.effects)
+
+    @property
+    def rough(self) -> bool:
+        """Whether its white force is larger than a good table's."""
+        return self.jitter > JITTER
+
+    def predictor(self, sample_time: float, walk: float) -> Predictor:
+        """Of its machine, for an unknown force that walks by `walk` [N] a sample of `sample_time` [s]."""
+        machine = self.machine
+        return predictor(
+            machine.plant,
+            sample_time,
+            walk=walk,
+            noise=noise(machine),
+            jitter=self.jitter,
+            shaken=self.shaken,
+        )
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A record seen through a candidate: the path, and what the reading's effects added to it (n,) [m]."""
+
+    path: Path
+    added: Array
+    model: Predictor  # the smoother's
+    count: int  # states of the plant's modes
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A record as a candidate explains it: whitened innovations (n,), net force (n, M) [N], what acts along the path,
+    that path, and the innovations' deviation over that of the reading's noise [1], by which they were divided."""
+
+    innovations: Array
+    force: Array
+    acts: Replayed
+    path: Path
+    deviation: float
+
+
+def seeing(candidate: Candidate, sample_time: float, walk: float) -> Predictor:
+    """The predictor that shows a force as large as it is: rough drives are weighed by a white force that would hide a
+    part of it; walk [N a sample], sample_time [s]."""
+    return replace(candidate, jitter=JITTER).predictor(sample_time, walk)
+
+
+def noise(machine: Machine) -> float:
+    """Deviation [m] of the reading: the scale's noise, a third of a step where none is stated, and its rounding."""
+    scale = machine.scale
+    stated = scale.noise or 0.3 * scale.resolution
+    return max(float(np.hypot(stated, scale.resolution / np.sqrt(12))), 1e-10)
+
+
+def held(record: Record) -> float:
+    """The command [N] before the first sample: what the feedback held, without a feedforward that sets in there."""
+    return float(record.command[0] - record.feedforward[0])
+
+
+def smooth(
+    candidate: Candidate, records: Sequence[Record], before: Sequence[Smoothed] | None = None
+) -> tuple[Smoothed, ...]:
+    """Every record's path as the candidate's smoother sees it; `before`: what an earlier candidate saw."""
+    machine = candidate.machine
+
+    def path(i: int, record: Record, seen: Smoothed | None) -> Smoothed:
+        for walk in AGAIN if before else FIRST:
+            seen = _pass(candidate, machine, candidate.predictor(record.sample_time, walk), record, i, seen)
+        assert seen is not None
+        return seen
+
+    return tuple(beside(path, range(len(records)), records, before or [None] * len(records)))
+
+
+def _pass(
+    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, before: Smoothed | None
+) -> Smoothed:
+    """One run of the smoother with the friction of the path that the one before found, or none."""
+    reading = record.position
+    if before is None:
+        still = Path(
+            record.sample_time, np.repeat(reading[:, None], SUBSTEPS, 1), np.zeros((reading.size, SUBSTEPS)),
+            reading, record.command,
+        )  # fmt: skip
+        acts = replay(
+            machine.friction,
+            (),
+            still,
+            machine.plant.dead_time,
+            thrust_limit=machine.drive.rated_thrust,
+            start=held(record),
+        )
+        force, added = acts.thrust, np.zeros(reading.size)
+    else:
+        acts = _acts(candidate, machine, record, index, before.path)
+        force, added = _net(machine, acts), acts.reading
+        reading = reading - added - _vibration(candidate, force, record.sample_time)
+    start = np.zeros(model.C.size)
+    start[0], start[2 * len(machine.plant.modes)] = reading[0], -force[0, 0]
+    states = smoothed(model, force, reading, start)
+    return Smoothed(
+        _path(states, 2 * len(machine.plant.modes), record, record.position - added - reading),
+        added,
+        model,
+        2 * len(machine.plant.modes),
+    )
+
+
+def _path(states: Array, count: int, record: Record, vibration: Array) -> Path:
+    """The path through the smoothed states, of which `count` are the plant's: cubic Hermite between the samples."""
+    ts = record.sample_time
+    x, v = states[:, 0:count:2].sum(axis=1) + vibration, states[:, 1:count:2].sum(axis=1)
+    ahead, faster = np.append(x[1:], x[-1]), np.append(v[1:], v[-1])
+    t = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
+    x, v, ahead, faster = x[:, None], v[:, None], ahead[:, None], faster[:, None]
+    position = (2 * t**3 - 3 * t**2 + 1) * x + (t**3 - 2 * t**2 + t) * ts * v
+    position += (3 * t**2 - 2 * t**3) * ahead + (t**3 - t**2) * ts * faster
+    speed = 6 * (t**2 - t) / ts * (x - ahead) + (3 * t**2 - 4 * t + 1) * v + (3 * t**2 - 2 * t) * faster
+    return Path(ts, position, speed, x[:, 0], record.command)
+
+
+def look(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], walk: float = WALK
+) -> tuple[Seen, ...]:
+    """What the candidate leaves of every record, its friction and effects evaluated along `paths`;
+    walk: of the unknown force [N a sample]."""
+    machine = candidate.machine
+    model = candidate.predictor(records[0].sample_time, walk)
+    return tuple(beside(partial(look_at, candidate, machine, model), records, range(len(records)), paths))
+
+
+def look_at(
+    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, smooth_path: Smoothed
+) -> Seen:
+    """`look` at the record of this index, by a predictor of the machine with theta put in."""
+    path = smooth_path.path
+    acts = _acts(candidate, machine, record, index, path)
+    differs = acts.reading - smooth_path.added
+    if np.any(differs != 0):  # the path was smoothed from a reading that had other errors
+        path = shifted(smooth_path, differs)
+        acts = _acts(candidate, machine, record, index, path)
+    force = _net(machine, acts)
+    reading = record.position - acts.reading - _vibration(candidate, force, record.sample_time)
+    start = np.zeros(model.C.size)
+    start[0] = reading[0]
+    e = innovations(model, force, reading, start) / model.deviation
+    return Seen(e, force, acts, path, model.deviation / noise(machine))
+
+
+def shifted(seen: Smoothed, differs: Array) -> Path:
+    """The path, had the reading's error been larger by `differs` (n,) [m]: the smoother is linear."""
+    model, path = seen.model, seen.path
+    states = smoothed(model, np.zeros_like(path.position), -differs, np.zeros(model.C.size))
+    still = Record(path.sample_time, *(np.zeros(differs.size) for _ in range(5)))
+    moved = _path(states, seen.count, still, np.zeros(differs.size))
+    return replace(
+        path, position=path.position + moved.position, speed=path.speed + moved.speed,
+        at_samples=path.at_samples + moved.at_samples,
+    )  # fmt: skip
+
+
+def _acts(
+    candidate: Candidate,
+    machine: Machine,
+    record: Record,
+    index: int,
+    path: Path,
+    known: Mapping[str, Array] = MappingProxyType({}),
+) -> Replayed:
+    """What acts along a path; known: see `replay`."""
+    return replay(
+        machine.friction,
+        candidate.effects,
+        path,
+        machine.plant.dead_time,
+        state=initial_state(candidate.layout, candidate.theta, index),
+        thrust_limit=machine.drive.rated_thrust,
+        start=held(record),
+        known=known,
+    )
+
+
+def _net(machine: Machine, acts: Replayed) -> Array:
+    return acts.thrust - acts.friction + acts.force - machine.drive.offset
+
+
+def _vibration(candidate: Candidate, force: Array, sample_time: float) -> Array:
+    """Motion (n,) [m] of the vibration modes that effects add, under the net force."""
+    total = np.zeros(len(force))
+    for effect in candidate.effects:
+        for mode in effect.modes():
+            total += modal(mode, force, sample_time)
+    return total
+
+
+def modal(mode: Mode, force: Array, sample_time: float) -> Array:
+    """Motion (n,) [m] of one vibration mode at the samples under a force (n, M) [N], from rest."""
+    a, b = _of_mode(mode, sample_time)
+    given = force @ b.T
+    trace, determinant = a[0, 0] + a[1, 1], np.linalg.det(a)
+    entering = np.concatenate([[0.0], given[:-1, 0]])
+    entering[2:] += a[0, 1] * given[:-2, 1] - a[1, 1] * given[:-2, 0]
+    return np.asarray(lfilter([1.0], [1.0, -trace, determinant], entering))
+
+
+@lru_cache(maxsize=64)
+def _of_mode(mode: Mode, sample_time: float) -> tuple[Array, Array]:
+    """How a mode's states (2,) follow from a sample to the next and under the force of its substeps; SI."""
+    a, b, _ = discretised(Plant(0.0, 1.0, (mode,)), sample_time)
+    return a[:2, :2], b[:2]
+
+
+def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequence[Seen], walk: float = WALK) -> Array:
+    """How the whitened innovations of all records, one after another (n,), change with theta: (n, P) [1]."""
+    machine, layout = candidate.machine, candidate.layout
+    model = candidate.predictor(records[0].sample_time, walk)
+
+    ends = np.cumsum([record.position.size for record in records])
+    whole = np.zeros((layout.count, ends[-1])).T  # a column's samples next to each other
+
+    def fill(i: int, record: Record, one: Seen, slopes: Array) -> None:
+        _plant_slopes(candidate, record, one, model, slopes)
+        _force_slopes(candidate, machine, record, i, one, model, slopes)
+
+    list(beside(fill, range(len(records)), records, seen, np.split(whole, ends[:-1])))
+    return np.asarray(whole)
+
+
+def _plant_slopes(candidate: Candidate, record: Record, seen: Seen, model: Predictor, slopes: Array) -> None:
+    """By differences of the predictor; its gain stays, as any gain is a fair filter."""
+    layout, step = candidate.layout, 1e-4
+    reading = record.position - seen.acts.reading - _vibration(candidate, seen.force, record.sample_time)
+    start = np.zeros(model.C.size)
+    start[0] = reading[0]
+    names = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping")
+    for j in np.concatenate([layout.of(name) for name in names]):
+        theta = candidate.theta.copy()
+        theta[j] += step
+        a, b = model.A.copy(), model.B.copy()
+        size = 2 * len(layout.machine.plant.modes) + 1
+        a[:size, :size], b[:size], _ = discretised(applied(layout, theta).plant, record.sample_time)
+        moved = innovations(replace(model, A=a, B=b), seen.force, reading, start) / model.deviation
+        slopes[:, j] = (moved - seen.innovations) / step
+
+
+def _force_slopes(
+    candidate: Candidate,
+    machine: Machine,
+    record: Record,
+    index: int,
+    seen: Seen,
+    model: Predictor,
+    slopes: Array,
+) -> None:
+    """Of what acts as a force; that of the friction is the elements' own, without effects on it: a fair slope."""
+    layout, n = candidate.layout, record.position.size
+    limit, z0 = np.array(machine.friction.limit), initial_state(layout, candidate.theta, index)
+    late = replay(
+        machine.friction, candidate.effects, seen.path, machine.plant.dead_time + 1e-6, state=z0,
+        thrust_limit=machine.drive.rated_thrust, start=held(record),
+        known=kept(seen.acts, coupled({"thrust"}, candidate.effects)),
+    )  # fmt: skip
+    starts = layout.of("initial_friction_state").reshape(layout.records, -1)[index]
+    names = ("dead_time", "amplifier_offset", "friction_level", "presliding_stiffness", "presliding_limit")
+    order = np.concatenate([*(layout.of(name) for name in names), starts])
+    force = np.empty((order.size, n, SUBSTEPS))
+    force[0] = (late.thrust - seen.acts.thrust) / 1e-6
+    force[1], force[2] = -1.0, -seen.acts.friction
+    elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
+    _element_slopes(seen.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
+    slopes[:, order] = responses(model, force)
+
+
+@compiled
+def _element_slopes(points: Array, elements: Array, slopes: Array) -> None:
+    """Of each element's force: by the logarithm of its stiffness, of its limit, and by its start; (3, N, points).
+
+    elements (3, N): factor of the displacement [N/m], limit [m], displacement at the first point [m].
+    """
+    for i in range(elements.shape[1]):
+        factor, limit, z = elements[0, i], elements[1, i], elements[2, i]
+        by_limit, by_start = 0.0, 1.0
+        for k in range(points.size):
+            if k > 0:
+                z += points[k] - points[k - 1]
+            if abs(z) > limit:
+                z = limit if z > 0.0 else -limit
+                by_limit, by_start = z, 0.0
+            slopes[0, i, k] = factor * z
+            slopes[1, i, k] = factor * by_limit
+            slopes[2, i, k] = factor * by_start
+
+
+def columns(
+    candidate: Candidate,
+    trials: Sequence[Sequence[Effect]],
+    records: Sequence[Record],
+    paths: Sequence[Smoothed],
+    seen: Sequence[Seen],
+    walk: float = WALK,
+) -> Array:
+    """By how much the whitened innovations of all records, one after another, differ with each of the `trials` in place
+    of the candidate's effects, to first order: (n, trials) [1]."""
+    machine = candidate.machine
+    model = candidate.predictor(records[0].sample_time, walk)
+
+    def part(i: int, record: Record, path: Smoothed, one: Seen) -> Array:
+        force, reading = np.empty((len(trials), *one.force.shape)), np.empty((len(trials), record.position.size))
+        for j, trial in enumerate(trials):
+            other = replace(candidate, effects=tuple(trial))
+            force[j], reading[j] = _differences(other, candidate, machine, record, i, path, one)
+        return responses(model, force, -reading if np.any(reading) else None)
+
+    return np.concatenate(list(beside(part, range(len(records)), records, paths, seen)))
+
+
+def _differences(
+    other: Candidate, candidate: Candidate, machine: Machine, record: Record, index: int, path: Smoothed, seen: Seen
+) -> tuple[Array, Array]:
+    """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
+    same = kept(seen.acts, changed(candidate.effects, other.effects))
+    acts = _acts(other, machine, record, index, seen.path, same)
+    differs = acts.reading - seen.acts.reading
+    if np.any(differs != 0):
+        acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))
+        differs = acts.reading - seen.acts.reading
+    force = _net(machine, acts)
+    if any(effect.modes() for effect in (*other.effects, *candidate.effects)):
+        differs = differs + _vibration(other, force, record.sample_time)
+        differs = differs - _vibration(candidate, seen.force, record.sample_time)
+    return force - seen.force, differs

@@ -1,0 +1,1 @@
+"""Where the records leave the model."""

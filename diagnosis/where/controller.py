@@ -1,0 +1,153 @@
+"""Whether the controller that is stated made the record: its law, replayed on the logged error, gives the command back.
+
+The state of the integral and of the derivative's filter before the first sample is in no record: a constant and the
+first STARTING samples are free. What is then left is rounding, or the law is another one: a sample more or less of
+delay, another unit, another gain or filter, swapped columns. A log that has the reading rounded, or the command through
+a converter, leaves noise that no other law explains; the reading's own rounding says how much may pass for that.
+n samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.model.residual import STARTING
+from models.controller import PID
+from models.machine import Machine
+from models.records.checks import quantisation, replay
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+TOLERANCE: Final = 1e-4  # of the command's deviation, for rounding of what is logged
+LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted
+FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # of the derivative filter's time
+LOGGED: Final = 2.0  # of what the rounding of a logged reading makes of the command: noise of the log
+EXTREME: Final = 6.0  # deviations that noise of the log has at most
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """How far the replayed command is from the logged one: largest and root mean square [N], the tolerance [N] it is
+    held to, the first sample that departs, and the best of the changes that were tried, with what it leaves [N].
+
+    checked: False for a record that has no reference to replay on.
+    """
+
+    checked: bool
+    largest: float
+    rms: float
+    tolerance: float
+    departs: int | None
+    remedy: str | None
+    remains: float
+
+    @property
+    def replays(self) -> bool:
+        """Whether the stated law made the record, or there is no telling."""
+        return not self.checked or self.departs is None
+
+
+def replayed(machine: Machine, record: Record) -> Replayed:
+    """The machine's PID and reference delay, replayed on a record; forces in [N]."""
+    pid, delay = machine.control.pid, machine.control.reference_delay
+    left = _left(record, replay(record, pid, delay))
+    steps = quantisation(record.command)
+    spread = float(np.std(record.command[STARTING:]))
+    tolerance = max(TOLERANCE * spread, steps, _resolution(machine, record))
+    beyond = np.flatnonzero(np.abs(left) > tolerance)
+    largest, rms = float(np.max(np.abs(left), initial=0.0)), float(np.sqrt(np.mean(left**2)))
+    if beyond.size == 0:
+        return Replayed(True, largest, rms, tolerance, None, None, rms)
+    if np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution:
+        return Replayed(False, largest, rms, tolerance, None, None, rms)
+    remedy, remains = min(_remedies(record, pid, delay), key=lambda one: one[1])
+    noise = LOGGED * _rounded(machine, record)
+    if remains > 0.5 * rms and rms < noise and largest < EXTREME * noise:
+        return Replayed(True, largest, rms, EXTREME * noise, None, None, rms)
+    return Replayed(
+        True, largest, rms, tolerance, int(beyond[0]) + STARTING, remedy if remains < 0.5 * rms else None, remains
+    )
+
+
+def _resolution(machine: Machine, record: Record) -> float:
+    """What a thousandth of the scale's step, lost where positions are written, makes of the command [N]."""
+    pid = machine.control.pid
+    return 1e-3 * machine.scale.resolution * (pid.kp + pid.kd / (pid.derivative_filter + record.sample_time))
+
+
+def _rounded(machine: Machine, record: Record) -> float:
+    """Deviation [N] of the command replayed on readings that were rounded to the scale's step after it was made."""
+    impulse, nothing = np.zeros(STARTING), np.zeros(STARTING)
+    impulse[0] = 1.0
+    bare = Record(record.sample_time, nothing, nothing, nothing, nothing, impulse)
+    answer = replay(bare, replace(machine.control.pid, ki=0.0), 0)
+    return float(np.linalg.norm(answer)) * machine.scale.resolution / 12**0.5
+
+
+def _left(record: Record, made: Array) -> Array:
+    """Logged less replayed command (n - STARTING,), its middle taken off; [N]."""
+    left = (record.command - made)[STARTING:]
+    return left - np.median(left)
+
+
+def _rms(record: Record, made: Array) -> float:
+    return float(np.sqrt(np.mean(_left(record, made)[LONGEST:-LONGEST] ** 2)))
+
+
+def _remedies(record: Record, pid: PID, delay: int) -> Iterator[tuple[str, float]]:
+    """Changes of the law in words, each with what it leaves (root mean square) [N]."""
+    made = replay(record, pid, delay)
+    for shift in range(-LONGEST, LONGEST + 1):
+        if shift:
+            words = f"the command logged {abs(shift)} sample{'s' * (abs(shift) > 1)} {'late' if shift > 0 else 'early'}"
+            yield words, _rms(record, np.roll(made, shift))
+        if delay + shift >= 0 and shift:
+            yield (
+                f"a reference delay of {delay + shift} samples instead of {delay}",
+                _rms(record, replay(record, pid, delay + shift)),
+            )
+    for factor in FILTERS if pid.kd > 0 and pid.derivative_filter > 0 else ():
+        other = replace(pid, derivative_filter=factor * pid.derivative_filter)
+        words = f"the derivative's filter {factor:g} times as slow"
+        yield words, _rms(record, replay(record, other, delay))
+    error = made - record.feedforward
+    for words, columns in (
+        ("the whole command", [made]),
+        ("the feedback", [error]),
+        ("the feedforward", [record.feedforward]),
+        _parts(record, pid, delay),
+    ):
+        if all(np.ptp(column) > 0 for column in columns):
+            yield _scaled(record, made, words, columns)
+    yield "the feedforward left out", _rms(record, error)
+
+
+def _parts(record: Record, pid: PID, delay: int) -> tuple[str, list[Array]]:
+    """What each of the PID's parts that has a gain makes (n,) [N], and what they are called."""
+    bare = replace(record, feedforward=np.zeros_like(record.feedforward))
+    alone = {
+        "proportional": replace(pid, ki=0.0, kd=0.0),
+        "integral": replace(pid, kp=0.0, kd=0.0),
+        "derivative": replace(pid, kp=0.0, ki=0.0),
+    }
+    there = {name: replay(bare, one, delay) for name, one in alone.items() if one.kp + one.ki + one.kd > 0}
+    names = list(there)
+    listed = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    return f"the {listed} part", list(there.values())
+
+
+def _scaled(record: Record, made: Array, words: str, columns: list[Array]) -> tuple[str, float]:
+    """The parts (n,) [N] of what is made, each times the factor that fits the logged command best."""
+    rest = made - sum(columns)
+    basis = np.column_stack([*columns, np.ones(made.size)])[STARTING:]
+    factors = np.linalg.lstsq(basis, (record.command - rest)[STARTING:], rcond=None)[0][:-1]
+    again = rest + sum(factor * column for factor, column in zip(factors, columns, strict=True))
+    shown = [f"{factor:.4g}" for factor in factors]
+    listed = " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+    return f"{words} times {listed}", _rms(record, again)

@@ -1,0 +1,210 @@
+"""Where the unknown force's energy lies: which motions, which phase of a motion, which frequencies, which wavelengths.
+
+Energy is the square of the force over time, less what the scale's noise alone would give; a share is of its sum. The
+intervals come from drawing whole motions anew (bootstrap), because neighbouring samples are not independent.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.model.motions import Piece
+from models.quantity import show
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+PHASES: Final = ("start", "accelerate", "cruise", "decelerate", "settle", "dwell", "excitation")
+BEGINNING: Final = 0.1  # of the time for which a reference moves: its start
+EVEN: Final = 0.05  # of a motion's largest acceleration, below which its speed counts as constant
+LOOK: Final = 10e-3  # s, within which a reference that moves goes further than it may rest unsteadily
+STEADY: Final = 2e-8  # m
+DRAWS: Final = 400  # of the bootstrap
+INTERVAL: Final = (0.025, 0.975)
+BANDS: Final = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # Hz; the last one ends at half the sampling frequency
+WAVES: Final = (1e-5, 1e-4, 1e-3, 1e-2)  # m, between wavelengths
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares (K,) [1] of the energy by name, their intervals low, high (K,), each name's share of the time (K,), and
+    the force's deviation there (K,) [N], noise included."""
+
+    names: tuple[str, ...]
+    share: Array
+    low: Array
+    high: Array
+    time: Array
+    deviation: Array
+
+    def ranked(self) -> list[int]:
+        """The names' indices, the largest share first."""
+        return [int(i) for i in np.argsort(-self.share)]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is known of every sample of all records (n,): its motion, its phase (index of PHASES), its kind of motion
+    (index of `kinds`), the sign of the last motion, whether it counts."""
+
+    motion: Integers
+    phase: Integers
+    kind: Integers
+    kinds: tuple[str, ...]
+    direction: Array
+    counts: NDArray[np.bool_]
+
+
+def labelled(
+    records: Sequence[Record], pieces: Sequence[Piece], motion: Integers, counts: Array, settling: float
+) -> Samples:
+    """The samples of all records; motion (n,): see motions.numbered; counts (n,); settling [s] behind a reference's
+    halt belongs to the motion, what follows is a dwell."""
+    kinds = tuple(dict.fromkeys(piece.kind for piece in pieces))
+    of_piece = np.array([kinds.index(piece.kind) for piece in pieces])
+    shaken = np.array([piece.kind == "excitation at rest" for piece in pieces])
+    parts = [_phases(record, settling) for record in records]
+    phase = np.concatenate([part[0] for part in parts])
+    still = np.isin(phase, [PHASES.index("settle"), PHASES.index("dwell")])
+    phase[shaken[motion] & still] = PHASES.index("excitation")
+    direction = np.concatenate([part[1] for part in parts])
+    return Samples(motion, phase, of_piece[motion], kinds, direction, counts > 0)
+
+
+def _phases(record: Record, settling: float) -> tuple[Integers, Array]:
+    """(phase (n,), sign of the last motion (n,)) of one record, by its reference, or by its position without one."""
+    ts, course, n = record.sample_time, record.reference, record.position.size
+    if np.ptp(course) == 0:
+        course = record.position
+    wide = max(round(LOOK / ts / 2), 1)
+    padded = np.pad(course, wide, mode="edge")
+    gone = padded[2 * wide :] - padded[: -2 * wide]
+    moves = np.abs(gone) > max(STEADY, _steps(record, course))
+    phase, speed = np.full(n, PHASES.index("dwell")), np.gradient(course, ts)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
+    for first, last in edges.reshape(-1, 2):  # the look reaches beyond the motion's ends
+        start, stop = (int(first) + wide if first > 0 else 0), (int(last) - wide if last < n else n)
+        if stop - start < 3:
+            continue
+        phase[start:stop] = _within(speed[start:stop])
+        phase[start : start + max(round(BEGINNING * (stop - start)), 1)] = PHASES.index("start")
+        phase[stop : stop + round(settling / ts)] = PHASES.index("settle")
+    sign = np.sign(gone) * moves
+    held = np.maximum.accumulate(np.where(sign != 0, np.arange(n), 0))
+    return phase, sign[held]
+
+
+def _steps(record: Record, course: Array) -> float:
+    """A position measured at rest is unsteady by its noise: six deviations of what neighbouring samples differ [m]."""
+    return 6 * float(np.std(np.diff(course))) if course is record.position else 0.0
+
+
+def _within(speed: Array) -> Integers:
+    """accelerate, cruise or decelerate for each sample (n,) of a motion."""
+    bend = np.gradient(np.abs(speed))
+    phase = np.full(speed.size, PHASES.index("cruise"))
+    limit = EVEN * float(np.max(np.abs(bend)))
+    phase[bend > limit] = PHASES.index("accelerate")
+    phase[bend < -limit] = PHASES.index("decelerate")
+    return phase
+
+
+def drawn(motions: int, seed: int) -> Array:
+    """How often each motion is drawn in each of DRAWS bootstraps: (DRAWS, motions) [1]."""
+    generator = np.random.default_rng(seed)
+    return generator.multinomial(motions, np.full(motions, 1 / motions), DRAWS).astype(float)
+
+
+def interval(values: Array) -> tuple[float, float]:
+    """The interval of bootstrapped values (DRAWS,), in their unit [1]."""
+    low, high = np.quantile(values, INTERVAL)
+    return float(low), float(high)
+
+
+def shares(
+    square: Array, noise: float, label: Integers, names: Sequence[str], samples: Samples, seed: int = 0
+) -> Shares:
+    """Shares of the energy by label (n,): the force's square (n,) [N2] less `noise` [N2], the scale's part of it."""
+    count, used, motions = len(names), samples.counts & (label >= 0), int(samples.motion.max()) + 1
+    place = samples.motion[used] * count + label[used]
+    energy = np.asarray(np.bincount(place, square[used] - noise, motions * count), float).reshape(motions, count)
+    time = np.bincount(label[used], minlength=count)
+    return _shared(names, energy, time, noise, int(time.sum()), seed)
+
+
+def _shared(names: Sequence[str], energy: Array, time: Integers, noise: float | Array, whole: int, seed: int) -> Shares:
+    """Shares of net energies (motions, K) [N2 samples] in `time` (K,) of `whole` [samples]; noise [N2] a sample."""
+    low, high = np.quantile(_of_sums(drawn(energy.shape[0], seed) @ energy), INTERVAL, axis=0)
+    share, spent = _of_sums(energy.sum(axis=0)[None])[0], np.maximum(time, 1)
+    deviation = np.sqrt(np.maximum(energy.sum(axis=0) / spent + noise, 0.0))
+    return Shares(tuple(names), share, np.minimum(low, share), np.maximum(high, share), time / whole, deviation)
+
+
+def _of_sums(energy: Array) -> Array:
+    """Shares (b, K) of energies (b, K); all zero where nothing is above the noise."""
+    above = np.maximum(energy, 0.0)
+    whole = above.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(above, whole, out=np.zeros_like(above), where=whole > 0))
+
+
+def by_band(
+    force: Sequence[Array], response: Array, noise: float, sample_time: float, samples: Samples, seed: int = 0
+) -> Shares:
+    """Shares by frequency, between BANDS [Hz]; force (n,) [N] of each record; response: what one reading of 1 m makes
+    of the force [N], for what noise [m] gives in each band."""
+    spans, motions = bands(sample_time), int(samples.motion.max()) + 1
+    energy, floors = np.empty((motions, len(spans))), np.empty(len(spans))
+    for i, (low, high) in enumerate(spans):
+        part = np.concatenate([_band(one, low, high, sample_time) for one in force])
+        floors[i] = noise**2 * float(np.sum(_band(response, low, high, sample_time) ** 2))
+        energy[:, i] = np.bincount(samples.motion, (part**2 - floors[i]) * samples.counts, motions)
+    names = [f"{low:g} to {high:g} Hz" for low, high in spans]
+    time = int(np.count_nonzero(samples.counts))
+    return _shared(names, energy, np.full(len(spans), time), floors, time, seed)
+
+
+def bands(sample_time: float) -> list[tuple[float, float]]:
+    """The bands of frequency [Hz] up to half the sampling frequency."""
+    half = 0.5 / sample_time
+    return list(itertools.pairwise([*(edge for edge in BANDS if edge < half), half]))
+
+
+def _band(signal: Array, low: float, high: float, sample_time: float) -> Array:
+    """The part of a signal (n,) with low <= frequency < high [Hz], in the signal's unit."""
+    spectrum = np.fft.rfft(signal - np.mean(signal))
+    frequency = np.fft.rfftfreq(signal.size, sample_time)
+    spectrum[(frequency < low) | (frequency >= high)] = 0.0
+    return np.asarray(np.fft.irfft(spectrum, signal.size))
+
+
+def by_wave(force: Array, position: Array, noise: float, samples: Samples, seed: int = 0) -> Shares:
+    """Shares by wavelength over position, between WAVES [m], of the force (n,) [N] while the table moves at position
+    (n,) [m]; noise [N]: deviation of one sample. A wave longer than its motion counts as of the motion's length."""
+    edges = [0.0, *WAVES, np.inf]
+    spans = [f"of {show(low, 'm')} to {show(high, 'm')}" for low, high in itertools.pairwise(WAVES)]
+    names = [f"shorter than {show(WAVES[0], 'm')}", *spans, f"longer than {show(WAVES[-1], 'm')}"]
+    moving = samples.counts & (samples.phase < PHASES.index("settle"))
+    energy = np.zeros((int(samples.motion.max()) + 1, len(names)))
+    for i in range(len(energy)):
+        here = (samples.motion == i) & moving
+        if np.count_nonzero(here) > 8 and np.ptp(position[here]) > 0:
+            energy[i] = _waves(position[here], force[here], noise, edges)
+    time = int(np.count_nonzero(moving))
+    return _shared(names, energy, np.full(len(names), time), 0.0, max(time, 1), seed)
+
+
+def _waves(position: Array, force: Array, noise: float, edges: Sequence[float]) -> Array:
+    """Net energy (K,) [N2 samples] of a force (n,) [N] over one way (n,) [m], by wavelength."""
+    count, order = force.size, np.argsort(position)
+    along = np.interp(np.linspace(position.min(), position.max(), count), position[order], force[order])
+    sides = np.where(np.arange(count // 2 + 1) > 0, 2.0, 1.0)
+    power = sides * (np.abs(np.fft.rfft(along)) ** 2 / count - noise**2)
+    length = np.ptp(position) / np.maximum(np.arange(power.size), 1)  # the mean counts as of the way's length
+    return np.array([np.sum(power[(length >= low) & (length < high)]) for low, high in itertools.pairwise(edges)])

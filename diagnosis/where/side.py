@@ -1,0 +1,153 @@
+"""Force side or scale side: whether what is left looks like a force on the table or like an error of its reading.
+
+A force and an addition to the reading leave different marks in the innovations: a reading's error does not move the
+table, but the friction is evaluated at another place. Curves over the same coordinate, once as force and once as
+reading, are compared by what they take off the innovations' chi-square on motions left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.model.fit import Fit, weights
+from diagnosis.model.kalman import Predictor, adjoint, responses
+from diagnosis.model.parameters import initial_state
+from diagnosis.model.residual import shifted
+from diagnosis.where.coordinates import Coordinate, by_motion, folds, hats, held_out
+from diagnosis.where.energy import Samples
+from diagnosis.which.scan import Freed
+from models.records.record import Record
+from models.simulation.effect_kernel import replay
+
+Array = NDArray[np.float64]
+
+PROBE: Final = 2e-8  # m, by which a reading is changed to see what it does, friction included
+FINE: Final = (3e-6, 5e-5)  # m, between which a period of the scale's error is looked for
+CLEAR: Final = 25.0  # chi-square on motions left out, below which neither side explains anything
+APART: Final = 1.5  # times as much that one side has to explain
+
+
+@dataclass(frozen=True)
+class Side:
+    """What curves over one coordinate gain of chi-square on motions left out [1], as a force and as a reading; pitch
+    [m]: of the fine period."""
+
+    coordinate: str
+    force: float
+    reading: float
+    pitch: float | None = None
+
+
+def sides(
+    fitted: Fit, records: Sequence[Record], own: Freed, chosen: Sequence[Coordinate], samples: Samples, seed: int = 0
+) -> tuple[Side, ...]:
+    """The chosen coordinates as force and, those of time and place, as reading; and a fine period of the place."""
+    found = []
+    for coordinate in chosen:
+        basis, _ = hats(coordinate, samples.counts)
+        turned = np.hstack([basis, basis * samples.direction[:, None]]) if coordinate.turns else basis
+        force = _gain(_as_force(fitted, records, turned), own, records, samples, seed)
+        may = coordinate.name in {"time", "position"}
+        reading = _gain(_as_reading(fitted, records, basis), own, records, samples, seed) if may else 0.0
+        found.append(Side(coordinate.name, force, reading))
+    place = next((one for one in chosen if one.name == "position"), None)
+    if place is not None and float(np.ptp(place.values)) > 2 * FINE[1]:
+        found.append(_fine(fitted, records, own, place, samples, seed))
+    return tuple(found)
+
+
+def verdict(found: Sequence[Side]) -> str:
+    """ "force", "scale", "either" or "neither"."""
+    force, reading = (max((getattr(one, part) for one in found), default=0.0) for part in ("force", "reading"))
+    if max(force, reading) < CLEAR:
+        return "neither"
+    if force > APART * reading:
+        return "force"
+    return "scale" if reading > APART * force else "either"
+
+
+def _gain(columns: Array, own: Freed, records: Sequence[Record], samples: Samples, seed: int) -> float:
+    """Chi-square that columns (n, k) take off the innovations on motions left out."""
+    whole = own(columns * weights(records)[:, None])
+    grams, slopes = by_motion(whole, own.e, samples.motion)
+    gains, _ = held_out(grams, -slopes, folds(grams.shape[0], seed))
+    return max(float(gains.sum()), 0.0)
+
+
+def _model(fitted: Fit, records: Sequence[Record]) -> Predictor:
+    return fitted.candidate.predictor(records[0].sample_time, fitted.walk)
+
+
+def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
+    """Whitened innovations' change (n, k) by forces of 1 N times the basis (n, k)."""
+    model = _model(fitted, records)
+    parts, begin = [], 0
+    for i, record in enumerate(records):
+        here = basis[begin : begin + record.position.size]
+        begin += record.position.size
+        force = np.repeat(here.T[:, :, None], fitted.seen[i].force.shape[1], axis=2)
+        parts.append(responses(model, force))
+    return np.concatenate(parts)
+
+
+def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
+    """The change (n, k) by additions of PROBE times the basis (n, k) to the reading."""
+    model = _model(fitted, records)
+    parts, begin = [], 0
+    for i, record in enumerate(records):
+        here = PROBE * basis[begin : begin + record.position.size]
+        begin += record.position.size
+        force = np.stack([_friction_change(fitted, record, i, added) for added in here.T])
+        parts.append(responses(model, force, -here.T))
+    return np.concatenate(parts)
+
+
+def _friction_change(fitted: Fit, record: Record, index: int, added: Array) -> Array:
+    """The force (n, M) [N] by which the friction differs if the reading is off by `added` (n,) [m]."""
+    if not np.any(added):
+        return np.zeros_like(fitted.seen[index].force)
+    candidate, machine, seen = fitted.candidate, fitted.candidate.machine, fitted.paths[index]
+    friction = [
+        replay(
+            machine.friction, candidate.effects, path, machine.plant.dead_time,
+            state=initial_state(candidate.layout, candidate.theta, index),
+            thrust_limit=machine.drive.rated_thrust, start=float(record.command[0]),
+        ).friction
+        for path in (seen.path, shifted(seen, added))
+    ]  # fmt: skip
+    return np.asarray(friction[0] - friction[1])
+
+
+def _fine(fitted: Fit, records: Sequence[Record], own: Freed, place: Coordinate, samples: Samples, seed: int) -> Side:
+    """Sines of the place at the period at which the reading's error agrees most, as force and as reading; less what a
+    search over so many periods gains by chance."""
+    pitch, tried = _fine_pitch(fitted, records, own)
+    angle = 2 * np.pi * place.values / pitch
+    basis = np.column_stack([np.cos(angle), np.sin(angle)])
+    chance = 2 * float(np.log(tried))
+    force = _gain(_as_force(fitted, records, basis), own, records, samples, seed)
+    reading = _gain(_as_reading(fitted, records, basis), own, records, samples, seed)
+    return Side("fine period", max(force - chance, 0.0), max(reading - chance, 0.0), pitch)
+
+
+def _fine_pitch(fitted: Fit, records: Sequence[Record], own: Freed) -> tuple[float, int]:
+    """(period [m] within FINE, number of periods looked at) of the largest agreement with a reading's error."""
+    width, begin = FINE[0] / 6, 0
+    model = _model(fitted, records)
+    extent = max(float(np.ptp(record.position)) for record in records)
+    count = int(2 ** np.ceil(np.log2(2 * max(extent, 2 * FINE[1]) / width)))
+    power = np.zeros(count // 2 + 1)
+    for record in records:
+        reading = adjoint(model, own.e[begin : begin + record.position.size])[1]
+        begin += record.position.size
+        bins = np.floor((record.position - record.position.min()) / width).astype(int)
+        power += np.abs(np.fft.rfft(np.bincount(bins, reading, count))) ** 2
+    frequency = np.fft.rfftfreq(count, width)
+    inside = np.flatnonzero((frequency >= 1 / FINE[1]) & (frequency <= 1 / FINE[0]))
+    best = inside[int(np.argmax(power[inside]))]
+    return float(1 / frequency[best]), int(inside.size)

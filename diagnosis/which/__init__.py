@@ -1,0 +1,1 @@
+"""Which effect: scan, forward selection, shares."""

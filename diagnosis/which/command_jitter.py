@@ -1,0 +1,127 @@
+"""Commands that act late now and then: no force law repeats them, but they grow with the commands' steps.
+
+A command that is late by a part of a sample acts that long in its predecessor's place: a pulse of force in proportion
+to u[k] - u[k-1]. A constant lateness is a dead time, and re-fitted; one that varies differs between motions that are
+equal otherwise. So what *differs* among equal motions tells whether it does: a law of force repeats and cancels there.
+How much it varies, all motions tell: few steps are large, and of those few are late. What is left is white noise and,
+at every step, the mark m of a pulse whose variance is s^2 (u[k] - u[k-1])^2. The locally best test of s = 0 sums
+(m'e)^2 with these squares as weights (D. Cox, D. Hinkley, Theoretical Statistics, 1974, section 4.8). Noise does not
+know of the command. The scale's rounding does, as it is another while the table moves; so the weights are taken
+orthogonal to a constant and to the share of moving.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from diagnosis.model.fit import Fit
+from diagnosis.model.kalman import SUBSTEPS, Predictor, responses
+from diagnosis.model.motions import Piece, pieces, repeated
+from diagnosis.model.residual import STARTING
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+REACH: Final = 400  # samples over which a pulse leaves its mark
+FEW: Final = 500  # samples of repeated motions
+LATE: Final = 100.0  # chi-square from which on commands are late now and then: clean tables reach 15, loose loads 65
+SELDOM: Final = 2.0  # times the lateness of repeated motions that all may show: more is another law
+RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """Root mean square of the lateness [s], as all motions show it; its chi-square where motions repeat, and what its
+    square scatters by there by chance [s^2]."""
+
+    size: float
+    gain: float
+    scatter: float
+
+
+@dataclass(frozen=True)
+class _Met:
+    """What is left of a stretch of time, by sample (n,): the mean of (m'e)^2 and its degrees of freedom, the mark's
+    energy up to the stretch's end, the squared steps of the command [N^2], and how much of the time the table moves."""
+
+    square: Array
+    freedom: Array
+    energy: Array
+    step: Array
+    moving: Array
+
+
+def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
+    """How much the commands' lateness varies; 0 without repeated motions, which alone can show that it does."""
+    ts = records[0].sample_time
+    model = fitted.candidate.predictor(ts, fitted.walk)
+    left, found = mark(model), pieces(records)
+    signals = [_signals(fitted, i, record) for i, record in enumerate(records)]
+    groups = [[found[i] for i in group if found[i].start >= STARTING] for group in repeated(found, records)]
+    alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
+    if sum(one.step.size for one in alike) < FEW:
+        return Lateness(0.0, 0.0, float("inf"))
+    slope, spread = _slope(alike, left)
+    each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
+    size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
+    return Lateness(ts * float(np.sqrt(size)), max(slope / spread, 0.0) ** 2, ts**2 * spread)
+
+
+def mark(model: Predictor) -> Array:
+    """What a force of 1 N over the first sample leaves in the whitened innovations: (REACH,) [1]."""
+    pulse = np.zeros((1, REACH, SUBSTEPS))
+    pulse[0, 0] = 1.0
+    return np.asarray(responses(model, pulse)[:, 0])
+
+
+def _signals(fitted: Fit, index: int, record: Record) -> tuple[Array, Array, Array]:
+    """Of a record, (n,) each: the innovations, the squared steps of the commands as they act [N^2], and whether the
+    table moves by a step of the scale from sample to sample [1]."""
+    machine, path = fitted.candidate.machine, fitted.paths[index].path.position.mean(axis=1)
+    delay = round(machine.plant.dead_time / record.sample_time)
+    step = np.diff(record.command, prepend=np.full(delay + 1, record.command[0]))[: record.command.size] ** 2
+    moving = np.minimum(np.abs(np.gradient(path)) / (machine.scale.resolution or np.inf), 1.0)
+    return fitted.seen[index].innovations, step, moving
+
+
+def _met_by(signals: Sequence[tuple[Array, Array, Array]], group: Sequence[Piece], left: Array) -> _Met:
+    """Of what differs among equal motions, or of all that one motion leaves; left (REACH,): the mark of a pulse."""
+    cut = [[signal[piece.start : piece.stop] for signal in signals[piece.record]] for piece in group]
+    e, step, moving = (np.stack(parts) for parts in zip(*cut, strict=True))
+    n, freedom = e.shape[1], max(len(group) - 1, 1)
+    if len(group) > 1:
+        e = e - e.mean(axis=0)
+    met = np.stack([fftconvolve(row, left[::-1])[left.size - 1 :] for row in e])
+    energy = np.cumsum(left**2)[np.minimum(np.arange(n)[::-1], left.size - 1)]
+    square = np.sum(met**2, axis=0) / freedom
+    return _Met(square, np.full(n, float(freedom)), energy, step.mean(axis=0), moving.mean(axis=0))
+
+
+def _slope(groups: Sequence[_Met], left: Array) -> tuple[float, float]:
+    """s^2 [1], of the sample time squared, and its deviation where there is none."""
+    alike = fftconvolve(left, left[::-1]) ** 2  # of the marks of two pulses, by the time between them
+
+    def spread_out(signal: Array) -> Array:
+        return np.asarray(fftconvolve(signal, alike)[left.size - 1 :][: signal.size])
+
+    step, square, energy = (
+        np.concatenate([getattr(one, name) for one in groups]) for name in ("step", "square", "energy")
+    )
+    moving, freedom = (np.concatenate([getattr(one, name) for one in groups]) for name in ("moving", "freedom"))
+    few = step <= np.quantile(step, 1 - RARE)
+    beside = np.stack([energy, energy * moving], axis=1) * few[:, None]
+    weight = np.where(few, step, 0.0)
+    weight -= beside @ np.linalg.lstsq(beside, weight, rcond=None)[0]
+    expected = np.concatenate([spread_out(one.step) for one in groups])
+    gained = float(weight @ expected)
+    if gained <= 0:  # no steps but the largest
+        return 0.0, float("inf")
+    variance = float(square[few].mean() / energy[few].mean())
+    spread = variance * float(np.sqrt(2 * np.sum(weight * spread_out(weight) / freedom)))
+    return float(weight @ square) / gained, spread / gained

@@ -1,0 +1,114 @@
+"""Random forces about a frequency, such as the floor's: a place of their own in the predictor, not a column.
+
+What shakes is not locked to the motion, drifts in phase and is another in each record; so it is a random force with a
+frequency, a bandwidth and a level, and what it gains is the likelihood's, of which -2 log is compared like chi-square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from diagnosis.model.fit import Fit
+from diagnosis.model.kalman import Resonance
+from diagnosis.model.residual import STARTING, Seen, look
+from diagnosis.which.scan import Freed, adjoints
+from models.effects.base import parameters
+from models.effects.structure import FloorVibration
+from models.records.record import Record
+
+BANDWIDTHS: Final = (0.1,)  # Hz
+ASIDE: Final = (
+    0.7,
+    1.4,
+)  # frequencies, relative, at which the same force must gain less: else it only follows slow ones
+LEVELS: Final = (0.01, 0.03, 0.1, 0.3)  # N
+TRIED: Final = 3  # frequencies
+BLOCK: Final = 1.5  # s, over which power is averaged
+
+
+@dataclass(frozen=True)
+class Shaking:
+    """A random force and what it gains of -2 log likelihood with everything else held; steady: how much of its mean
+    power is there half of the time [1]."""
+
+    resonance: Resonance
+    gain: float
+    steady: float = 1.0
+
+    @property
+    def effect(self) -> FloorVibration:
+        """The sine of equal power."""
+        return FloorVibration(2**0.5 * self.resonance.level, self.resonance.frequency, 0.0)
+
+
+def shaking(fitted: Fit, records: Sequence[Record], own: Freed) -> Shaking:
+    """The random force that gains the most beside what is in the model; its gain over that of its neighbours."""
+    best: Shaking | None = None
+    before = _likelihood(fitted.seen)
+    for frequency in _frequencies(fitted, records, own):
+        for bandwidth in BANDWIDTHS:
+            for level in LEVELS:
+                found = _tried(fitted, records, Resonance(frequency, bandwidth, level), before)
+                if best is None or found.gain > best.gain:
+                    best = found
+    assert best is not None
+    line = best.resonance
+    aside = max(_tried(fitted, records, replace(line, frequency=line.frequency * f), before).gain for f in ASIDE)
+    steady = _steady(fitted, line.frequency, records[0].sample_time)
+    return replace(best, gain=best.gain - max(aside, 0.0), steady=steady)
+
+
+def _steady(fitted: Fit, frequency: float, sample_time: float) -> float:
+    """Median over mean of the innovations' power about a frequency [Hz]: what shakes the floor does so at rest too."""
+    near = butter(2, np.array([0.8, 1.25]) * frequency, "bandpass", fs=1 / sample_time, output="sos")
+    power = []
+    for seen in fitted.seen:
+        band = sosfiltfilt(near, seen.innovations)
+        parts = max(round(band.size * sample_time / BLOCK), 1)
+        power += [float(np.mean(part**2)) for part in np.array_split(band, parts)]
+    return float(np.median(power) / np.mean(power))
+
+
+def _tried(fitted: Fit, records: Sequence[Record], resonance: Resonance, before: float) -> Shaking:
+    candidate = replace(fitted.candidate, shaken=(*fitted.candidate.shaken, resonance))
+    return Shaking(resonance, before - _likelihood(look(candidate, records, fitted.paths, fitted.walk)))
+
+
+def _likelihood(seen: Sequence[Seen]) -> float:
+    """-2 log, but for a constant."""
+    return sum(
+        float(np.sum(one.innovations[STARTING:] ** 2))
+        + 2 * (one.innovations.size - STARTING) * float(np.log(one.deviation))
+        for one in seen
+    )
+
+
+def _frequencies(fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
+    """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
+    kinds = (FloorVibration, fitted.candidate.layout.machine.kinds[FloorVibration.name])
+    usual, stated = (next(item for item in parameters(kind) if item.name == "frequency") for kind in kinds)
+    grid = np.geomspace(min(usual.low, stated.low), max(usual.high, stated.high), 400)
+    power = np.zeros(grid.size)
+    for record, force, _ in adjoints(fitted, records, own):
+        n = int(2 ** np.ceil(np.log2(force.size)))
+        spectrum = np.abs(np.fft.rfft(force, n)) ** 2 / force.size
+        power += np.interp(grid, np.fft.rfftfreq(n, record.sample_time), _smooth(spectrum, 5))
+    about = np.array([np.median(power[max(i - 40, 0) : i + 41]) for i in range(grid.size)])
+    found: list[float] = []
+    for i in np.argsort(-power / about):
+        if stated.low * 0.99 <= grid[i] <= stated.high * 1.01 and all(
+            abs(np.log(grid[i] / other)) > 0.15 for other in found
+        ):
+            found.append(float(grid[i]))
+        if len(found) == TRIED:
+            break
+    return found
+
+
+def _smooth(spectrum: np.ndarray, width: int) -> np.ndarray:
+    return np.convolve(spectrum, np.ones(width) / width, mode="same")

@@ -1,0 +1,66 @@
+"""What effects ask of the thrust along x_T*, so that a controller can put it out ahead of the error that they make.
+
+The effects are replayed along x_T* (kernel.replay) with the compensator's friction, and once without them. What they
+make of the friction F, the external force d and the thrust is met by c[k], held as the thrust is:
+
+    c[k] = mean over its interval of  F - F without effects - d + u - T(u),   u = u_ff + u_rf + c
+
+T is what thrust hooks make of a thrust. c is on both sides, so it is found in ROUNDS rounds: with each the error is
+smaller by the effect's relative size. More would do a lag no good: its inverse asks for thrust that no drive has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from models.effects.base import Effect
+from models.friction import Friction, elements
+from models.simulation.effect_kernel import Path, replay
+
+Array = NDArray[np.float64]
+
+PARTS: Final = 4  # substeps of an interval of the thrust
+ROUNDS: Final = 2
+BEFORE: Final = 3  # intervals of rest before the start, the first of which no motion reaches
+NO_FRICTION: Final = elements([0.0], [1.0])
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """Effects to be met along x_T*, in the catalogue's order; late [s]: how far behind the sample of x_T* at k T_s the
+    thrust of sample k begins to act, the part of the dead time that is no whole sample.
+    """
+
+    effects: tuple[Effect, ...]
+    late: float
+
+
+def ahead_thrust(ahead: Ahead, friction: Friction | None, position: Array, thrust: Array, sample_time: float) -> Array:
+    """The thrust c (n,) [N] that meets the effects along x_T* `position` (n,) [m], from rest at 0 before its start.
+
+    friction: the compensator's elements, virgin at the start; thrust (n,) [N]: all else that is put out. What the
+    effects ask for at rest at the start is held by the feedback, so c is the departure from it.
+    """
+    rubbing, path = friction or NO_FRICTION, _path(position, sample_time, ahead.late)
+    known = np.concatenate([np.zeros(BEFORE), thrust])
+    plain = replay(rubbing, (), replace(path, command=known), 0.0).friction
+    added = np.zeros(known.size)
+    for _ in range(ROUNDS):
+        sent = known + added
+        met = replay(rubbing, ahead.effects, replace(path, command=sent), 0.0, start=0.0)
+        added = sent + np.mean(met.friction - plain - met.force - met.thrust, axis=1)
+    return np.asarray(added[BEFORE:] - added[0], float)
+
+
+def _path(position: Array, sample_time: float, late: float) -> Path:
+    """The intervals of the thrust along x_T*, BEFORE at rest before them; between samples a cubic without overshoot."""
+    n, after = position.size, np.full(2, position[-1])
+    course = PchipInterpolator(np.arange(-BEFORE, n + 2), np.concatenate([np.zeros(BEFORE), position, after]))
+    samples = np.arange(-BEFORE, n) + late / sample_time
+    middles = samples[:, None] + (np.arange(PARTS) + 0.5) / PARTS
+    return Path(sample_time, course(middles), course(middles, 1) / sample_time, course(samples), np.zeros(samples.size))

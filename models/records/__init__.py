@@ -1,0 +1,1 @@
+"""Measured signals: the record, how files name its columns, reading and checking."""

@@ -1,0 +1,283 @@
+"""What can be wrong with a record, each with its sentence: what makes it useless raises, the rest is said.
+
+Symbols: n samples; T_s the sample time [s]; u the command [N], x the position [m], x_T* the reference [m].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from models.controller import PID
+from models.quantity import show
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+UNEVEN: Final = 0.01  # of the sample time: rounding of a time column is below, a wandering clock above
+THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its inverse
+LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
+SATURATED: Final = 3  # samples in a row at the extreme of the command
+
+
+class RecordError(ValueError):
+    """A record that can't be used; the message is one sentence: what, where, what to do."""
+
+
+def check_samples(signals: Mapping[str, Array], names: Mapping[str, str]) -> float:
+    """The sample time [s] of the signals (n,), time among them [SI]. Raises RecordError for NaN, gaps, uneven steps.
+
+    names: what the file calls each signal.
+    """
+    time = signals["time"]
+    if time.size < 16:
+        raise RecordError(f"{time.size} samples are too few; give 16 at least")
+    for signal, column in signals.items():
+        wrong = np.flatnonzero(~np.isfinite(column))
+        if wrong.size:
+            raise RecordError(
+                f"column {names[signal]!r} has {wrong.size} values that are no numbers, the first in row "
+                f"{wrong[0] + 1}; cut the record there or export it again"
+            )
+    step = np.diff(time)
+    sample_time = float(np.median(step))
+    if sample_time <= 0 or np.any(step <= 0):
+        raise RecordError(_backward(signals, names, step))
+    gaps = np.flatnonzero(step > 1.5 * sample_time)
+    uneven = float(np.max(np.abs(step - sample_time))) / sample_time
+    if gaps.size and np.all(np.abs(step[gaps] / sample_time - np.round(step[gaps] / sample_time)) < 2 * UNEVEN):
+        missing = int(np.sum(np.round(step[gaps] / sample_time) - 1))
+        raise RecordError(
+            f"{missing} samples are missing in {gaps.size} gap{'s' * (gaps.size > 1)}, the first behind row "
+            f"{gaps[0] + 1} at {show(float(time[gaps[0]]), 's')}; give the part before or behind as a record of its own"
+        )
+    if uneven > UNEVEN:
+        raise RecordError(
+            f"uneven sampling: steps of {names['time']!r} between {show(float(step.min()), 's')} and "
+            f"{show(float(step.max()), 's')}; record with a fixed sample time, or resample and say so"
+        )
+    return float((time[-1] - time[0]) / (time.size - 1))
+
+
+def _backward(signals: Mapping[str, Array], names: Mapping[str, str], step: Array) -> str:
+    """The sentence for a time that does not rise; another column that does may have been meant."""
+    for signal, column in signals.items():
+        rise = np.diff(column)
+        if signal != "time" and np.all(rise > 0) and np.ptp(rise) < UNEVEN * np.median(rise):
+            return f"columns {names['time']!r} and {names[signal]!r} are swapped: the latter rises evenly, as time does"
+    row = int(np.argmax(step <= 0)) + 2
+    return f"column {names['time']!r} does not rise in row {row}; sort the rows, or map the right column to time"
+
+
+def findings(
+    record: Record,
+    given: Iterable[str],
+    *,
+    pid: PID | None = None,
+    reference_delay: int = 0,
+    sample_time: float | None = None,
+    mass: float | None = None,
+    limit: float | None = None,
+) -> tuple[str, ...]:
+    """Sentences on a record that can be used [SI]; raises RecordError for one that can't.
+
+    What is nominally known helps to see more: the PID that ran and its reference's delay [samples], the machine's
+    sample time [s], its mass [kg], the thrust limit [N].
+    """
+    given = set(given)
+    _constant(record)
+    if sample_time is not None:
+        _sample_time(record, sample_time)
+    _swapped(record, given)
+    _scale(record, given, mass)
+    sentences = [*_saturation(record, limit), *_step(record)]
+    if pid is not None and {"reference", "command"} <= given:
+        sentences += _shift(record, pid, reference_delay)
+    return tuple(sentences)
+
+
+def quantisation(signal: Array) -> float:
+    """The step [as the signal's unit] on whose multiples all differences of a signal (n,) lie; 0 if there is none."""
+    levels = np.unique(signal)
+    apart = np.diff(levels)
+    apart = apart[apart > 1e-9 * np.max(np.abs(levels), initial=0.0)]
+    if apart.size == 0 or levels.size > 0.6 * signal.size:
+        return 0.0
+    step = float(np.min(apart))
+    step = float(np.median(apart[apart < 1.5 * step]))
+    counts = apart / step
+    return step if float(np.max(np.abs(counts - np.round(counts)) / np.maximum(counts, 1))) < 0.02 else 0.0
+
+
+def replay(record: Record, pid: PID, reference_delay: int) -> Array:
+    """u (n,) [N] that this PID makes of the record's reference, feedforward and position; from I = 0, d = 0."""
+    error = _waiting(record, reference_delay) - record.position
+    integral = pid.ki * record.sample_time * np.cumsum(error)
+    return np.asarray(
+        pid.kp * error + integral + pid.kd * _slope(error, pid, record.sample_time) + record.feedforward, float
+    )
+
+
+def derivative_of_error(record: Record, pid: PID, reference_delay: int) -> Record:
+    """A record whose PID took the derivative of the position, as one whose PID took it of the error: the same
+    commands [N], where the reference's derivative is taken off the feedforward."""
+    added = pid.kd * _slope(_waiting(record, reference_delay), pid, record.sample_time)
+    return replace(record, feedforward=record.feedforward - added)
+
+
+def _waiting(record: Record, reference_delay: int) -> Array:
+    """The reference (n,) [m] as the PID has it."""
+    return np.concatenate([np.full(reference_delay, record.reference[0]), record.reference])[: record.reference.size]
+
+
+def _slope(signal: Array, pid: PID, ts: float) -> Array:
+    """d (n,) [m/s] of the PID over a signal (n,) [m]; from d = 0."""
+    keep = pid.derivative_filter / (pid.derivative_filter + ts)
+    return np.asarray(lfilter([1.0, -1.0], [ts / (1 - keep), -keep * ts / (1 - keep)], signal), float)
+
+
+def _constant(record: Record) -> None:
+    for name in ("position", "command"):
+        signal: Array = getattr(record, name)
+        if np.ptp(signal) == 0:
+            raise RecordError(f"the {name} is constant at {signal[0]:g}; map the column that holds it, or record it")
+
+
+def _sample_time(record: Record, nominal: float) -> None:
+    ratio = record.sample_time / nominal
+    if _thousand(ratio):
+        raise RecordError(
+            f"the sample time is {show(record.sample_time, 's')} and the machine's {show(nominal, 's')}, a factor of "
+            "1000: the time's unit is wrong; mark it, as in [ms]"
+        )
+
+
+def _thousand(ratio: float) -> bool:
+    size = abs(ratio)
+    return THOUSAND[0] < size < THOUSAND[1] or 1 / THOUSAND[1] < size < 1 / THOUSAND[0]
+
+
+def _correlation(one: Array, other: Array) -> float:
+    if np.ptp(one) == 0 or np.ptp(other) == 0:
+        return 0.0
+    return float(np.corrcoef(one, other)[0, 1])
+
+
+def _roughness(signal: Array) -> float:
+    """Second differences against the whole: a position is smooth, the force that drives it is not."""
+    return float(np.std(np.diff(signal, 2)) / np.std(signal))
+
+
+def _swapped(record: Record, given: set[str]) -> None:
+    moved = "reference" in given and np.ptp(record.reference) > 0
+    if moved:
+        position, command = (abs(_correlation(s, record.reference)) for s in (record.position, record.command))
+        swapped = command > 0.9 and command > position + 0.2
+    else:
+        swapped = _roughness(record.position) > 30 * _roughness(record.command)
+    if swapped:
+        raise RecordError(
+            "position and command look swapped: the command is what follows the reference, or is the smoother one; "
+            "map each to its column"
+        )
+    if moved and quantisation(record.reference) > 0 and quantisation(record.position) == 0 and len(given) > 3:
+        raise RecordError(
+            "reference and position look swapped: the reference has the steps of a scale and the position none; "
+            "map each to its column"
+        )
+
+
+def _scale(record: Record, given: set[str], mass: float | None) -> None:
+    """A factor of 1000 or a turned sign between position and reference, else between command and inertia."""
+    if "reference" in given and np.ptp(record.reference) > 0:
+        slope = float(np.polyfit(record.reference, record.position, 1)[0])
+        if abs(_correlation(record.reference, record.position)) > 0.9:
+            if _thousand(slope):
+                raise RecordError(
+                    f"the position moves {abs(slope):.4g} times as far as the reference, a factor of 1000: the unit of "
+                    "one of them is wrong; mark it, as in [mm]"
+                )
+            if slope < 0:
+                raise RecordError('the position moves against the reference: a sign is wrong; turn it by "NAME * -1"')
+    if mass is not None:
+        ratio, explained = _apparent_mass(record)
+        if explained > 0.5 and _thousand(ratio / mass):
+            raise RecordError(
+                f"the command moves a mass of {show(ratio, 'kg')} where {show(mass, 'kg')} are known, "
+                "a factor of 1000: the unit of command or position is wrong; mark it"
+            )
+
+
+def _apparent_mass(record: Record) -> tuple[float, float]:
+    """(mass [kg], share of the command's variance explained) of u = m a + c sign(v) + b, smoothed over 20 samples."""
+    width = np.hanning(22)[1:-1] / np.sum(np.hanning(22))
+    x, u = (np.convolve(signal, width, "valid") for signal in (record.position, record.command))
+    speed = np.gradient(x, record.sample_time)
+    columns = np.column_stack([np.gradient(speed, record.sample_time), np.sign(speed), np.ones(x.size)])[20:-20]
+    u = u[20:-20]
+    if u.size < 20 or np.std(u) == 0:
+        return 0.0, 0.0
+    scale = np.maximum(np.max(np.abs(columns), axis=0), 1e-300)
+    weights = np.linalg.lstsq(columns / scale, u, rcond=None)[0]
+    fitted = (columns / scale) @ weights
+    return float(weights[0] / scale[0]), 1 - float(np.var(u - fitted) / np.var(u))
+
+
+def _saturation(record: Record, limit: float | None) -> Iterator[str]:
+    u = record.command
+    top = float(np.max(np.abs(u)))
+    at_top = np.abs(np.abs(u) - top) < 1e-9 * top
+    together = np.convolve(at_top, np.ones(SATURATED), "valid") >= SATURATED
+    if np.any(together) and np.ptp(np.diff(u)) > 0:
+        yield (
+            f"The command is saturated: {int(np.sum(at_top))} samples stand at its extreme of {show(top, 'N')}; "
+            "the drive may not have followed there, so cut those parts out."
+        )
+    elif limit is not None and top > limit * (1 + 1e-9):
+        beyond = int(np.sum(np.abs(u) > limit))
+        yield (
+            f"The command goes beyond the rated {show(limit, 'N')} in {beyond} samples; the drive may not have "
+            "followed there, so cut those parts out if it did not."
+        )
+
+
+def _step(record: Record) -> Iterator[str]:
+    step = quantisation(record.position)
+    if step > 0:
+        yield f"The position has steps of {show(step, 'm')}: the resolution of its scale."
+    force = quantisation(record.command)
+    if force > 1e-3 * float(np.std(record.command)):
+        yield f"The command has steps of {show(force, 'N')}."
+
+
+def _shift(record: Record, pid: PID, reference_delay: int) -> Iterator[str]:
+    """A delay between channels: the shift at which the replayed controller agrees best with the logged command."""
+    made = np.diff(replay(record, pid, reference_delay))
+    logged = np.diff(record.command)
+    n, most = made.size, LONGEST_SHIFT
+    middle = slice(60 + most, n - most)
+    if n < 200 + 2 * most or np.std(logged[middle]) == 0:
+        return
+    left = {
+        shift: float(np.std(logged[middle] - made[middle.start - shift : middle.stop - shift]))
+        for shift in range(-most, most + 1)
+    }
+    best = min(left, key=lambda shift: left[shift])
+    share = left[best] / float(np.std(logged[middle]))
+    if best != 0 and share < 0.5 and left[best] < 0.5 * left[0]:
+        late = "late" if best > 0 else "early"
+        yield (
+            f"A delay between channels: the command is logged {abs(best)} sample{'s' * (abs(best) > 1)} "
+            f"({show(abs(best) * record.sample_time, 's')}) {late} against position and reference; shift it back, "
+            "or dead times come out wrong by as much."
+        )
+    elif share > 0.5:
+        yield (
+            "The stated controller does not reproduce the logged command; its gains, delay or columns differ, or it "
+            "has terms that this PID has not."
+        )

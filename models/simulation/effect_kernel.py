@@ -1,0 +1,296 @@
+"""The loops with effects: the closed loop of models/simulation/kernel.py with hooks, and the replay along a given path.
+
+In both, everything within a substep is taken at its middle: second order in its length.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.compiled import compiled, inlined
+from models.effects.base import MOVED, U_LAW, E, Effect, H, T, U, V, X
+from models.friction import Friction
+from models.plant import delay_split
+from models.simulation.hooks import COMMAND, CONTROL, FORCE, FRICTION, LIMIT, PATH, READING, THRUST, Hooks, act, pack
+from models.simulation.kernel import Loop, Run, clipped, pid_step, quantised
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ACTING: Final = {
+    "thrust": frozenset({"command", "thrust"}),
+    "friction": frozenset({"path", "limit", "friction"}),
+    "force": frozenset({"force"}),
+    "reading": frozenset({"reading"}),
+}
+"""What acts along a path, and the hooks that change it."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """Where the table went: position (n, M) [m] and speed (n, M) [m/s] at the middles of M equal substeps of each
+    sample interval, that from sample k to k + 1; at_samples (n,) [m]; the logged command (n,) [N]; sample_time [s].
+    """
+
+    sample_time: float
+    position: Array
+    speed: Array
+    at_samples: Array
+    command: Array
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What acts along a path: thrust, friction, force (n, M) [N] over each substep; reading (n,) [m] less the position.
+
+    sent: the commands as the drive takes them in, after the dead time and the limit (n, M) [N]; thrust: what all that
+    acts on it makes of them. force: the external one. state: the elements' displacements (N,) [m] at the end.
+    """
+
+    sent: Array
+    thrust: Array
+    friction: Array
+    force: Array
+    reading: Array
+    state: Array
+
+
+def replay(
+    friction: Friction,
+    effects: Sequence[Effect],
+    path: Path,
+    dead_time: float,
+    *,
+    state: ArrayLike | None = None,
+    thrust_limit: float = math.inf,
+    start: float | None = None,
+    known: Mapping[str, Array] = MappingProxyType({}),
+) -> Replayed:
+    """Friction and effects along a path, without plant and controller; effects in the catalogue's order.
+
+    dead_time [s], of which a substep in which the thrust changes takes its share. state: the elements' displacements
+    (N,) [m] before the path, default 0. thrust_limit [N]. start [N]: the command before the first, default that one.
+    known: what is to be taken from an earlier answer for the same path, see `kept`; only the rest is computed.
+    """
+    anew = ACTING.keys() - known.keys()
+    course = _Course(path.sample_time, *(np.ascontiguousarray(signal, float) for signal in _signals(path)))
+    contact, empty = _contact(friction, state), np.empty((0, 0))
+    hooks = pack([effect for effect in effects if not touched(effect).isdisjoint(anew)], contact.shape[1])
+    found = dict(known)
+    if not anew.isdisjoint({"reading", "thrust"}):
+        reading, taken = _sampled(course, hooks, contact)
+        if "reading" in anew:
+            found["reading"] = reading
+        if "thrust" in anew:
+            before = float(course.command[0] if start is None else start)
+            found["sent"] = _sent(taken, course, dead_time, thrust_limit, before)
+    flags = np.array([name in anew for name in ("thrust", "friction", "force")])
+    if flags.any():
+        thrust, rubbing, force = (np.empty_like(course.position) if flag else empty for flag in flags)
+        elements = np.array([friction.limit, friction.damping])
+        _along(course, elements, hooks, contact, found["sent"], (thrust, rubbing, force), flags)
+        found = {"thrust": thrust, "friction": rubbing, "force": force} | found
+        found["state"] = contact[0] if flags[1] else known["state"]
+    return Replayed(**found)
+
+
+def kept(acts: Replayed, anew: Collection[str]) -> dict[str, Array]:
+    """What of an answer of `replay` stays, by field (SI), where only `anew`, keys of ACTING, is computed again."""
+    also = {"thrust": ("sent",), "friction": ("state",)}
+    names = [field for name in ACTING if name not in anew for field in (name, *also.get(name, ()))]
+    return {name: getattr(acts, name) for name in names}
+
+
+def touched(effect: Effect) -> frozenset[str]:
+    """What an effect acts on: keys of ACTING."""
+    return frozenset(name for name, places in ACTING.items() if not places.isdisjoint(effect.hooks))
+
+
+def changed(before: Sequence[Effect], now: Sequence[Effect]) -> frozenset[str]:
+    """What acts otherwise along a path with the effects `now` than with those `before`: keys of ACTING.
+
+    Other commands change all that effects make of a thrust reference: any of their hooks may look at it.
+    """
+    differing = [effect for effect in (*before, *now) if before.count(effect) != now.count(effect)]
+    found = frozenset[str]().union(*map(touched, differing))
+    if any("command" in effect.hooks for effect in differing):
+        found = found.union(*map(touched, now))
+    return coupled(found, now)
+
+
+def coupled(anew: Collection[str], effects: Sequence[Effect]) -> frozenset[str]:
+    """What has to be computed anew together: an effect's hooks share their memory; keys of ACTING."""
+    found = frozenset(anew)
+    while True:
+        more = found.union(*(touched(effect) for effect in effects if not touched(effect).isdisjoint(found)))
+        if more == found:
+            return found
+        found = more
+
+
+class _Course(NamedTuple):
+    """A Path as the loops read it."""
+
+    sample_time: float
+    position: Array
+    speed: Array
+    at_samples: Array
+    command: Array
+
+
+def _signals(path: Path) -> tuple[Array, ...]:
+    return path.position, path.speed, path.at_samples, path.command
+
+
+def _contact(friction: Friction, state: ArrayLike | None) -> Array:
+    """Rows z, stiffness and limit of the elements; see base.py."""
+    z = np.zeros(len(friction.limit)) if state is None else np.asarray(state, float)
+    return np.array([z, friction.stiffness, friction.limit])
+
+
+def _sent(taken: Array, course: _Course, dead_time: float, thrust_limit: float, before: float) -> Array:
+    """The thrust reference (n, M) [N] of the commands that the drive takes in (n,) [N], after `before` [N]."""
+    n, parts = course.position.shape
+    delay, rest = delay_split(dead_time, course.sample_time)
+    late = np.clip(np.concatenate([np.full(delay + 1, before), taken])[: n + 1], -thrust_limit, thrust_limit)
+    share = np.clip(rest * parts / course.sample_time - np.arange(parts), 0.0, 1.0)  # of a substep before the change
+    return np.asarray(share * late[:-1, None] + (1.0 - share) * late[1:, None])
+
+
+@compiled
+def _sampled(course: _Course, hooks: Hooks, contact: Array) -> tuple[Array, Array]:
+    """What acts once a sample: the reading less the position (n,) [m], and the commands as the drive takes them in."""
+    at, speed, command = course.at_samples, course.speed, course.command
+    now, last = np.zeros(8), speed.shape[1] - 1
+    reading, taken = np.empty(command.size), np.empty(command.size)
+    for k in range(command.size):
+        now[T], now[X], now[H], now[U] = k * course.sample_time, at[k], course.sample_time, command[k]
+        now[V] = 0.5 * (speed[k - 1, last] + speed[k, 0]) if k > 0 else speed[0, 0]
+        reading[k] = act(READING, at[k], hooks, now, contact) - at[k]
+        taken[k] = act(COMMAND, command[k], hooks, now, contact)
+    return reading, taken
+
+
+@compiled
+def _along(
+    course: _Course,
+    elements: Array,
+    hooks: Hooks,
+    contact: Array,
+    sent: Array,
+    acting: tuple[Array, Array, Array],
+    anew: Flags,
+) -> None:
+    """What acts every substep: thrust, friction and external force (n, M), each written to where `anew` (3,) says so.
+
+    elements: see `rubbed`. sent (n, M): the thrust as it comes from the drive.
+    """
+    position, speed, now = course.position, course.speed, np.zeros(8)
+    thrust, friction, force = acting
+    n, parts = position.shape
+    h = course.sample_time / parts
+    at = seen = course.at_samples[0]
+    for k in range(n):
+        for j in range(parts):
+            middle = position[k, j]
+            now[T], now[X], now[V], now[H] = (k * parts + j + 0.5) * h, middle, speed[k, j], h
+            now[U], now[MOVED] = sent[k, j], middle - at
+            if anew[0]:
+                thrust[k, j] = act(THRUST, sent[k, j], hooks, now, contact)
+            if anew[2]:
+                force[k, j] = act(FORCE, 0.0, hooks, now, contact)
+            if anew[1]:
+                seen, friction[k, j] = rubbed(middle, seen, elements, hooks, now, contact)
+            at = middle
+
+
+@compiled
+def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
+    """Advances one machine over the n samples of `run`; what `models.simulation.kernel.run_one` does, with hooks.
+
+    The plant's modes in `loop` have those of the effects behind them. The PID's integral holds the external force of
+    the start, too.
+    """
+    phi, gamma, state = loop.phi, loop.gamma, run.state
+    modes, n = state.shape[0], run.reference.size
+    contact, elements = np.empty((3, run.z.size)), np.empty((2, run.z.size))
+    contact[0], contact[1], contact[2] = run.z, loop.stiffness, loop.limit
+    elements[0], elements[1] = loop.limit, loop.damping
+    now, aside, trial, taken = np.zeros(8), np.empty(hooks.memory.size), contact.copy(), np.empty(n)
+    aside[:], now[H] = hooks.memory, 0.5 * loop.step[1]
+    start = run.start - act(FORCE, 0.0, hooks, now, contact)
+    hooks.memory[:] = aside
+    integral, slope, previous = start, 0.0, 0.0
+    acceleration = x = v = 0.0
+    for j in range(modes):
+        x += state[j, 0]
+        v += state[j, 1]
+    at = seen = x  # where the table stood when its contacts were last moved, and where they saw themselves
+    behind = 0.0  # time since then
+    for k in range(n):
+        now[T], now[X], now[V], now[H] = k * loop.sample_time, x, v, loop.sample_time
+        run.position[k] = x
+        run.reading[k] = quantised(act(READING, x, hooks, now, contact) + run.noise[k], loop.resolution)
+        error = run.reference[max(k - loop.delays[1], 0)] - run.reading[k]
+        feedback, integral, slope = pid_step(error, previous, integral, slope, loop.gains, loop.sample_time)
+        previous = error
+        command = feedback + run.feedforward[k]
+        now[U], now[E], now[U_LAW] = command, error, feedback
+        run.command[k] = act(CONTROL, command, hooks, now, contact)
+        now[U] = run.command[k]
+        taken[k] = act(COMMAND, run.command[k], hooks, now, contact)
+        aside[:], trial[:] = hooks.memory, contact  # the friction at x, but everything stays where it is
+        now[H], now[MOVED] = behind if k > 0 else 0.5 * loop.step[1], x - at
+        run.friction[k] = rubbed(x, seen, elements, hooks, now, trial)[1]
+        hooks.memory[:] = aside
+        for part in range(2):
+            sent = k - loop.delays[0] - 1 + part
+            thrust = clipped(taken[sent] if sent >= 0 else start, loop.thrust_limit)
+            h = loop.step[part]
+            for i in range(loop.counts[part]):
+                middle, ahead = x + 0.5 * h * v, v + 0.5 * h * acceleration
+                now[T] = k * loop.sample_time + part * loop.counts[0] * loop.step[0] + (i + 0.5) * h
+                now[X], now[V], now[H], now[U], now[MOVED] = middle, ahead, h, thrust, middle - at
+                driven = act(THRUST, thrust, hooks, now, contact) - loop.offset
+                external = act(FORCE, 0.0, hooks, now, contact)
+                now[H] = behind + 0.5 * h
+                seen, force = rubbed(middle, seen, elements, hooks, now, contact)
+                at, behind = middle, 0.5 * h
+                net = driven - force + external
+                before = v
+                x = v = 0.0
+                for j in range(modes):
+                    q, rate = state[j, 0], state[j, 1]
+                    state[j, 0] = phi[part, j, 0] * q + phi[part, j, 1] * rate + gamma[part, j, 0] * net
+                    state[j, 1] = phi[part, j, 2] * q + phi[part, j, 3] * rate + gamma[part, j, 1] * net
+                    x += state[j, 0]
+                    v += state[j, 1]
+                acceleration = (v - before) / h
+    run.z[:] = contact[0]
+
+
+@inlined
+def rubbed(at: float, seen: float, elements: Array, hooks: Hooks, now: Array, contact: Array) -> tuple[float, float]:
+    """Moves the friction's contacts to the position `at` [m]: (where they now see themselves [m], friction [N]).
+
+    seen: where they saw themselves before. elements: rows X_i [m] and D_i [N s/m]. now: of this move, with MOVED the
+    table's, and afterwards the contacts'.
+    """
+    sight = act(PATH, at, hooks, now, contact)
+    now[MOVED] = sight - seen
+    factor = act(LIMIT, 1.0, hooks, now, contact)
+    force = 0.0
+    limit, damping = elements[0], elements[1]
+    for i in range(limit.size):
+        contact[2, i] = factor * limit[i]
+        contact[0, i] = clipped(contact[0, i] + now[MOVED], contact[2, i])
+        stuck = contact[1, i] * contact[0, i]
+        force += stuck if damping[i] == 0.0 else clipped(stuck + damping[i] * now[V], contact[1, i] * contact[2, i])
+    return sight, act(FRICTION, force, hooks, now, contact)

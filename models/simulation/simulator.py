@@ -1,0 +1,213 @@
+"""The sampled loop of Figs. 6 and 13 around the nonsmooth machine; plain numpy, compiled where hot (kernel.py).
+
+Within a sample the modes move exactly under a held input, in substeps of length h. Over a substep the friction is
+that of the predicted mid-step position x + v h / 2, up to which every element has moved and slipped: second order in
+h, as a midpoint rule is, at one evaluation a substep. The thrust changes where it does: L after the sample that put
+it out, also within a sample.
+
+`simulate` runs one machine; `simulate_many` runs variations side by side in one call, equal to `simulate` bit for bit.
+A machine's effects (models/effects) act in both. They set in at the first sample, except that the PID's integral holds
+the external force at the start, too: let a run begin with a halt where they have to settle. The drive's offset is held
+by an integral from the start, too; a PID without one (ki = 0) does not hold it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.controller import Controller, References, references
+from models.machine import Machine
+from models.plant import delay_split, matrices, transition
+from models.records.record import Record
+from models.simulation.effect_kernel import run_effects
+from models.simulation.hooks import pack
+from models.simulation.kernel import Loop, Run, run_many, run_one
+
+Array = NDArray[np.float64]
+
+LOGGED: Final = ("reading", "command", "position", "friction")  # signals that a run writes at every sample
+
+
+@dataclass(frozen=True)
+class Response:
+    """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples (n,).
+
+    elements: the displacements z (N,) [m] of the friction elements at the end of the run.
+    """
+
+    record: Record
+    position: Array
+    friction: Array
+    elements: Array
+
+    def last(self, count: int) -> Response:
+        """The last `count` samples."""
+        return Response(self.record.last(count), self.position[-count:], self.friction[-count:], self.elements)
+
+
+def simulate(
+    machine: Machine,
+    controller: Controller,
+    target: ArrayLike,
+    *,
+    substeps: int = 10,
+    seed: int = 0,
+    initial_friction: ArrayLike | None = None,
+    given: References | None = None,
+) -> Response:
+    """Response to a target r (n,) [m], from rest at r = 0 with the PID's integral holding the friction's force.
+
+    substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
+    default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
+    as a slow stroke with an excitation on u_ff. Raises ValueError if machine and controller differ in sample time.
+    """
+    r = np.asarray(target, float)
+    known = given or references(controller, r)
+    return _alone(machine, r, _prepare(machine, controller, known, substeps, seed, initial_friction))
+
+
+def simulate_many(
+    machines: Sequence[Machine],
+    controllers: Sequence[Controller],
+    target: ArrayLike,
+    *,
+    substeps: int = 10,
+    seed: int = 0,
+    initial_friction: ArrayLike | None = None,
+    given: References | Sequence[References] | None = None,
+) -> tuple[Response, ...]:
+    """`simulate` for machines[i] with controllers[i], all over the same target, in one call; the same options.
+
+    given: for all machines, or given[i] for each. Machines with equal numbers of modes and elements and equal delays in
+    whole samples run side by side, except those with effects, which run one by one.
+    """
+    r = np.asarray(target, float)
+    if given is None:
+        made = {controller: references(controller, r) for controller in set(controllers)}  # often there is but one
+        given = [made[controller] for controller in controllers]
+    known = [given] * len(machines) if isinstance(given, References) else given
+    prepared = [
+        _prepare(machine, controller, its, substeps, seed, initial_friction)
+        for machine, controller, its in zip(machines, controllers, known, strict=True)
+    ]
+    groups: dict[object, list[int]] = {}
+    responses: dict[int, Response] = {}
+    for i, (loop, run) in enumerate(prepared):
+        if machines[i].effects:
+            responses[i] = _alone(machines[i], r, prepared[i])
+            continue
+        key = (
+            loop.sample_time,
+            *loop.delays,
+            *loop.counts,
+            run.state.shape,
+            run.z.shape,
+            bool(np.any(loop.damping > 0)),
+        )
+        groups.setdefault(key, []).append(i)
+    for members in groups.values():
+        loop, run = _side_by_side([prepared[i] for i in members])
+        run_many(loop, run)
+        for lane, i in enumerate(members):
+            responses[i] = _response(machines[i], r, _lane(run, lane))
+    return tuple(responses[i] for i in range(len(prepared)))
+
+
+def _alone(machine: Machine, target: Array, prepared: tuple[Loop, Run]) -> Response:
+    """The response of one machine."""
+    loop, run = prepared
+    if machine.effects:
+        run_effects(loop, run, pack(machine.effects, run.z.size))
+    else:
+        run_one(loop, run)
+    return _response(machine, target, run)
+
+
+def _prepare(
+    machine: Machine,
+    controller: Controller,
+    given: References,
+    substeps: int,
+    seed: int,
+    initial_friction: ArrayLike | None,
+) -> tuple[Loop, Run]:
+    if controller.sample_time != machine.sample_time:
+        raise ValueError(
+            f"the controller runs at {controller.sample_time:g} s and the machine at {machine.sample_time:g} s; "
+            "design the controller for this machine's sample time"
+        )
+    friction, pid = machine.friction, controller.pid
+    plant = replace(machine.plant, modes=sum((effect.modes() for effect in machine.effects), machine.plant.modes))
+    counts, step, delay = _parts(plant.dead_time, machine.sample_time, substeps)
+    modes = len(plant.modes)
+    phi, gamma = np.zeros((2, modes, 4)), np.zeros((2, modes, 2))
+    a, b, _ = matrices(plant)
+    for part in np.flatnonzero(counts):
+        whole, held = transition(a, b, step[part])
+        for j in range(modes):  # the modes do not act on each other: Phi is block diagonal
+            phi[part, j] = whole[2 * j : 2 * j + 2, 2 * j : 2 * j + 2].ravel()
+            gamma[part, j] = held[2 * j : 2 * j + 2, 0]
+    loop = Loop(
+        sample_time=machine.sample_time,
+        delays=np.array([delay, controller.reference_delay]),
+        counts=counts,
+        step=step,
+        phi=phi,
+        gamma=gamma,
+        stiffness=np.array(friction.stiffness),
+        limit=np.array(friction.limit),
+        damping=np.array(friction.damping),
+        gains=np.array([pid.kp, pid.ki, pid.kd, pid.derivative_filter]),
+        thrust_limit=machine.drive.rated_thrust,
+        resolution=machine.scale.resolution,
+        offset=machine.drive.offset,
+    )
+    z = np.zeros(len(friction.stiffness)) if initial_friction is None else np.array(initial_friction, float)
+    n, noise = given.position.size, machine.scale.noise
+    run = Run(
+        reference=given.position,
+        feedforward=given.feedforward + given.compensation,
+        noise=noise * np.random.default_rng(seed).standard_normal(n) if noise > 0 else np.zeros(n),
+        start=float(loop.stiffness @ z) + (machine.drive.offset if pid.ki > 0 else 0.0),
+        state=np.zeros((modes, 2)),
+        z=z,
+        **{name: np.empty(n) for name in LOGGED},
+    )
+    return loop, run
+
+
+def _parts(dead_time: float, sample_time: float, substeps: int) -> tuple[NDArray[np.int64], Array, int]:
+    """Substeps before and after the thrust changes in a sample, their lengths [s], and the delay in whole samples."""
+    delay, rest = delay_split(dead_time, sample_time)
+    early = (
+        min(max(round(substeps * rest / sample_time), 1), substeps - 1) if rest > 0 and substeps > 1 else int(rest > 0)
+    )
+    late = max(substeps - early, 1)
+    step = np.array([rest / early if early else sample_time, (sample_time - rest) / late])
+    return np.array([early, late]), step, delay
+
+
+def _side_by_side(prepared: list[tuple[Loop, Run]]) -> tuple[Loop, Run]:
+    """One Loop and one Run whose arrays have the machines as their first axis; what a run writes is made anew."""
+    loops, runs = zip(*prepared, strict=True)
+    first: Loop = loops[0]
+    stacked = Loop._make(np.stack(column) for column in zip(*loops, strict=True))
+    loop = stacked._replace(sample_time=first.sample_time, delays=first.delays, counts=first.counts)
+    columns = dict(zip(Run._fields, zip(*runs, strict=True), strict=True))
+    shape = len(runs), runs[0].reference.size
+    signals = {name: np.empty(shape) if name in LOGGED else np.stack(columns[name]) for name in Run._fields}
+    return loop, Run(**signals)
+
+
+def _lane(run: Run, lane: int) -> Run:
+    return Run._make(signal[lane] for signal in run)
+
+
+def _response(machine: Machine, target: Array, run: Run) -> Response:
+    record = Record(machine.sample_time, target, run.reference, run.feedforward, run.command, run.reading)
+    return Response(record, run.position, run.friction, run.z)

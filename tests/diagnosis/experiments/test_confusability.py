@@ -1,0 +1,260 @@
+"""What records can tell apart: known confusions, distances that simulated effects do gain, what to run next."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.experiments import schedules as experiments
+from diagnosis.experiments.confusability import (
+    THRESHOLD,
+    Confusability,
+    confusability,
+    distances,
+    grid,
+    products,
+    to_json,
+)
+from diagnosis.experiments.propose import along, next_experiment, showing, virtual
+from diagnosis.experiments.schedules import menu, moved_mass, quickest
+from diagnosis.model.fit import weights
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate, columns, look
+from diagnosis.where.locate import where
+from diagnosis.where.sentences import words
+from diagnosis.which.scan import by_segment, freed, judged, quadratures
+from models.controller import Controller
+from models.effects.base import Effect
+from models.effects.catalogue import every, looked_for
+from models.effects.motor import Cogging
+from models.machine import load
+from models.simulation.simulator import simulate
+from studies.command import to_text
+from tests.diagnosis.where.cases import case, fitted, run, table
+
+
+@pytest.fixture(scope="module")
+def several() -> Confusability:
+    """Of records with moves of several sizes and rests."""
+    records, fit = case("")
+    return confusability(fit, records)
+
+
+@pytest.fixture(scope="module")
+def short() -> Confusability:
+    """Of the 20 um sequence alone."""
+    machine = table()
+    records = run(machine, (), [experiments.sequence(machine, 1)])
+    return confusability(fitted(machine, records), records)
+
+
+def test_what_short_strokes_can_not_show_is_said(short: Confusability, several: Confusability) -> None:
+    along = {"cogging", "cable_spring", "thrust_ripple", "position_dependent_friction"}
+    assert along <= set(short.not_identifiable)
+    assert "friction_relaxation" not in short.not_identifiable
+    assert not along & set(several.not_identifiable)
+
+
+def test_an_error_of_the_scales_length_shows_in_no_record(several: Confusability) -> None:
+    assert "scale_gain_error" in several.not_identifiable
+    i = several.names.index("scale_gain_error")
+    assert several.distance[i, i] < 1
+
+
+def test_no_other_effect_comes_nearer_than_its_own_absence(several: Confusability) -> None:
+    alone = np.diag(several.distance)
+    known = np.isfinite(several.distance)
+    assert np.all((several.distance <= alone[:, None] * (1 + 1e-9)) | ~known)
+    assert np.all(alone >= 0)
+
+
+@pytest.mark.parametrize("name", ["viscous_friction", "cogging", "gain_asymmetry", "position_dependent_friction"])
+def test_the_distance_is_what_the_simulated_effect_gains(name: str) -> None:
+    """The effect in the closed loop, and what its own law then gains beside the re-fitted nominal model."""
+    records, fit = case(name)
+    own = freed(fit, numbered(pieces(records), records))
+    effect = every()[name].typical()
+    given = own(columns(fit.candidate, [(effect,)], records, fit.paths, fit.seen) * weights(records)[:, None])
+    gain = judged(effect, *by_segment(given, own), own).gain
+    assert gain == pytest.approx(_expected(effect), rel=0.35)
+    assert gain > THRESHOLD
+
+
+def _expected(effect: Effect) -> float:
+    """The squared distance from nothing, at the simulated phase; that of the matrix is the mean of both quadratures."""
+    records, fit = case("")
+    found = products(fit, records, [effect.name])
+    (_, where), *_ = found.of(effect.name)
+    phase = getattr(effect, "phase", 0.0)
+    parts = np.array([np.cos(phase), np.sin(phase)])[: len(where)]
+    return float(parts @ found.product[np.ix_(where, where)] @ parts)
+
+
+def test_limits_are_in_proportion_to_the_distance(several: Confusability) -> None:
+    for i, (_, limit, typical) in enumerate(several.limits):
+        assert limit / typical * several.distance[i, i] == pytest.approx(np.sqrt(THRESHOLD))
+
+
+def test_jitter_shows_only_where_motions_repeat() -> None:
+    machine = table()
+    found = {}
+    for repeats in (1, 3):
+        records = run(machine, (), [experiments.sequence(machine, repeats)])
+        one = confusability(fitted(machine, records), records)
+        found[repeats] = one.limits[one.names.index("timing_jitter")][1]
+    assert np.isinf(found[1])
+    assert np.isfinite(found[3])
+
+
+def test_two_names_for_one_column_are_equivalent(several: Confusability) -> None:
+    """A table on which two effects are the same by construction: their distance is 0 both ways."""
+    records, fit = case("")
+    found = products(fit, records, ["viscous_friction", "stribeck"])
+    twins = tuple((f"{name} twin", effect, where) for name, effect, where in found.place)
+    twin = replace(found, place=(*found.place, *twins))
+    names = ("viscous_friction", "viscous_friction twin", "stribeck")
+    distance = distances(twin, names)
+    assert distance[0, 1] < 1e-3 * distance[0, 0]
+    assert distance[1, 0] < 1e-3 * distance[0, 0]
+    assert distance[0, 2] > 0.5 * distance[0, 0]
+    assert "viscous_friction" in several.names
+
+
+def test_effects_left_out_are_no_part_of_it() -> None:
+    records, fit = case("")
+    found = confusability(fit, records, left_out=("play", "timing_jitter"))
+    assert not {"play", "timing_jitter"} & set(found.names)
+    assert len(found.names) == len(looked_for()) - 2
+
+
+def test_the_grid_begins_with_the_typical_point() -> None:
+    for kind in every().values():
+        assert grid(kind)[0] == kind.typical()
+        assert len(set(grid(kind))) == len(grid(kind))
+
+
+def test_the_json_holds_the_matrix(several: Confusability) -> None:
+    plain = json.loads(to_text(to_json(several)))
+    assert len(plain["distance"]) == len(plain["names"]) == len(looked_for())
+    assert {row["effect"] for row in plain["limits"]} == set(looked_for())
+
+
+def test_relaxation_and_a_drift_of_the_scale_are_separated_by_dwells() -> None:
+    machine = load()
+    found = next_experiment(["friction_relaxation", "scale_drift"], machine)
+    assert found is not None
+    assert found.schedule.name == "dwell sweep"
+    assert "rests of 0.06" in found.sentence
+    assert found.reaches > THRESHOLD
+
+
+def test_the_proposal_holds_when_it_is_run() -> None:
+    """Cogging in the closed loop over the proposed schedule: a cable spring then explains less, by the distance."""
+    machine = table()
+    found = next_experiment(["cogging", "cable_spring"], machine)
+    assert found is not None
+    assert "stroke" in found.sentence
+    cogging = Cogging.typical()
+    records = run(machine, (cogging,), [found.schedule])
+    fit = fitted(machine, records)
+    own = freed(fit, numbered(pieces(records), records))
+    gains = {}
+    for effect in (cogging, every()["cable_spring"].typical()):
+        variants = [(one,) for one in quadratures(effect)]
+        given = own(columns(fit.candidate, variants, records, fit.paths, fit.seen) * weights(records)[:, None])
+        gains[effect.name] = judged(effect, *by_segment(given, own), own).gain
+    assert gains["cogging"] - gains["cable_spring"] > THRESHOLD
+
+
+def test_what_no_experiment_shows_asks_for_a_gauge() -> None:
+    found = next_experiment(["scale_gain_error"], load())
+    assert found is not None
+    assert "external gauge" in found.sentence
+    assert found.reaches < THRESHOLD
+
+
+def test_nothing_to_tell_apart_needs_no_experiment_and_none_of_these_follows_the_coordinate() -> None:
+    assert next_experiment([], load()) is None
+    assert "nested loops" in along("since_reversal", load()).sentence
+    assert "the same every time" in along(None, load()).sentence
+
+
+def test_every_coordinate_has_its_experiment() -> None:
+    records, fit = case("cogging")
+    known = pieces(records)
+    for one in where(fit, records, known).by_coordinate:
+        assert f"depends most on {words(one.name)}." in along(one.name, load()).sentence
+
+
+def test_what_records_could_not_show_gets_the_experiment_that_shows_most_of_it(short: Confusability) -> None:
+    hidden = [name for name in short.not_identifiable if name in {"cogging", "cable_spring", "thrust_ripple"}]
+    found = showing(hidden, load())
+    assert found is not None
+    assert all(name.replace("_", " ") in found.sentence for name in hidden)
+    assert showing(["scale_gain_error"], load()) is None
+
+
+def test_the_menu_keeps_to_the_ratings() -> None:
+    machine = load()
+    for one in menu(machine):
+        path = one.schedule.given.position
+        speed = np.abs(np.diff(path)) / machine.sample_time
+        assert np.max(speed) <= 1.001 * machine.drive.rated_speed, one.words
+        assert np.max(np.abs(one.schedule.given.feedforward)) <= machine.drive.rated_thrust, one.words
+        assert path[0] == 0
+        assert path[-1] == pytest.approx(0, abs=1e-12), one.words
+
+
+def test_the_loop_can_run_the_menu() -> None:
+    """On the nominal table, the command within the rated thrust and the table where the reference is."""
+    machine = load()
+    controller = Controller(machine.sample_time, machine.control.pid, machine.control.reference_delay, (1.0,), (0.0,))
+    for one in menu(machine):
+        record = simulate(machine, controller, one.schedule.target, given=one.schedule.given).record
+        assert np.max(np.abs(record.command)) < machine.drive.rated_thrust, one.words
+        error = record.position - record.reference
+        assert np.max(np.abs(error)) < 0.1 * max(float(np.ptp(record.reference)), 1e-3), one.words
+
+
+def test_a_move_at_a_share_of_the_thrust_takes_that_share() -> None:
+    machine = load()
+    planned = experiments.schedule("move", machine, [experiments.Move(1e-3, quickest(machine, 1e-3, 0.5), 0.1)])
+    assert np.max(planned.given.feedforward) == pytest.approx(0.5 * machine.drive.rated_thrust, rel=0.1)
+    assert moved_mass(machine) == pytest.approx(1 / machine.plant.modes[0].gain)
+
+
+def test_the_schedule_is_written_as_a_record_of_references() -> None:
+    machine = load()
+    planned = experiments.amplitude_ladder(machine, (2e-6, 5e-6))
+    text = experiments.to_csv(planned, machine.sample_time)
+    assert text.startswith("time_s,target_m,reference_m,feedforward_N\n")
+    rows = np.loadtxt(io.StringIO(text), delimiter=",", skiprows=1)
+    assert rows.shape == (planned.target.size, 4)
+    assert rows[:, 2] == pytest.approx(planned.given.position, rel=1e-6, abs=1e-12)
+    assert rows[:, 3] == pytest.approx(planned.given.feedforward, rel=1e-6, abs=1e-6)
+    assert np.diff(rows[:, 0]) == pytest.approx(machine.sample_time, rel=1e-4)
+
+
+def test_a_virtual_record_is_explained_by_the_nominal_machine() -> None:
+    fit, _ = virtual(load(), experiments.amplitude_ladder(load(), (10e-6,)))
+    assert np.mean(fit.innovations[100:] ** 2) < 1.5
+
+
+def test_an_offset_in_the_machine_file_is_known_and_the_parameter_adds_to_it() -> None:
+    table = load()
+    pulled = replace(table, drive=replace(table.drive, offset=2.0))
+    fit, record = virtual(pulled, experiments.amplitude_ladder(pulled, (10e-6,)))
+    assert record.command[0] == pytest.approx(2.0, abs=0.5)  # what the integral holds from the start
+    assert np.mean(fit.innovations[100:] ** 2) < 1.5
+    layout = parameters(table, 1)  # the same record with a file that states none
+    theta = np.zeros(layout.count)
+    theta[layout.of("amplifier_offset")] = 2.0
+    adding, nothing = (Candidate(layout, one) for one in (theta, np.zeros(layout.count)))
+    assert adding.machine.drive.offset == 2.0
+    assert np.array_equal(look(adding, [record], fit.paths)[0].innovations[100:], fit.innovations[100:])
+    assert look(nothing, [record], fit.paths)[0].force - fit.seen[0].force == pytest.approx(2.0)

@@ -1,0 +1,100 @@
+"""The predictor and the smoother against what linear estimation says of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from control import forced_response
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diagnosis.model.kalman import (
+    SUBSTEPS,
+    Predictor,
+    Resonance,
+    adjoint,
+    discretised,
+    innovations,
+    predictor,
+    responses,
+    smoothed,
+)
+from models.machine import load
+from models.plant import sampled
+
+MACHINE = load()
+TS = MACHINE.sample_time
+
+
+def _model(**options: object) -> Predictor:
+    return predictor(MACHINE.plant, TS, walk=4e-3, noise=4e-8, **options)
+
+
+def test_the_discrete_plant_is_the_exact_one() -> None:
+    plant = replace(MACHINE.plant, dead_time=0.0)
+    force = np.random.default_rng(0).standard_normal(300)
+    a, b, c = discretised(plant, TS)
+    state, x = np.zeros(c.size), []
+    for f in force:
+        x.append(c @ state)
+        state = a @ state + b @ np.full(SUBSTEPS, f)
+    reference = forced_response(sampled(plant, TS), U=force).outputs
+    assert np.allclose(x, reference, rtol=1e-9, atol=1e-9 * np.max(np.abs(reference)))
+
+
+@given(seed=st.integers(0, 1000))
+def test_the_adjoint_gives_every_inner_product(seed: int) -> None:
+    rng, model = np.random.default_rng(seed), _model()
+    e, force, reading = rng.standard_normal(203), rng.standard_normal((3, 203, SUBSTEPS)), rng.standard_normal((3, 203))
+    by_force, by_reading = adjoint(model, e)
+    found = e @ responses(model, force, reading) * model.deviation
+    wanted = np.einsum("ns,kns->k", by_force, force) + reading @ by_reading
+    assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.max(np.abs(wanted)))
+
+
+def test_columns_side_by_side_are_the_filter_itself() -> None:
+    rng, model = np.random.default_rng(1), _model(shaken=(Resonance(8.0, 0.1, 0.02),))
+    force, reading = rng.standard_normal((11, 403, SUBSTEPS)), rng.standard_normal((11, 403))
+    alone = [innovations(model, force[j], reading[j], np.zeros(model.C.size)) for j in range(11)]
+    whitened = np.stack(alone, axis=1) / model.deviation
+    assert np.allclose(responses(model, force, reading), whitened, rtol=1e-10, atol=1e-10 / model.deviation)
+    still = np.zeros(model.C.size)
+    by_force = np.stack([innovations(model, one, np.zeros(403), still) for one in force], axis=1) / model.deviation
+    assert np.allclose(responses(model, force), by_force, rtol=1e-10, atol=1e-10 * np.max(np.abs(by_force)))
+
+
+def _simulated(
+    model: Predictor, walk: float, noise: float, seed: int, n: int = 40_000
+) -> tuple[np.ndarray, np.ndarray]:
+    """Reading (n,) and unknown force (n,) of the very model that the filter assumes."""
+    rng, state = np.random.default_rng(seed), np.zeros(model.C.size)
+    reading, force = np.empty(n), np.empty(n)
+    held = model.A[:, -1].copy()
+    held[-1] = 0.0
+    for k in range(n):
+        reading[k], force[k] = model.C @ state + noise * rng.standard_normal(), state[-1]
+        state = model.A @ state + held * 0.08 * rng.standard_normal()
+        state[-1] += walk * rng.standard_normal()
+    return reading, force
+
+
+def test_innovations_of_its_own_model_are_white_and_of_the_stated_size() -> None:
+    model = _model()
+    reading, _ = _simulated(model, 4e-3, 4e-8, 2)
+    e = innovations(model, np.zeros((reading.size, SUBSTEPS)), reading, np.zeros(model.C.size))[2000:] / model.deviation
+    n = e.size
+    assert np.mean(e**2) == pytest.approx(1.0, abs=5 * np.sqrt(2 / n))
+    lags = [e[:-lag] @ e[lag:] / n for lag in (1, 2, 5, 20, 100)]
+    assert np.max(np.abs(lags)) < 5 / np.sqrt(n)
+
+
+def test_the_smoother_finds_the_unknown_force_better_than_the_filter() -> None:
+    model = _model()
+    reading, force = _simulated(model, 4e-3, 4e-8, 3)
+    still, zero = np.zeros((reading.size, SUBSTEPS)), np.zeros(model.C.size)
+    both = smoothed(model, still, reading, zero)[5000:-5000, -1]
+    past = smoothed(replace(model, back=np.zeros_like(model.back)), still, reading, zero)[5000:-5000, -1]
+    truth = force[5000:-5000]
+    assert np.std(both - truth) < 0.8 * np.std(past - truth)

@@ -1,0 +1,47 @@
+"""The starts of the friction's elements: what any moves can have left, and that the search finds it."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from diagnosis.model.start_states import GRID, best_starts
+from models.friction import deflections
+
+LIMIT = np.geomspace(1e-6, 1e-4, 8)
+MOVES = st.lists(st.floats(-3e-4, 3e-4), min_size=1, max_size=6)
+
+
+def _left_by(moves: list[float]) -> NDArray[np.float64]:
+    """Displacements (N,) [m] after a full stroke that nobody knows of and these moves [m]."""
+    path = np.concatenate([[0.0, 1e-3], 1e-3 + np.cumsum(moves)])
+    return np.asarray(deflections(LIMIT, path)[-1])
+
+
+@given(MOVES)
+def test_no_moves_leave_two_elements_further_apart_than_their_limits(moves: list[float]) -> None:
+    z = _left_by(moves)
+    apart = np.abs(z[:, None] - z)
+    assert np.all(apart <= np.abs(LIMIT[:, None] - LIMIT) + 1e-12)
+
+
+@given(MOVES)
+def test_the_search_finds_what_moves_left(moves: list[float]) -> None:
+    """An element's force is seen by itself here, so the best start is the true one, but for the slopes' grid."""
+    z, count = _left_by(moves), LIMIT.size
+    grid = np.linspace(-1, 1, GRID)
+    columns = np.concatenate([place * np.eye(count) for place in grid], axis=1)  # one element's displacement each
+    e = -z / LIMIT
+    found = best_starts(LIMIT, columns.T @ columns, columns.T @ e)
+    assert np.abs(found - z).max() / LIMIT.max() < 0.13
+    assert np.linalg.norm(found / LIMIT - z / LIMIT) < 0.35
+
+
+def test_limits_may_come_in_any_order() -> None:
+    order = np.array([3, 0, 7, 1, 6, 2, 5, 4])
+    limit, z = LIMIT[order], _left_by([-6e-5, 1e-5])[order]
+    columns = np.concatenate([place * np.eye(limit.size) for place in np.linspace(-1, 1, GRID)], axis=1)
+    found = best_starts(limit, columns.T @ columns, columns.T @ (-z / limit))
+    assert np.linalg.norm(found / limit - z / limit) < 0.35

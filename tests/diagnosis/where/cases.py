@@ -1,0 +1,65 @@
+"""Short records of the default table with one thing in it that the model lacks, and the nominal fit to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+from diagnosis.experiments import schedules as experiments
+from diagnosis.experiments.schedules import Schedule
+from diagnosis.model.fit import Fit, fit
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.model.start_states import balanced
+from models.controller import Controller
+from models.effects.base import Effect
+from models.effects.catalogue import every
+from models.machine import Machine, load
+from models.records.record import Record
+from models.simulation.simulator import simulate
+
+
+@cache
+def table() -> Machine:
+    """The default machine with noise on its scale."""
+    machine = load()
+    return replace(machine, scale=replace(machine.scale, noise=3e-8))
+
+
+def schedules(machine: Machine) -> tuple[Schedule, ...]:
+    """Two short records: the sequence once, and moves of several sizes with dwells, twice."""
+    moves = experiments.together(
+        "moves",
+        [
+            experiments.dwell_sweep(machine, (0.1, 0.4)),
+            experiments.strokes(machine, 20e-3, (0.12,), passes=2),
+            experiments.strokes(machine, 2e-3, (0.01,)),
+        ],
+    )
+    return experiments.sequence(machine, 1), moves
+
+
+def run(machine: Machine, effects: Sequence[Effect], given: Sequence[Schedule], seed: int = 3) -> tuple[Record, ...]:
+    """The schedules on the machine with these effects; forces in [N]."""
+    control = machine.control
+    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
+    real = replace(machine, effects=tuple(effects))
+    return tuple(
+        simulate(real, controller, one.target, given=one.given, seed=seed + i).record for i, one in enumerate(given)
+    )
+
+
+def fitted(machine: Machine, records: Sequence[Record]) -> Fit:
+    """The nominal parameters fitted in two rounds from the truth: a quick stand-in for the whole re-fit."""
+    layout = parameters(machine, len(records))
+    found = fit(Candidate(layout, balanced(layout, records)), records, iterations=2, walk=1e-2)
+    return fit(found.candidate, records, paths=found.paths, iterations=1, walk=4e-3)
+
+
+@cache
+def case(name: str) -> tuple[tuple[Record, ...], Fit]:
+    """Records with the named effect at its typical size, or with nothing for "", and the fit to them."""
+    effects = (every()[name].typical(),) if name else ()
+    records = run(table(), effects, schedules(table()))
+    return records, fitted(table(), records)

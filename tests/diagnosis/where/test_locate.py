@@ -1,0 +1,303 @@
+"""Where: the unknown force's band, the floor, coordinates and sides of known causes, the controller's replay."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnosis.experiments.schedules import Move, multisine, schedule
+from diagnosis.model.kalman import JITTER, SUBSTEPS, discretised, predictor, smoothed
+from diagnosis.model.motions import pieces, repeated
+from diagnosis.where.controller import replayed
+from diagnosis.where.coordinates import Coordinate, explain
+from diagnosis.where.energy import PHASES, Samples, labelled, shares
+from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
+from diagnosis.where.locate import Where, to_json, where
+from diagnosis.where.serialise import pictures
+from diagnosis.where.side import verdict
+from models.records.record import Record
+from studies.command import to_text
+from tests.diagnosis.where.cases import case, fitted, run, schedules, table
+
+Array = NDArray[np.float64]
+NOISE = 4e-8
+
+
+def answers(name: str) -> Where:
+    records, fit = case(name)
+    return where(fit, records, pieces(records))
+
+
+@pytest.fixture(scope="module")
+def relaxing() -> Where:
+    return answers("friction_relaxation")
+
+
+def samples(motions: int, length: int) -> Samples:
+    """Motions of equal length, to and fro, all in one phase."""
+    number = np.repeat(np.arange(motions), length)
+    return Samples(
+        number,
+        np.full(number.size, PHASES.index("cruise")),
+        np.zeros(number.size, np.int64),
+        ("move",),
+        np.where(number % 2 == 0, 1.0, -1.0),
+        np.ones(number.size, bool),
+    )
+
+
+@pytest.mark.parametrize("walk", [SLOW, 0.05])
+def test_the_band_holds_a_force_that_walks_as_assumed(walk: float) -> None:
+    """The reading of a force that walks by exactly `walk`, through the linear table: 95 % within 1.96 deviations."""
+    machine, n = table(), 20000
+    draw = np.random.default_rng(1)
+    a, b, c = discretised(machine.plant, machine.sample_time)
+    state, force, reading = np.zeros(c.size), np.empty(n), np.empty(n)
+    for k in range(n):
+        force[k], reading[k] = state[-1], c @ state + NOISE * draw.standard_normal()
+        state = a @ state + b.sum(axis=1) * JITTER * draw.standard_normal()
+        state[-1] += walk * draw.standard_normal()
+    model = predictor(machine.plant, machine.sample_time, walk=walk, noise=NOISE)
+    found = smoothed(model, np.zeros((n, SUBSTEPS)), reading, np.zeros(c.size))[:, -1]
+    band = steady_deviation(machine.plant, machine.sample_time, walk=walk, noise=NOISE)
+    error = (found - force)[1000:-1000] / band
+    assert np.mean(np.abs(error) < 1.96) == pytest.approx(0.95, abs=0.03)
+
+
+@pytest.mark.parametrize("walk", [SLOW, FAST])
+def test_the_steady_deviation_is_the_sum_of_what_each_noise_does(walk: float) -> None:
+    """By the smoother's answers to one reading, one push and one step of the force, far from the ends."""
+    plant, ts = table().plant, table().sample_time
+    model = predictor(plant, ts, walk=walk, noise=NOISE)
+    n, still = 2 * REACH + 1, np.zeros(model.C.size)
+    reading, push, step = np.zeros(n), np.zeros((n, SUBSTEPS)), np.zeros((n, SUBSTEPS))
+    reading[REACH], push[REACH], step[REACH:] = 1.0, 1.0, 1.0
+    read = smoothed(model, 0 * push, reading, still)[:, -1]
+    pushed = smoothed(model, push, 0 * reading, still)[:, -1]
+    left = smoothed(model, step, 0 * reading, still)[:, -1] + (np.arange(n) >= REACH)
+    total = np.sqrt(NOISE**2 * read @ read + JITTER**2 * pushed @ pushed + walk**2 * left @ left)
+    assert steady_deviation(plant, ts, walk=walk, noise=NOISE) == pytest.approx(total, rel=0.01)
+
+
+def test_nothing_wrong_leaves_no_more_than_noise() -> None:
+    found = answers("")
+    assert found.deviation < 1.2 * found.unseen
+    assert verdict(found.sides) == "neither"
+    assert "there is no force to locate" in found.statements[0]
+    assert all(one.share < 0.1 for one in found.by_coordinate if one.p < 0.02)
+
+
+def test_a_force_that_decays_at_rest_depends_on_the_time_since_the_start_and_turns(relaxing: Where) -> None:
+    best = relaxing.coordinate
+    assert best.name == "time_in_motion"
+    assert best.turning > 0.5 * best.share > 0.05
+    assert verdict(relaxing.sides) == "force"
+    assert relaxing.deviation > 10 * relaxing.unseen
+    assert relaxing.floor.repeats is not None
+    assert relaxing.floor.repeats > 0.5
+
+
+def test_what_depends_on_the_place_is_found_with_its_pitch() -> None:
+    found = answers("cogging")
+    pitch = next(one for one in found.by_coordinate if one.name == "pitch")
+    assert found.coordinate.name in {"pitch", "position"}
+    assert pitch.share > 0.8
+    assert pitch.p < 0.02
+    assert pitch.turning < 0.1
+    turning = next(one for one in answers("position_dependent_friction").by_coordinate if one.name == "position")
+    assert turning.turning > 0.5 * turning.share > 0.2
+
+
+def test_what_depends_on_the_speed_is_odd_in_it() -> None:
+    even, odd = answers("viscous_friction").parity
+    assert odd.share > 0.9
+    assert even.share < 0.1
+
+
+def test_an_error_of_the_scale_is_told_from_a_force() -> None:
+    found = answers("scale_periodic_error")
+    assert verdict(found.sides) == "scale"
+    fine = next(one for one in found.sides if one.coordinate == "fine period")
+    assert fine.pitch == pytest.approx(np.sqrt(4e-6 * 4e-5), rel=0.01)
+    assert fine.reading > 10 * fine.force
+
+
+def test_shares_add_up_and_lie_in_their_intervals(relaxing: Where) -> None:
+    for found in (relaxing.by_motion, relaxing.by_phase, relaxing.by_band, relaxing.by_wave):
+        assert found.share.sum() == pytest.approx(1)
+        assert np.all((found.low <= found.share) & (found.share <= found.high))
+    assert relaxing.by_motion.time.sum() == pytest.approx(1)
+    assert relaxing.motions_by_phase.share.reshape(-1, len(PHASES)).sum(axis=0) == pytest.approx(
+        relaxing.by_phase.share, abs=0.01
+    )
+
+
+def test_the_json_has_the_agreed_keys_and_is_one(relaxing: Where) -> None:
+    plain = json.loads(to_text(to_json(relaxing)))
+    assert set(plain) >= {"by_motion", "by_phase", "by_band_Hz", "by_coordinate", "statements"}
+    assert sum(plain["by_motion"].values()) == pytest.approx(1)
+    assert {"time", "position", "velocity", "acceleration", "command", "since_reversal", "dwell"} <= set(
+        plain["by_coordinate"]
+    )
+    assert all(low < high for low, high, _ in plain["by_band_Hz"])
+    records, fit = case("friction_relaxation")
+    shown = json.loads(to_text(pictures(relaxing, fit.candidate, records, pieces(records))))
+    assert len(shown["force"]) == len(records)
+    assert shown["courses"][0]["name"].startswith("moves of about")
+
+
+def test_the_same_seed_gives_the_same_numbers(relaxing: Where) -> None:
+    assert to_text(to_json(relaxing)) == to_text(to_json(answers("friction_relaxation")))
+
+
+def test_energy_lies_where_it_was_put() -> None:
+    """Four of five motions quiet, one with a force of 1 N: noise is taken off, the rest is all of that motion's."""
+    known = samples(5, 400)
+    draw = np.random.default_rng(0)
+    force = 0.1 * draw.standard_normal(2000) + (known.motion == 3)
+    found = shares(force**2, 0.01, known.motion, [str(i) for i in range(5)], known)
+    assert found.share[3] == pytest.approx(1, abs=0.02)
+    assert found.deviation[3] == pytest.approx(np.sqrt(1.01), rel=0.02)
+
+
+def test_a_coordinate_explains_what_depends_on_it_and_chance_nothing() -> None:
+    known = samples(24, 200)
+    draw = np.random.default_rng(2)
+    value, other = draw.uniform(-1, 1, (2, 4800))
+    noise = draw.standard_normal(4800)
+    signal = np.sin(3 * value) + noise
+    expected = 1 - float(np.var(noise) / np.var(signal))
+    found = explain(signal, Coordinate("x", "m", value), known)
+    assert found.share == pytest.approx(expected, abs=0.03)
+    assert found.low < expected < found.high
+    assert found.p < 0.01
+    assert explain(signal, Coordinate("y", "m", other), known).share < 0.01
+    turned = explain(known.direction * np.sin(3 * value) + noise, Coordinate("x", "m", value), known)
+    assert turned.turning == pytest.approx(turned.share, abs=0.02)
+
+
+def test_chance_is_as_often_below_each_p_value_as_that_says() -> None:
+    """Slow forces that have nothing to do with the coordinate: p below 0.1 in about a tenth of all."""
+    known = samples(20, 50)
+    draw = np.random.default_rng(3)
+    value = Coordinate("x", "m", np.tile(np.linspace(-1, 1, 50), 20))
+    found = []
+    for _ in range(60):
+        walks = np.cumsum(draw.standard_normal((20, 50)), axis=1)
+        found.append(explain(walks.ravel() * draw.choice([-1, 1], 20).repeat(50), value, known).p)
+    assert 0.02 <= np.mean(np.array(found) < 0.1) <= 0.22
+
+
+def test_phases_follow_the_reference() -> None:
+    machine = table()
+    records = run(machine, (), schedules(machine)[1:])
+    known = pieces(records)
+    number = np.concatenate([np.full(piece.stop - piece.start, i) for i, piece in enumerate(known)])
+    found = labelled(records, known, number, np.ones(number.size), 0.025)
+    speed = np.abs(np.gradient(records[0].reference))
+    moving = found.phase < PHASES.index("settle")
+    assert np.all(speed[moving] > 0)
+    assert np.max(speed[~moving]) < 0.02 * np.max(speed)
+    rising = found.phase == PHASES.index("accelerate")
+    assert np.all(np.gradient(speed)[rising] > 0)
+
+
+def test_parts_of_one_multisine_do_not_repeat_each_other() -> None:
+    machine = table()
+    records = run(machine, (), [multisine(machine, duration=4.0)])
+    assert len(pieces(records)) == 3
+    assert not repeated(pieces(records), records)
+
+
+def test_without_repeats_the_floor_is_of_the_innovations_and_it_is_said() -> None:
+    machine = table()
+    moves = [Move(5e-6, 0.03, 0.2), Move(20e-6, 0.03, 0.4), Move(-50e-6, 0.05, 0.3), Move(2e-3, 0.2, 0.3)]
+    records = run(machine, (), [schedule("no two alike", machine, moves)])
+    assert not repeated(pieces(records), records)
+    found = where(fitted(machine, records), records, pieces(records))
+    assert found.floor.source == "innovations"
+    assert found.floor.repeats is None
+    assert found.floor.position < 2 * machine.scale.resolution
+    assert any("No motion repeats another" in one for one in found.statements)
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return case("")[0][1]
+
+
+def test_the_controller_that_made_the_record_replays(record: Record) -> None:
+    found = replayed(table(), record)
+    assert found.replays
+    assert found.largest < 1e-9
+
+
+@pytest.mark.parametrize("shift", [-1, 2])
+def test_a_shifted_command_is_found_with_its_shift(record: Record, shift: int) -> None:
+    found = replayed(table(), replace(record, command=np.roll(record.command, shift)))
+    assert not found.replays
+    assert found.departs is not None
+    when = f"{abs(shift)} sample{'s' * (abs(shift) > 1)} {'late' if shift > 0 else 'early'}"
+    assert found.remedy == f"the command logged {when}"
+    assert found.remains < 1e-3 * found.rms
+
+
+def test_another_delay_and_another_gain_are_found(record: Record) -> None:
+    machine = table()
+    control = machine.control
+    later = replace(machine, control=replace(control, reference_delay=control.reference_delay + 1))
+    assert replayed(later, record).remedy == (
+        f"a reference delay of {control.reference_delay} samples instead of {control.reference_delay + 1}"
+    )
+    stronger = replace(machine, control=replace(control, pid=replace(control.pid, ki=1.25 * control.pid.ki)))
+    found = replayed(stronger, record)
+    assert found.remedy == "the proportional, integral and derivative part times 1, 0.8 and 1"
+    assert found.rms > 0.1
+
+
+def test_a_reading_rounded_after_the_controller_saw_it_is_no_other_law(record: Record) -> None:
+    step = table().scale.resolution
+    draw = np.random.default_rng(4)
+    rounded = replace(record, position=record.position + draw.uniform(-step / 2, step / 2, record.position.size))
+    found = replayed(table(), rounded)
+    assert found.replays
+    assert 0.1 < found.rms < found.largest < found.tolerance
+    machine = table()
+    control = machine.control
+    for pid in (
+        replace(control.pid, kd=1.05 * control.pid.kd),
+        replace(control.pid, kp=1.05 * control.pid.kp),
+        replace(control.pid, derivative_filter=4 * control.pid.derivative_filter),
+    ):
+        other = replace(machine, control=replace(control, pid=pid))
+        assert not replayed(other, record).replays
+    coarser = replace(rounded, position=record.position + 5 * (rounded.position - record.position))
+    assert not replayed(table(), coarser).replays, "so much noise is no rounding"
+
+
+def test_another_filter_is_found(record: Record) -> None:
+    machine = table()
+    control = machine.control
+    slower = replace(control.pid, derivative_filter=2 * control.pid.derivative_filter)
+    found = replayed(replace(machine, control=replace(control, pid=slower)), record)
+    assert found.remedy == "the derivative's filter 0.5 times as slow"
+    assert found.remains < 1e-6
+
+
+def test_a_controller_that_does_not_replay_comes_first(record: Record) -> None:
+    records, fit = case("")
+    wrong = (records[0], replace(record, command=np.roll(record.command, 1)))
+    found = where(fit, wrong, pieces(wrong))
+    assert "did not make record 2" in found.statements[0]
+    assert "1 sample late" in found.statements[0]
+
+
+def test_a_record_without_a_reference_can_not_be_replayed(record: Record) -> None:
+    nothing = np.zeros_like(record.reference)
+    found = replayed(table(), replace(record, target=nothing, reference=nothing))
+    assert not found.checked
+    assert found.replays

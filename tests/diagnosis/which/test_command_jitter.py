@@ -1,0 +1,67 @@
+"""Whether commands are late now and then, and by how much, as repeated motions show it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.experiments.confusability import confusability
+from diagnosis.experiments.schedules import multisine, repeated_strokes, sequence
+from diagnosis.model.parameters import parameters
+from diagnosis.refit import refit
+from diagnosis.which.command_jitter import LATE, Lateness, lateness
+from models.effects.base import Effect
+from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
+from tests.diagnosis.tables import recorded, table
+
+FINE = replace(table().scale, resolution=5e-9, noise=5e-9)
+MACHINE = replace(table(), scale=FINE)
+PLAN = (sequence(MACHINE), repeated_strokes(MACHINE, passes=6))
+
+
+def found(*effects: Effect, seed: int) -> Lateness:
+    records = recorded(MACHINE, PLAN, effects, seed=seed)
+    return lateness(refit(parameters(MACHINE, len(records)), records), records)
+
+
+@pytest.mark.parametrize("part", [0.01, 0.02, 0.04])
+def test_late_commands_are_found_and_measured(part: float) -> None:
+    """A `part` of the commands acts a whole sample late: the lateness has that variance."""
+    late = found(TimingJitter(part), seed=31)
+    assert late.gain > 10 * LATE
+    assert late.size == pytest.approx(MACHINE.sample_time * np.sqrt(part * (1 - part)), rel=0.25)
+
+
+@pytest.mark.parametrize("effects", [(), (Cogging(1.5, 0.035, 1.0),)], ids=["nothing", "cogging"])
+@pytest.mark.parametrize("seed", [32, 33])
+def test_what_is_not_late_is_not_called_so(effects: tuple[Effect, ...], seed: int) -> None:
+    """A force that belongs to the place repeats with the motion."""
+    assert found(*effects, seed=seed).gain < LATE / 4
+
+
+def test_parts_of_one_multisine_repeat_nothing() -> None:
+    """They differ, and what a law makes of them would pass for late commands."""
+    shaken = (multisine(MACHINE, duration=6.0),)
+    records = recorded(MACHINE, shaken, [GainAsymmetry(0.02)], seed=36)
+    late = lateness(refit(parameters(MACHINE, 1), records), records)
+    assert late.gain == 0.0
+    assert np.isinf(late.scatter)
+
+
+def test_a_law_of_the_thrust_beside_them_is_not_counted_as_lateness() -> None:
+    late = found(TimingJitter(0.01), GainAsymmetry(0.02), seed=37)
+    assert late.gain > LATE
+    assert late.size < 2.2 * MACHINE.sample_time * np.sqrt(0.01)
+
+
+def test_the_least_lateness_that_shows_is_what_the_records_are_said_to_show() -> None:
+    """The same records with commands that are late more and less often than the limit of detection says."""
+    records = recorded(MACHINE, PLAN, (), seed=34)
+    fitted = refit(parameters(MACHINE, len(records)), records)
+    said = confusability(fitted, records)
+    limit = said.limits[said.names.index("timing_jitter")][1]
+    assert 1e-4 < limit < 0.03
+    assert found(TimingJitter(2.5 * limit), seed=34).gain > LATE
+    assert found(TimingJitter(0.3 * limit), seed=34).gain < LATE

@@ -1,0 +1,269 @@
+"""Records of every format come in as they are; a wrong file of each kind gets its sentence."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pyarrow
+import pytest
+from numpy.typing import NDArray
+from pyarrow.parquet import write_table
+from scipy.io import savemat
+
+from models.controller import PID, Controller
+from models.machine import load as load_machine
+from models.records.checks import RecordError, derivative_of_error, quantisation, replay
+from models.records.columns import Columns
+from models.records.files import Loaded, load
+from models.records.record import Record, cut, feeding_sequence
+from models.simulation.simulator import simulate
+
+Array = NDArray[np.float64]
+Table = dict[str, Array]
+
+MACHINE = load_machine()
+WITHHELD = Path(__file__).parents[4] / "shared" / "withheld"
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    """A simulated record of six motions with a smooth feedforward of 10 ms."""
+    n_ff = np.hanning(22)[1:-1] / np.sum(np.hanning(22))
+    d_ff = np.diff(n_ff, prepend=0.0, append=0.0) * 1e5
+    control = MACHINE.control
+    controller = Controller(MACHINE.sample_time, control.pid, control.reference_delay, tuple(n_ff), tuple(d_ff))
+    return simulate(MACHINE, controller, feeding_sequence(20e-6, 3, 0.1, MACHINE.sample_time)).record
+
+
+@pytest.fixture(scope="module")
+def table(record: Record) -> Table:
+    """The record as columns under the standard names."""
+    names = {name: name for name in ("target", "reference", "feedforward", "command", "position")}
+    columns = {getattr(Columns(), name): getattr(record, name) for name in names}
+    return {"time_s": np.arange(record.position.size) * record.sample_time, **columns}
+
+
+def csv(path: Path, table: Table, delimiter: str = ",") -> Path:
+    rows = np.column_stack(list(table.values()))
+    text = delimiter.join(table) + "\n" + "\n".join(delimiter.join(map(repr, row)) for row in rows.tolist()) + "\n"
+    if path.suffix == ".gz":
+        path.write_bytes(gzip.compress(text.encode()))
+    else:
+        path.write_text(text, encoding="utf-8")
+    return path
+
+
+def mat73(path: Path, table: Table) -> Path:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, column in table.items():
+            file[f"log/{name}"] = column[None]
+    content = bytearray(path.read_bytes())
+    content[:128] = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    path.write_bytes(bytes(content))
+    return path
+
+
+def parquet(path: Path, table: Table) -> Path:
+    write_table(pyarrow.table(table), path)
+    return path
+
+
+def same(loaded: Loaded, record: Record) -> None:
+    assert isinstance(loaded.content, Record)
+    assert loaded.content.sample_time == pytest.approx(record.sample_time, rel=1e-9)
+    for name in ("target", "reference", "feedforward", "command", "position"):
+        np.testing.assert_array_equal(getattr(loaded.content, name), getattr(record, name), name)
+
+
+def test_csv_plain_and_compressed(tmp_path: Path, table: Table, record: Record) -> None:
+    plain, packed = load(csv(tmp_path / "a.csv", table)), load(csv(tmp_path / "a.csv.gz", table))
+    same(plain, record)
+    same(packed, record)
+    same(load(csv(tmp_path / "b.csv", table, ";")), record)
+    assert plain.sha256 != packed.sha256
+    assert len(plain.sha256) == 64
+
+
+def test_mat_of_both_versions_and_parquet(tmp_path: Path, table: Table, record: Record) -> None:
+    savemat(tmp_path / "a.mat", table)
+    same(load(tmp_path / "a.mat"), record)
+    signals = ("time", "command", "position", "target", "reference", "feedforward")
+    dotted = Columns(**{name: f"log.{getattr(Columns(), name)}" for name in signals})
+    savemat(tmp_path / "s.mat", {"log": table})
+    same(load(tmp_path / "s.mat", dotted), record)
+    same(load(mat73(tmp_path / "h.mat", table), dotted), record)
+    same(load(parquet(tmp_path / "a.parquet", table)), record)
+
+
+def test_a_derivative_of_the_position_alone_replays(table: Table, record: Record, tmp_path: Path) -> None:
+    """The same commands from a controller that differentiates the position and has the rest in no column."""
+    control = MACHINE.control
+    waits = np.concatenate([np.full(control.reference_delay, record.reference[0]), record.reference])
+    keep = control.pid.derivative_filter / (control.pid.derivative_filter + record.sample_time)
+    slope = np.zeros(record.position.size)
+    for k in range(1, slope.size):
+        slope[k] = keep * slope[k - 1] + (1 - keep) * (waits[k] - waits[k - 1]) / record.sample_time
+    command = record.command - control.pid.kd * slope
+    path = csv(tmp_path / "a.csv", {**table, "command_N": command})
+    facts: dict[str, Any] = {"pid": control.pid, "reference_delay": control.reference_delay}
+    assert any("does not reproduce" in text for text in load(path, **facts).findings)
+    own = load(path, Columns(derivative="position"), **facts)
+    assert not any("does not reproduce" in text for text in own.findings)
+    assert isinstance(own.content, Record)
+    law = derivative_of_error(own.content, control.pid, control.reference_delay)
+    left = (command - replay(law, control.pid, control.reference_delay))[60:]
+    assert np.ptp(left) < 1e-8
+    with pytest.raises(ValueError, match="derivative: 'speed' is neither of error, position"):
+        Columns(derivative="speed")
+
+
+def test_other_names_units_factors_and_signs_are_mapped(tmp_path: Path, table: Table, record: Record) -> None:
+    own = {"t": table["time_s"] * 1e3, "x": -table["position_m"] * 1e6, "u": table["command_N"] / 35.2}
+    columns = Columns(time="t [ms]", position="x [um] * -1", command="u [V] * 35.2 N/V")
+    content = load(csv(tmp_path / "own.csv", own), columns).content
+    assert isinstance(content, Record)
+    np.testing.assert_allclose(content.position, record.position, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(content.command, record.command, rtol=1e-12)
+    assert content.sample_time == pytest.approx(record.sample_time)
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ({"position": "x [kg]"}, "quantity in m"),
+        ({"command": "u [V]"}, "quantity in N"),
+        ({"command": "u [V] * big"}, "no number with a unit"),
+        ({"phase": "p [m]"}, "no angle"),
+        ({"position": "[mm]"}, "no column"),
+    ],
+)
+def test_a_wrong_mapping_is_said(entry: dict[str, str], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        Columns(**entry)
+
+
+def test_a_record_is_cut_into_its_motions(record: Record) -> None:
+    found = cut(record)
+    assert [motion.reversal for motion in found] == [True, False, False, True, False, False]
+    wave = np.sin(np.arange(record.target.size) / 100.0)  # turns at 157, 471, 785 and 1100
+    assert [motion.start for motion in cut(replace(record, target=wave, reference=wave))] == [0, 157, 471, 785, 1100]
+
+
+def changed(name: str, change: Callable[[Array], Array]) -> Callable[[Table], Table]:
+    return lambda table: {**table, name: change(table[name].copy())}
+
+
+def at(row: int, value: float) -> Callable[[Array], Array]:
+    def change(column: Array) -> Array:
+        column[row] = value
+        return column
+
+    return change
+
+
+def without(rows: slice) -> Callable[[Table], Table]:
+    return lambda table: {name: np.delete(column, rows) for name, column in table.items()}
+
+
+def swapped(one: str, other: str) -> Callable[[Table], Table]:
+    return lambda table: {**table, one: table[other], other: table[one]}
+
+
+WRONG: dict[str, tuple[Callable[[Table], Table], str]] = {
+    "uneven": (changed("time_s", lambda t: t + 1e-4 * np.sin(np.arange(t.size))), "uneven sampling"),
+    "gap": (without(slice(500, 510)), "10 samples are missing in 1 gap"),
+    "nan": (changed("command_N", at(77, np.nan)), "'command_N' has 1 values that are no numbers, the first in row 78"),
+    "constant": (changed("position_m", lambda x: 0 * x), "the position is constant"),
+    "thousand": (changed("position_m", lambda x: 1e3 * x), "as far as the reference, a factor of 1000"),
+    "milliseconds": (changed("time_s", lambda t: 1e3 * t), "a factor of 1000: the time's unit"),
+    "sign": (changed("position_m", lambda x: -x), "a sign is wrong"),
+    "time swapped": (swapped("time_s", "position_m"), "columns 'time_s' and 'position_m' are swapped"),
+    "command swapped": (swapped("command_N", "position_m"), "position and command look swapped"),
+    "reference swapped": (swapped("reference_m", "position_m"), "reference and position look swapped"),
+    "missing": (lambda table: {n.replace("position", "positon"): c for n, c in table.items()},
+                "column 'position_m' for the position is missing; the nearest that the file has is 'positon_m'"),
+    "backward": (changed("time_s", at(40, 0.0)), "does not rise in row"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", sorted(WRONG))
+def test_a_wrong_file_gets_its_sentence(kind: str, tmp_path: Path, table: Table) -> None:
+    make, says = WRONG[kind]
+    path = csv(tmp_path / "wrong.csv", make(table))
+    with pytest.raises(RecordError) as error:
+        load(path, sample_time=MACHINE.sample_time)
+    assert says in str(error.value)
+    assert str(path) in str(error.value)
+
+
+def said(path: Path, table: Table) -> str:
+    control = MACHINE.control
+    loaded = load(csv(path, table), pid=control.pid, reference_delay=control.reference_delay, limit=150.0)
+    return " ".join(loaded.findings)
+
+
+def test_what_is_no_error_is_said_too(tmp_path: Path, table: Table) -> None:
+    plain = said(tmp_path / "plain.csv", table)
+    assert "The position has steps of 100 nm" in plain
+    assert "delay between channels" not in plain
+    assert "saturated" not in plain
+    top = 0.5 * float(np.max(np.abs(table["command_N"])))
+    clipped = {**table, "command_N": np.clip(table["command_N"], -top, top)}
+    assert "The command is saturated" in said(tmp_path / "clipped.csv", clipped)
+    late = {**table, "command_N": np.concatenate([np.full(3, table["command_N"][0]), table["command_N"][:-3]])}
+    assert "the command is logged 3 samples (1.5 ms) late" in said(tmp_path / "late.csv", late)
+
+
+def test_a_controller_that_did_not_run_is_said(tmp_path: Path, table: Table) -> None:
+    other = PID(1e3, 0.0, 10.0, 1e-4)
+    findings = load(csv(tmp_path / "a.csv", table), pid=other, reference_delay=2).findings
+    assert any("does not reproduce the logged command" in sentence for sentence in findings)
+
+
+def test_the_replay_is_the_simulated_controller(record: Record) -> None:
+    control = MACHINE.control
+    made = replay(record, control.pid, control.reference_delay)
+    assert np.max(np.abs(made - record.command)) < 1e-6 * np.max(np.abs(record.command))
+
+
+def test_a_step_is_found_and_none_where_there_is_none() -> None:
+    x = np.sin(np.arange(3000) / 200.0) * 1e-5
+    assert quantisation(np.round(x / 1e-7) * 1e-7) == pytest.approx(1e-7, rel=1e-6)
+    assert quantisation(x) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("a.txt", b"x", "give a .csv"),
+        ("a.csv", b"time_s,command_N,position_m\n", "has no rows"),
+        ("a.csv", b"time_s,command_N,position_m\n0,1,2\n1,x,2\n", "line 3"),
+        ("a.csv", b"time_s,command_N,position_m\n0,1,2\n1,2\n", "line 3 has 2 cells"),
+        ("a.csv", b"a,a\n0,1\n", "two columns have one name"),
+        ("a.mat", b"nothing", "no readable .mat file"),
+        ("a.parquet", b"nothing", "no readable .parquet file"),
+    ],
+)
+def test_an_unreadable_file_is_said(name: str, content: bytes, says: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordError, match=says):
+        load(tmp_path / name)
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="can't be read"):
+        load(tmp_path / "nowhere.csv")
+
+
+@pytest.mark.skipif(not WITHHELD.is_dir(), reason="needs the sealed records beside the project")
+def test_the_agreed_format_is_read() -> None:
+    loaded = load(WITHHELD / "case-01" / "sequential.csv.gz")
+    assert isinstance(loaded.content, Record)
+    assert loaded.content.sample_time == pytest.approx(5e-4)
+    assert len(loaded.given) == 6

@@ -1,0 +1,43 @@
+"""Motions of a target, and what settles when."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from models.records.record import Record, cut, feeding_sequence, motions
+from models.settling import dispersion, overshoot, settling_time
+
+
+def test_the_sequence_of_figure_5() -> None:
+    target = feeding_sequence(20e-6, 5, 0.5, 5e-4, repeats=2)
+    assert target.size == 20 * 1000
+    assert target[::1000] * 1e6 == pytest.approx([20, 40, 60, 80, 100, 80, 60, 40, 20, 0] * 2)
+    found = motions(target)
+    assert len(found) == 20
+    assert [i for i, motion in enumerate(found) if motion.reversal] == [0, 5, 10, 15]
+    assert {motion.stop - motion.start for motion in found} == {1000}
+    assert [motion.direction for motion in found[:10]] == [1] * 5 + [-1] * 5
+
+
+def test_a_record_in_which_nothing_moves_has_no_motions() -> None:
+    nothing = np.zeros(100)
+    assert cut(Record(1e-3, nothing, nothing, nothing, nothing, nothing)) == ()
+
+
+def test_settling_is_the_time_after_which_nothing_leaves_the_band() -> None:
+    error = np.array([-20, -3, 1.9, 2.1, -1, 0, 2.0, 0]) * 1e-6
+    assert settling_time(error, 2e-6, 1e-3) == pytest.approx(4e-3)
+    assert settling_time(error[:4], 2e-6, 1e-3) == math.inf
+    assert settling_time(error[4:], 2e-6, 1e-3) == 0
+
+
+def test_overshoot_is_beyond_the_stroke() -> None:
+    assert overshoot([0, 15, 21, 20], 20) == 1
+    assert overshoot([0, 15, 19], 20) == 0
+
+
+def test_dispersion_is_three_standard_deviations_over_the_motions() -> None:
+    assert dispersion([[1.0, 5.0], [3.0, 5.0]]) == pytest.approx([3.0, 0.0])

@@ -1,0 +1,176 @@
+"""The rules of the layout: how imports run, how rooms are kept, what a public docstring says, what the lock pins."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MAY_IMPORT = {
+    "models": {"models"},
+    "design": {"models", "design"},
+    "diagnosis": {"models", "diagnosis"},
+    "reports": {"reports"},
+    "studies": {"models", "design", "diagnosis", "reports", "studies"},
+}
+# What carries a physical quantity in or out of a function; with one of these, a docstring gives units in brackets.
+QUANTITIES = re.compile(r"\b(float|Array|ArrayLike|NDArray)\b")
+
+
+LIBRARIES = ("models", "design", "diagnosis")
+MOST_MODULES = 12  # in one folder: what a reader takes in at a glance
+
+
+def modules(package: str, root: Path = ROOT) -> Iterator[Path]:
+    yield from sorted((root / package).rglob("*.py"))
+
+
+def dotted(path: Path, root: Path) -> str:
+    return ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+
+
+def imported(path: Path, known: Collection[str]) -> Iterator[str]:
+    """Modules among `known` that a file imports anywhere: at its head, inside a function, or for type checking only."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inner = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (name if name in known else node.module for name in inner)
+
+
+def wrong_directions(root: Path) -> list[str]:
+    """Imports against the one direction models <- design, diagnosis <- studies -> reports."""
+    return [
+        f"{path.relative_to(root)} imports {name}"
+        for package, allowed in MAY_IMPORT.items()
+        for path in modules(package, root)
+        for name in imported(path, ())
+        if (part := name.partition(".")[0]) in MAY_IMPORT and part not in allowed
+    ]
+
+
+def cycles(root: Path) -> list[str]:
+    """Modules that import one another in a circle."""
+    files = {dotted(path, root): path for package in MAY_IMPORT for path in modules(package, root)}
+    graph = {name: {other for other in imported(path, files) if other in files} for name, path in files.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return [" -> ".join(error.args[1])]
+    return []
+
+
+def crowded(root: Path) -> list[str]:
+    """Folders of a library with more modules than a reader takes in at a glance."""
+    folders = {path.parent for package in LIBRARIES for path in modules(package, root)}
+    counts = {folder: len([p for p in folder.glob("*.py") if p.name != "__init__.py"]) for folder in folders}
+    return [f"{folder.relative_to(root)}: {count}" for folder, count in sorted(counts.items()) if count > MOST_MODULES]
+
+
+def ambiguous(root: Path) -> list[str]:
+    """File names that mean two things within one library."""
+    found = []
+    for package in LIBRARIES:
+        counts = Counter(path.name for path in modules(package, root) if path.name != "__init__.py")
+        found += [f"{package}: {name}" for name, count in sorted(counts.items()) if count > 1]
+    return found
+
+
+RULES = (wrong_directions, cycles, crowded, ambiguous)
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+def test_the_layout_keeps_its_rules(rule: Callable[[Path], list[str]]) -> None:
+    assert rule(ROOT) == []
+
+
+def planted(root: Path, files: Mapping[str, str]) -> Path:
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    return root
+
+
+@pytest.mark.parametrize(
+    ("rule", "files"),
+    [
+        (wrong_directions, {"models/plant.py": "from design.deadbeat import synthesise\n"}),
+        (wrong_directions, {"design/pid/goal.py": "def f():\n    import diagnosis.diagnose\n"}),
+        (cycles, {"models/a.py": "from models.b import x\n", "models/b.py": "def f():\n    from models import a\n"}),
+        (cycles, {"models/a.py": "import models.b\n", "models/b.py": "if TYPE_CHECKING:\n    import models.a\n"}),
+        (crowded, {f"diagnosis/where/m{i}.py": "" for i in range(MOST_MODULES + 1)}),
+        (ambiguous, {"models/friction.py": "", "models/effects/friction.py": ""}),
+    ],
+)
+def test_a_planted_fault_breaks_its_rule_and_only_that(
+    rule: Callable[[Path], list[str]], files: dict[str, str], tmp_path: Path
+) -> None:
+    root = planted(tmp_path, files)
+    assert [one for one in RULES if one(root)] == [rule]
+
+
+def test_tests_mirror_the_rooms() -> None:
+    rooms = {path.parent.relative_to(ROOT) for package in LIBRARIES for path in modules(package)}
+    assert sorted(str(room) for room in rooms if not any((ROOT / "tests" / room).glob("test_*.py"))) == []
+
+
+def public(package: str) -> Iterator[tuple[str, Any]]:
+    for path in modules(package):
+        if path.name == "__main__.py":
+            continue
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        module: ModuleType = __import__(name, fromlist=["_"])
+        yield name, module
+        for item in vars(module).values():
+            original = getattr(item, "py_func", getattr(item, "__wrapped__", item))
+            if getattr(original, "__module__", None) != name or not hasattr(original, "__name__"):
+                continue  # of another module, or a value
+            if not original.__name__.startswith("_"):
+                yield f"{name}.{original.__name__}", original
+
+
+@pytest.mark.parametrize("package", ["models", "design", "diagnosis", "studies", "reports"])
+def test_everything_public_has_a_docstring(package: str) -> None:
+    missing = [name for name, item in public(package) if not inspect.getdoc(item) and not name.endswith("__init__")]
+    assert missing == []
+
+
+@pytest.mark.parametrize("package", ["models", "design", "diagnosis"])
+def test_docstrings_of_functions_with_quantities_give_units(package: str) -> None:
+    silent = [
+        name
+        for name, item in public(package)
+        if inspect.isfunction(item)
+        and QUANTITIES.search(str(inspect.signature(item)))
+        and not re.search(r"\[[^\]]+\]|SI\b|coefficients", f"{inspect.getdoc(item)}")
+    ]
+    assert silent == []
+
+
+def test_the_lock_pins_with_hashes_and_names_no_index() -> None:
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    pinned = re.findall(r"^[\w.-]+==", text, re.MULTILINE)
+    assert len(pinned) > 20
+    assert text.count("--hash=sha256:") > len(pinned)
+    assert "://" not in text
+    wanted = re.findall(r"^[\w-]+", (ROOT / "requirements.in").read_text(encoding="utf-8"), re.MULTILINE)
+    locked = {name.removesuffix("==").replace("-", "_") for name in pinned}
+    assert {name.replace("-", "_") for name in wanted} <= locked
+
+
+def test_a_diagnosis_does_not_wait_for_what_only_designs_and_reports_use() -> None:
+    script = "import sys, diagnosis.evidence; print(*sorted({'control', 'matplotlib'} & set(sys.modules)))"
+    found = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == []
