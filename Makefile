@@ -46,6 +46,8 @@ $(ENVIRONMENT): requirements.lock
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: \
 	    -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --no-index \
+	    --editable .
 	touch $@
 
 lock: $(ENVIRONMENT)
@@ -54,5 +56,5 @@ lock: $(ENVIRONMENT)
 	    --custom-compile-command 'make lock' requirements.in --output-file requirements.lock
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis reports/out
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis reports/out build *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

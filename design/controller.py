@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from design.deadbeat import Constraints, Deadbeat, synthesise
+from design.deadbeat import Constraints, Deadbeat, Objective, synthesise
 from design.friction_compensation import simplify
 from models.controller import Controller
 from models.machine import Machine
@@ -31,14 +31,41 @@ def usable_thrust(machine: Machine) -> float:
     return machine.drive.rated_thrust - machine.friction.coulomb_force - abs(machine.drive.offset)
 
 
+def design_deadbeat(
+    machine: Machine,
+    *,
+    settling_time: float | None = None,
+    stroke: float | None = None,
+    objective: Objective = "thrust_difference",
+    constraints: Constraints | None = None,
+) -> Deadbeat:
+    """The deadbeat feedforward of a machine: `synthesise` for its plant and sample time.
+
+    settling_time [s], stroke [m]: by default those of the machine's specification. constraints: by default the thrust
+    that `usable_thrust` leaves. Raises DesignError, with the shortest settling time that can be met, where there is no
+    such feedforward.
+
+    >>> deadbeat = pos.design_deadbeat(machine, settling_time=20e-3, stroke=20e-6)
+    >>> float(deadbeat.position[-1])  # at rest on the target
+    2e-05
+    >>> pos.design_deadbeat(machine, settling_time=2e-3)
+    Traceback (most recent call last):
+    design.deadbeat.DesignError: ...
+    """
+    wanted = machine.specification
+    return synthesise(
+        machine.plant,
+        machine.sample_time,
+        wanted.reference_settling_time if settling_time is None else settling_time,
+        wanted.stroke if stroke is None else stroke,
+        objective,
+        Constraints(thrust=usable_thrust(machine)) if constraints is None else constraints,
+    )
+
+
 def default_controller(machine: Machine) -> Controller:
-    """The controller that the machine's specification asks for: `synthesise`'s default deadbeat within usable_thrust.
+    """The controller that the machine's specification asks for: its default deadbeat, assembled.
 
     Raises DesignError where there is none.
     """
-    wanted = machine.specification
-    limit = Constraints(thrust=usable_thrust(machine))
-    deadbeat = synthesise(
-        machine.plant, machine.sample_time, wanted.reference_settling_time, wanted.stroke, constraints=limit
-    )
-    return assemble(machine, deadbeat)
+    return assemble(machine, design_deadbeat(machine))

@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from design.family import Member
+from design.family import Member, family, slopes
 from design.loop import (
     Assessment,
     Complex,
@@ -34,12 +34,50 @@ from design.pid.active_set import LONGEST_FILTER, from_start, shares
 from design.pid.goal import OBJECTIVES, Goal, achieved
 from design.pid.problem import Array, Attempt, Bounds, Problem, Slot, Tuning, TuningError
 from design.pid.program import program
+from design.pid.rules import simc
 from models.controller import PID
+from models.machine import Machine
 from models.quantity import show
 
 TOLERANCE: Final = 1e-4  # by which a certified peak may exceed its bound, relative
 MANY: Final = 24  # plants that a program has room for; of more it sees those that count
+ROOM: Final = 1.2  # of |CS| over the steepest contact stiffness, which it is at low frequencies with an integral
+LEAST_MT: Final = 1.4  # below it no loop with an integrator and a rigid body has a PID
+SLOW_START: Final = 25e-3  # s: closed-loop time constant of the rule that a tuning starts from
+FAST_START: Final = 6e-3  # s: of the rule that gives the magnitude of the gains where the present PID lacks a part
 REACH: Final = 50.0  # of the largest gain over the one a problem is scaled with
+
+
+def tune_pid(
+    machine: Machine,
+    *,
+    ms: float = 2.0,
+    mt: float | None = None,
+    noise: float | None = None,
+    mode_error: float = 0.03,
+    mass_error: float = 0.1,
+) -> Tuning:
+    """The PID of the largest integral gain whose loop keeps to its bounds in every state of the machine's friction.
+
+    ms, mt [1]: bounds on |S| and |T|; without one on |T| that on |S|, but at least LEAST_MT. noise [N/m]: bound on
+    |CS|, by default what the present PID has, but more than the steepest contact stiffness, which an integral needs.
+    mode_error, mass_error [1]: how far the modes' frequencies and the mass may be off to both sides. Takes some
+    seconds. Raises TuningError where no PID keeps to the bounds.
+
+    >>> tuning = pos.tune_pid(machine, ms=2.0, mode_error=0, mass_error=0)
+    >>> tuning.ms < 2.001 and all(loop.stable for loop in tuning.loops)
+    True
+    """
+    members, present = family(machine, mode_error, mass_error), machine.control.pid
+    if noise is None:
+        loops = (assess(member.plant, present) for member in members)
+        noise = max(ROOM * max(slopes(machine).values()), *(loop.mcs.value for loop in loops))
+    start, fast = (
+        simc(machine.plant, machine.sample_time, time, present.derivative_filter) for time in (SLOW_START, FAST_START)
+    )
+    scale = present if min(present.kp, present.ki, present.kd) > 0 else fast
+    bounds = Bounds(ms, max(ms, LEAST_MT) if mt is None else mt, noise)
+    return tune(pose(members, Goal(), scale), bounds, [("slow rule", start)])
 
 
 def pose(

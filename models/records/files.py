@@ -62,6 +62,22 @@ def load(path: Path, columns: Columns | None = None, **facts: Any) -> Loaded:
     return Loaded(path.name, digest, record, given, said)
 
 
+def read_record(path: str | Path, columns: Columns | None = None) -> Record:
+    """The signals (n,) [m], [N] of a record file: .csv, .csv.gz, .mat or .parquet.
+
+    columns: how the file calls its signals, such as `machine.record`; by default time_s, command_N, position_m, ...
+    Raises RecordError, a sentence that says what is wrong and what to do, for a file that holds no such record.
+
+    >>> record = pos.read_record(folder / "moves.csv")
+    >>> record.sample_time, record.position.shape == record.command.shape
+    (0.0005, True)
+    """
+    content = load(Path(path), columns).content
+    if not isinstance(content, Record):
+        raise RecordError(f"{path}: holds a frequency response; give a record of time, command and position")
+    return content
+
+
 def _as_it_ran(
     record: Record, columns: Columns, *, pid: PID | None = None, reference_delay: int = 0, **_: Any
 ) -> Record:

@@ -1,0 +1,72 @@
+"""A first look at a run in a notebook: where it was told to be, where it was, and the thrust that this took."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from reports.style import BLACK, BLUE, LIMIT, STYLE, VERMILION
+
+Array = NDArray[np.float64]
+
+
+class Signals(Protocol):
+    """A record, as far as a plot needs one: the sample time [s] and signals of shape (n,) in [m] and [N]."""
+
+    @property
+    def sample_time(self) -> float:
+        """T_s [s]."""
+
+    @property
+    def target(self) -> Array:
+        """r (n,) [m]."""
+
+    @property
+    def reference(self) -> Array:
+        """x_T* (n,) [m]."""
+
+    @property
+    def position(self) -> Array:
+        """The scale's reading (n,) [m]."""
+
+    @property
+    def command(self) -> Array:
+        """u_M (n,) [N]."""
+
+
+@runtime_checkable
+class Run(Protocol):
+    """A simulated response: it has a record."""
+
+    @property
+    def record(self) -> Signals:
+        """What the run logged."""
+
+
+def plot(run: Run | Signals) -> Figure:
+    """Target, reference and position [µm] above the command [N], over time [ms]; of a response or of a record.
+
+    The figure is returned without being shown; a notebook shows it, `savefig` writes it.
+
+    >>> figure = pos.plot(response)
+    >>> [axes.get_ylabel() for axes in figure.axes]
+    ['position [µm]', 'command [N]']
+    """
+    record = run.record if isinstance(run, Run) else run
+    time = 1e3 * record.sample_time * np.arange(record.position.size)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(160 / 25.4, 100 / 25.4), layout="constrained")
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        above.step(time, 1e6 * record.target, where="post", color=LIMIT, linestyle="--", label="target $r$")
+        above.plot(time, 1e6 * record.reference, color=BLACK, linestyle=":", label="reference $x_T^*$")
+        above.plot(time, 1e6 * record.position, color=BLUE, linestyle="-", label="position $x$")
+        above.set_ylabel("position [µm]")
+        above.legend()
+        below.step(time, record.command, where="post", color=VERMILION, linestyle="-")
+        below.set_ylabel("command [N]")
+        below.set_xlabel("time [ms]")
+    return figure
