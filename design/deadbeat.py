@@ -151,11 +151,6 @@ def with_frequency_error(plant: Plant, index: int, error: float) -> Plant:
     return replace(plant, modes=tuple(modes))
 
 
-def vibrating(plant: Plant) -> tuple[int, ...]:
-    """The indices of the modes that vibrate, the rigid body left out."""
-    return tuple(i for i, mode in enumerate(plant.modes) if mode.frequency > 0)
-
-
 def _samples(settling_time: float, sample_time: float) -> int:
     if not (math.isfinite(settling_time) and settling_time > 0):
         raise DesignError(f"the settling time is {show(settling_time, 's')}; give one above 0, such as 20 ms")
@@ -176,9 +171,8 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
         return None
     powers = _reach(model, count)
     goal = np.zeros(model.nstates)
-    goal[2 * _rigid(plant)] = 1.0
-    rigid = plant.modes[_rigid(plant)]
-    scale = stroke / (rigid.gain * plant.thrust_constant * (count * sample_time) ** 2)
+    goal[2 * plant.rigid] = 1.0
+    scale = stroke / (plant.rigid_gain * (count * sample_time) ** 2)
     units = np.ones(model.nstates)  # of the states: strokes, strokes per rad, and the thrust under way
     for j, mode in enumerate(plant.modes):
         units[2 * j : 2 * j + 2] = stroke, stroke * _rate(mode, count * sample_time)
@@ -192,7 +186,7 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
             _reach(sampled(with_frequency_error(plant, j, error), sample_time, whole_delay=False), count)
             / units[:, None]
         )[2 * j : 2 * j + 2]
-        for j in vibrating(plant)
+        for j in plant.flexible
         for error in MODE_ERRORS
     ]
     rows = np.vstack(vibration) if vibration else np.zeros((0, count))
@@ -209,10 +203,6 @@ def _reach(model: control.StateSpace, count: int) -> Array:
         columns[:, k] = column
         column = model.A @ column
     return columns
-
-
-def _rigid(plant: Plant) -> int:
-    return next(i for i, mode in enumerate(plant.modes) if mode.frequency == 0)
 
 
 def _rate(mode: Mode, duration: float) -> float:

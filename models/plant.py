@@ -39,11 +39,38 @@ class Mode:
 
 @dataclass(frozen=True)
 class Plant:
-    """P_l(s) of eq. (1)."""
+    """P_l(s) of eq. (1).
+
+    A mode of frequency 0 is a rigid body. `rigid`, `rigid_gain` and `mass` are of plants that have exactly one,
+    wherever it stands among the modes, and raise ValueError for others.
+    """
 
     dead_time: float = value("s", "equivalent dead time L", at_least=0)
     thrust_constant: float = value("1", "thrust per thrust reference K_t", above=0)
     modes: tuple[Mode, ...] = ()
+
+    @property
+    def rigid(self) -> int:
+        """The index of the rigid body in `modes`."""
+        found = [i for i, mode in enumerate(self.modes) if mode.frequency == 0]
+        if len(found) != 1:
+            raise ValueError(f"the plant has {len(found)} rigid bodies; exactly one mode must have the frequency 0")
+        return found[0]
+
+    @property
+    def flexible(self) -> tuple[int, ...]:
+        """The indices in `modes` of the vibration modes, in their order."""
+        return tuple(i for i, mode in enumerate(self.modes) if mode.frequency > 0)
+
+    @property
+    def rigid_gain(self) -> float:
+        """Acceleration of the rigid body over the thrust reference, K_t k [1/kg]."""
+        return self.thrust_constant * self.modes[self.rigid].gain
+
+    @property
+    def mass(self) -> float:
+        """Thrust reference over the acceleration of the rigid body, 1 / (K_t k) [kg]: the moving mass if K_t is 1."""
+        return 1 / self.rigid_gain
 
 
 @cache

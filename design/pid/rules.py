@@ -13,15 +13,11 @@ def simc(plant: Plant, sample_time: float, closed_loop: float, derivative_filter
     table 1); theta = L + T_s / 2 for the hold.
     """
     slow = closed_loop + plant.dead_time + sample_time / 2
-    gain = 1 / (4 * _rigid_gain(plant) * slow**2)
+    gain = 1 / (4 * plant.rigid_gain * slow**2)
     return PID(2 * gain, gain / (4 * slow), gain * 4 * slow, derivative_filter)
 
 
 def lambda_rule(plant: Plant, closed_loop: float, derivative_filter: float) -> PID:
     """Three poles of the rigid body's loop at -1 / lambda, dead time left out; lambda = `closed_loop`; times [s]."""
-    gain = 1 / _rigid_gain(plant)
+    gain = 1 / plant.rigid_gain
     return PID(3 * gain / closed_loop**2, gain / closed_loop**3, 3 * gain / closed_loop, derivative_filter)
-
-
-def _rigid_gain(plant: Plant) -> float:
-    return plant.thrust_constant * sum(mode.gain for mode in plant.modes if mode.frequency == 0)

@@ -204,8 +204,7 @@ def least_settling_time(
 
 def thrust_unit(task: Task) -> float:
     """What the thrust is measured in [N]: the peak that the rigid body alone would need."""
-    rigid = next(mode for mode in task.plant.modes if mode.frequency == 0)
-    return 4 * task.stroke / (rigid.gain * task.plant.thrust_constant * (task.samples * task.sample_time) ** 2)
+    return 4 * task.stroke / (task.plant.rigid_gain * (task.samples * task.sample_time) ** 2)
 
 
 def _require_sense(task: Task) -> None:
@@ -235,7 +234,7 @@ def require_rest(program: Program, task: Task, lifted: Lifted, net: ca.MX) -> No
 def rest_conditions(task: Task, lifted: Lifted) -> tuple[Array, Array]:
     """Rows (E, N) [1] and aims (E,) [N] on the net thrust; orthonormal, as the modes' reach differs by hundreds."""
     reach, goal = lifted.on_thrust(lifted.state), np.zeros(lifted.state.shape[0])
-    goal[2 * next(j for j, mode in enumerate(task.plant.modes) if mode.frequency == 0)] = task.stroke
+    goal[2 * task.plant.rigid] = task.stroke
     orthonormal, mixing = np.linalg.qr((reach / np.linalg.norm(reach, axis=1)[:, None]).T)
     rows, aim = orthonormal.T, np.linalg.solve(mixing.T, goal / np.linalg.norm(reach, axis=1))
     if delay_split(task.plant.dead_time, task.sample_time)[1] > 0:  # the last thrust acts until after the last sample
@@ -339,7 +338,7 @@ def _guess(built: Built, z: Array, starts: Sequence[Array], given: ArrayLike | N
 def _least_squares(task: Task, lifted: Lifted) -> Array:
     """The least-squares thrust (N,) that brings the linear plant to rest on the target."""
     reach, goal = lifted.on_thrust(lifted.state), np.zeros(lifted.state.shape[0])
-    goal[2 * next(j for j, mode in enumerate(task.plant.modes) if mode.frequency == 0)] = task.stroke
+    goal[2 * task.plant.rigid] = task.stroke
     weight = 1 / np.linalg.norm(reach, axis=1)
     return np.asarray(np.linalg.lstsq(weight[:, None] * reach, weight * goal, rcond=None)[0], float)
 

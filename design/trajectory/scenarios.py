@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from design.deadbeat import vibrating, with_frequency_error
+from design.deadbeat import with_frequency_error
 from design.trajectory.lifted import lift
 from design.trajectory.program import Program
 from models.controller import PID
@@ -85,7 +85,7 @@ def tables(plant: Plant, friction: Friction, errors: Errors) -> tuple[tuple[Plan
             found.append((with_mass_error(plant, size * errors.mass), friction, 0.5))
         if errors.frequency:
             found += [
-                (with_frequency_error(plant, mode, size * errors.frequency), friction, 0.5) for mode in vibrating(plant)
+                (with_frequency_error(plant, mode, size * errors.frequency), friction, 0.5) for mode in plant.flexible
             ]
     return tuple(found)
 

@@ -54,7 +54,7 @@ Step = Move | Excitation
 
 def schedule(name: str, machine: Machine, steps: Sequence[Step], lead: float = 0.1) -> Schedule:
     """The steps one after the other behind `lead` [s] of rest at 0, sampled as the machine's controller samples."""
-    ts, mass = machine.sample_time, moved_mass(machine)
+    ts, mass = machine.sample_time, machine.plant.mass
     position, target, force = [np.zeros(round(lead / ts))], [np.zeros(round(lead / ts))], [np.zeros(round(lead / ts))]
     at = 0.0
     for step in steps:
@@ -75,16 +75,11 @@ def schedule(name: str, machine: Machine, steps: Sequence[Step], lead: float = 0
     return Schedule(name, np.concatenate(target), References(whole, np.concatenate(force), np.zeros(whole.size)))
 
 
-def moved_mass(machine: Machine) -> float:
-    """Thrust over acceleration of the rigid body [kg]."""
-    return 1 / (machine.plant.thrust_constant * sum(mode.gain for mode in machine.plant.modes if mode.frequency == 0))
-
-
 def quickest(machine: Machine, distance: float, share: float) -> float:
     """Duration [s] of a move of `distance` [m] whose peak thrust is a share [1] of the rated one, within the rated
     speed."""
     force = share * machine.drive.rated_thrust
-    by_thrust = float(np.sqrt(PEAK_ACCELERATION * distance * moved_mass(machine) / force))
+    by_thrust = float(np.sqrt(PEAK_ACCELERATION * distance * machine.plant.mass / force))
     return max(by_thrust, PEAK_SPEED * distance / machine.drive.rated_speed, 2 * machine.sample_time)
 
 

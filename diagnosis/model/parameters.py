@@ -83,8 +83,7 @@ def applied(layout: Parameters, theta: Array) -> Machine:
     """The machine with theta (P,) put in, its offset [N] added to the file's; the initial state is no part of it."""
     machine = layout.machine
     gain = np.concatenate([theta[layout.of("payload_mass")], theta[layout.of("mode_gain")]])
-    order = [i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0]
-    order += [i for i, mode in enumerate(machine.plant.modes) if mode.frequency > 0]
+    order = [machine.plant.rigid, *machine.plant.flexible]
     gains = dict(zip(order, gain, strict=True))
     shift = iter(zip(theta[layout.of("mode_frequency")], theta[layout.of("mode_damping")], strict=True))
     modes = tuple(_moved(mode, gains[i], shift) for i, mode in enumerate(machine.plant.modes))

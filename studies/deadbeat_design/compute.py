@@ -24,7 +24,6 @@ from design.deadbeat import (
     least_peak_thrust,
     shortest_settling_time,
     synthesise,
-    vibrating,
     with_frequency_error,
 )
 from models.controller import Controller, to_json
@@ -234,7 +233,7 @@ def _sensitivity(machine: Machine, plain: Deadbeat, robust: Deadbeat, *, quick: 
             "plain_m": [left(plain, mode, error) for error in errors],
             "robust_m": [left(robust, mode, error) for error in errors],
         }
-        for mode in vibrating(machine.plant)
+        for mode in machine.plant.flexible
     ]
     return {"error": errors, "modes": modes}
 

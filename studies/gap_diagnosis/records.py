@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from diagnosis.experiments.schedules import moved_mass
 from diagnosis.model.motions import pieces
 from models.machine import Machine
 from models.quantity import show
@@ -40,7 +39,7 @@ def loaded(machine: Machine, options: argparse.Namespace) -> tuple[Loaded, ...]:
                 path,
                 columns,
                 sample_time=machine.sample_time,
-                mass=moved_mass(machine),
+                mass=machine.plant.mass,
                 pid=control.pid,
                 reference_delay=control.reference_delay,
                 limit=machine.drive.rated_thrust,

@@ -83,7 +83,7 @@ def _loaded(machine: Machine, options: argparse.Namespace, progress: Progress) -
     kinds = options.kinds.split(",") if options.kinds else ["auto"] * len(options.record)
     if len(kinds) != len(options.record) or not set(kinds) <= set(KINDS):
         raise BadInputError(f"--kinds {options.kinds}: give one of {', '.join(KINDS)} for each of the records")
-    control, rigid = machine.control, next(mode for mode in machine.plant.modes if mode.frequency == 0)
+    control = machine.control
     found = []
     for kind, path in zip(kinds, options.record, strict=True):
         progress(0.02, f"reading {path}")
@@ -94,7 +94,7 @@ def _loaded(machine: Machine, options: argparse.Namespace, progress: Progress) -
                 pid=control.pid,
                 reference_delay=control.reference_delay,
                 sample_time=machine.sample_time,
-                mass=1 / (rigid.gain * machine.plant.thrust_constant),
+                mass=machine.plant.mass,
                 limit=machine.drive.rated_thrust,
             )
         except RecordError as error:
@@ -113,10 +113,9 @@ def recognised(machine: Machine, loaded: Loaded) -> str:
         return "motion"
     if np.ptp(record.feedforward) > 0 and (_straight(record) or period(record.feedforward) is not None):
         return "excitation"
-    rigid = next(mode for mode in machine.plant.modes if mode.frequency == 0)
     width = max(round(0.05 / record.sample_time), 3)
     smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
-    inertia = np.diff(smooth, 2) / record.sample_time**2 / rigid.gain
+    inertia = np.diff(smooth, 2) / record.sample_time**2 / machine.plant.rigid_gain
     return "hysteresis" if np.std(inertia) < SLOW * np.std(record.command) else "dynamics"
 
 

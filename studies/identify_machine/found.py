@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from models.identification.estimate import Estimate, not_identifiable
 from models.machine import Machine, Provenance, Tolerance
-from models.plant import Plant
 from models.records.files import Loaded
 from models.records.record import Record
 from studies.command import Check
@@ -78,9 +77,3 @@ def own_curve(machine: Machine) -> Machine:
     sources = dict(machine.sources)
     sources["presliding.coulomb_force"] = Provenance("derived", "from the friction elements")
     return replace(machine, sources=sources)
-
-
-def mass_of(plant: Plant) -> float:
-    """Mass of the rigid body [kg], in newtons of thrust reference."""
-    rigid = next(mode for mode in plant.modes if mode.frequency == 0)
-    return 1 / (rigid.gain * plant.thrust_constant)

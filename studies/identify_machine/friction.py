@@ -19,7 +19,7 @@ from models.machine import Machine, Provenance
 from models.records.files import Loaded
 from models.records.record import Record
 from studies.command import Check
-from studies.identify_machine.found import SHOWN, Found, identified, mass_of, own_curve, record_of, with_offset
+from studies.identify_machine.found import SHOWN, Found, identified, own_curve, record_of, with_offset
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def from_hysteresis(found: Found, loaded: Loaded) -> Found:
     plant, ts = found.machine.plant, found.machine.sample_time
     dead_time = [row["std"] for row in found.results.get("estimates", []) if row["name"] == "dead time"]
     terms = force.Terms(
-        mass=mass_of(plant),
+        mass=plant.mass,
         known_delay=plant.dead_time + 0.5 * ts,
         known_delay_std=max(dead_time, default=0.0),
         damped=bool(dead_time),
@@ -291,7 +291,7 @@ def _with_dynamics(found: Found, fit: ForceFit, held: _Holdable, loaded: Loaded)
     """The machine with what no other record gave; friction that grows with speed and the offset go together."""
     machine, e = found.machine, fit.estimate
     if "plant" not in found.known:
-        rigid = next(i for i, mode in enumerate(machine.plant.modes) if mode.frequency == 0)
+        rigid = machine.plant.rigid
         gain = 1 / (e.value("mass") * machine.plant.thrust_constant)
         modes_ = tuple(replace(m, gain=gain) if i == rigid else m for i, m in enumerate(machine.plant.modes))
         delay = max(e.value("delay") - 0.5 * machine.sample_time, 0.0)

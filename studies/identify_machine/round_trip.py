@@ -34,7 +34,7 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
             rows["frequency response"].append(_errors(found.estimate, truth))
         else:
             missed += 1
-        terms = force.Terms(mass=1 / found.plant.modes[0].gain, known_delay=_delay(table))
+        terms = force.Terms(mass=found.plant.mass, known_delay=_delay(table))
         curve = force.identify(own_records.hysteresis(table, own), terms, pass_band=20.0)
         limit, stiffness = np.array(table.friction.limit), np.array(table.friction.stiffness)
         if len(curve.friction.limit) == limit.size:
@@ -50,11 +50,11 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
 
 
 def true_modes(machine: Machine) -> Array:
-    """What `modes.fit` should find (p,) [SI]."""
-    rigid, *others = machine.plant.modes
-    numbers = [rigid.gain, machine.plant.dead_time]
-    for mode in others:
-        numbers += [mode.gain, mode.frequency, mode.damping]
+    """What `modes.fit` should find (p,) [SI]: gains with K_t in them, modes by rising frequency."""
+    plant = machine.plant
+    numbers = [plant.rigid_gain, plant.dead_time]
+    for mode in sorted((plant.modes[i] for i in plant.flexible), key=lambda mode: mode.frequency):
+        numbers += [plant.thrust_constant * mode.gain, mode.frequency, mode.damping]
     return np.array(numbers)
 
 

@@ -195,7 +195,7 @@ def _costs(
     machine: Machine, wanted: dict[str, Any], limits: Bounds, chosen: Point, *, quick: bool
 ) -> list[dict[str, Any]]:
     """The largest integral gain at the chosen bound on |S| when one limit is taken away."""
-    plant, vibrating = machine.plant, [i for i, mode in enumerate(machine.plant.modes) if mode.frequency > 0]
+    plant = machine.plant
     cases: list[tuple[str, Machine, float, float, float]] = []
 
     def case(name: str, changed: Plant = plant, mode: float = 1.0, mass: float = 1.0, noise: float = 1.0) -> None:
@@ -205,13 +205,13 @@ def _costs(
     case("as it is")
     if plant.dead_time > 0:
         case("half the dead time", replace(plant, dead_time=plant.dead_time / 2))
-    for i in vibrating:
+    for i in plant.flexible:
         frequency = plant.modes[i].frequency
         case(
             f"no mode at {frequency:.3g} Hz",
             replace(plant, modes=tuple(m for m in plant.modes if m is not plant.modes[i])),
         )
-    if vibrating:
+    if plant.flexible:
         case("modes' frequencies known", mode=0.0)
     case("mass known", mass=0.0)
     case("twice the noise in the thrust", noise=2.0)
@@ -271,7 +271,7 @@ def _limits(machine: Machine, rolling: Member, points: Sequence[Point], present:
     return {
         "ms": levels,
         "crossover_Hz": highest_crossover(plant, ts, levels) / (2 * math.pi),
-        "modes_Hz": [mode.frequency for mode in plant.modes if mode.frequency > 0],
+        "modes_Hz": [plant.modes[i].frequency for i in plant.flexible],
         "front_ms": [point.ms for point in points],
         "suppressed_Hz": [area.suppressed / (2 * math.pi) for area in areas],
         "amplified_Hz": [area.amplified / (2 * math.pi) for area in areas],

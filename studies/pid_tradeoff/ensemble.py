@@ -36,7 +36,7 @@ def on_every_member(
     own = rows[OWN]["settling_s"]
     return {
         "members": [other.name for other in others],
-        "mass_kg": [1 / sum(mode.gain for mode in other.plant.modes if mode.frequency == 0) for other in others],
+        "mass_kg": [other.plant.mass for other in others],
         "ms_bound": ms,
         "rows": [{"name": name, **row, **_counts(row, own, ms, deadline)} for name, row in rows.items()],
     }

@@ -46,7 +46,8 @@ def rows(central: Shown, tables: Sequence[Shown]) -> list[dict[str, Any]]:
     """
     facts, published = central.machine.presliding, central.machine.published
     assert published is not None
-    stand, load = central.machine.plant.modes[1:3]
+    plant = central.machine.plant
+    stand, load = (plant.modes[i] for i in plant.flexible)
     wanted, control = central.machine.specification, central.machine.control
     after = f"3 sigma after {show(wanted.settling_time, 's')}"
     ratio = published.dispersion_with / published.dispersion_without

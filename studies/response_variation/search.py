@@ -28,7 +28,7 @@ from design.deadbeat import DesignError
 from models.controller import PID, Controller
 from models.friction import elements
 from models.machine import Machine
-from models.plant import Mode, Plant, sampled, transfer
+from models.plant import Plant, sampled, transfer
 from studies.validation import Validation, validate_many
 
 Array = NDArray[np.float64]
@@ -126,11 +126,16 @@ def table(base: Machine, theta: Array) -> Machine:
     w = 2 * math.pi * p["bandwidth"]
     kd = p["a"] * p["mass"] * w
     kp = p["b"] * kd * w
-    rigid, stand, load = base.plant.modes
-    modes = (
-        replace(rigid, gain=_rounded(1 / p["mass"])),
-        Mode(_rounded(1 / (p["stand"] * p["mass"])), stand.frequency, _rounded(p["damping_1"])),
-        Mode(_rounded(p["load"] / (1 - p["load"]) / p["mass"]), load.frequency, _rounded(p["damping_2"])),
+    moved = base.plant.thrust_constant * p["mass"]  # the gains are per newton of thrust, the mass of thrust reference
+    stand, load = base.plant.flexible
+    drawn = {
+        base.plant.rigid: (1 / moved, base.plant.modes[base.plant.rigid].damping),
+        stand: (1 / (p["stand"] * moved), p["damping_1"]),
+        load: (p["load"] / (1 - p["load"]) / moved, p["damping_2"]),
+    }
+    modes = tuple(
+        replace(mode, gain=_rounded(drawn[i][0]), damping=_rounded(drawn[i][1]))
+        for i, mode in enumerate(base.plant.modes)
     )
     pid = PID(_rounded(kp), _rounded(p["c"] * kp * w), _rounded(kd), _rounded(p["derivative_filter"]))
     limit, stiffness = _elements(base, p)

@@ -27,9 +27,10 @@ COORDINATES: Final = (
 
 def coordinates(machine: Machine) -> Array:
     """The unpublished parameters (len(COORDINATES),) of a table, in the units that COORDINATES give, such as [kg]."""
-    rigid, stand, load = machine.plant.modes
-    mass = 1 / rigid.gain
-    ratio = load.gain * mass
+    plant = machine.plant
+    stand, load = (plant.modes[i] for i in plant.flexible)
+    moved = plant.thrust_constant * plant.mass  # the gains are per newton of thrust, the mass of thrust reference
+    ratio = load.gain * moved
     pid, friction, facts = machine.control.pid, machine.friction, machine.presliding
     limits = np.array(friction.limit)
     forces = limits * np.array(friction.stiffness)
@@ -37,12 +38,12 @@ def coordinates(machine: Machine) -> Array:
     end = 2 * float(limits[-1])
     return np.array(
         [
-            mass,
-            1 / (stand.gain * mass),
+            plant.mass,
+            1 / (stand.gain * moved),
             ratio / (1 + ratio),
             stand.damping,
             load.damping,
-            machine.plant.dead_time,
+            plant.dead_time,
             pid.kp,
             pid.ki,
             pid.kd,

@@ -43,7 +43,7 @@ def on_members(
         rows.append(row_of(one, every[0], every[1:], machine, wanted))
     progress(0.88, "designs for each of the tables that behave as the paper says")
     own, rests = _own(members, wanted, aim, count, options.seed)
-    masses = [1 / (one.plant.modes[0].gain * one.plant.thrust_constant) for one in members]
+    masses = [one.plant.mass for one in members]
     return {
         "tables": len(members),
         "mass_kg": [min(masses), max(masses)],

@@ -65,10 +65,6 @@ def _off() -> Machine:
     return applied(layout, theta)
 
 
-def _mass(machine: Machine) -> float:
-    return float(1 / sum(mode.gain for mode in machine.plant.modes if mode.frequency == 0))
-
-
 @pytest.fixture(scope="module")
 def rough() -> tuple[Record, ...]:
     return recorded(MACHINE, PLAN, [KNOCKS], seed=SEED, wrong=0.0)
@@ -101,7 +97,7 @@ def test_what_is_nominal_is_found_on_a_rough_drive(
     """Under the usual weights the knocks pass for what is nominal."""
     monkeypatch.setattr(refit, "ROUGH", np.inf)
     usual = refit_within(_off(), rough)
-    assert _mass(fitted.candidate.machine) == pytest.approx(_mass(MACHINE), rel=0.01)
+    assert fitted.candidate.machine.plant.mass == pytest.approx(MACHINE.plant.mass, rel=0.01)
     stiffness = [sum(one.candidate.machine.friction.stiffness) for one in (fitted, usual)]
     true = sum(MACHINE.friction.stiffness)
     assert stiffness[0] == pytest.approx(true, rel=0.04)

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.deadbeat import polynomials
+from design.deadbeat import polynomials, synthesise
+from design.pid.rules import lambda_rule, simc
 from models.machine import load
 from models.plant import Mode, Plant, bode, delay_split, equations, frequency_response, sampled, state_space
 
@@ -117,3 +118,33 @@ def test_numerator_and_denominator_are_the_sampled_plant(dead_time: float) -> No
     z = np.exp(1j * 2 * math.pi * np.geomspace(20, 900, 50) * TS)
     ratio = np.polyval(numerator[::-1], 1 / z) / np.polyval(denominator[::-1], 1 / z)
     assert ratio == pytest.approx(model(z), rel=1e-6)  # six roots near z = 1: the polynomials are ill-conditioned
+
+
+def doubled(plant: Plant) -> Plant:
+    """The same plant with K_t = 2 times what it was, the gains halved, and the rigid body last."""
+    modes = [replace(plant.modes[i], gain=plant.modes[i].gain / 2) for i in (*plant.flexible, plant.rigid)]
+    return replace(plant, thrust_constant=2 * plant.thrust_constant, modes=tuple(modes))
+
+
+def test_the_rigid_body_is_found_wherever_it_stands_and_its_mass_counts_the_thrust_constant() -> None:
+    plant = Plant(0.0, 2.0, (Mode(0.01, 80.0, 0.01), Mode(0.02, 40.0, 0.01), Mode(0.05, 0.0, 0.0)))
+    assert (plant.rigid, plant.flexible) == (2, (0, 1))
+    assert plant.mass == pytest.approx(1 / (2.0 * 0.05))
+    assert plant.rigid_gain == pytest.approx(2.0 * 0.05)
+    slow = 2 * math.pi * 1e-3  # the response there is the rigid body's, 1 / (M w^2)
+    assert abs(frequency_response(plant, [slow])[0]) == pytest.approx(1 / (plant.mass * slow**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("frequencies", [(40.0,), (0.0, 0.0, 40.0)])
+def test_a_plant_without_one_rigid_body_says_so(frequencies: tuple[float, ...]) -> None:
+    plant = Plant(0.0, 1.0, tuple(Mode(0.02, frequency, 0.01) for frequency in frequencies))
+    with pytest.raises(ValueError, match=f"has {frequencies.count(0.0)} rigid bodies; exactly one"):
+        _ = plant.mass
+
+
+def test_designs_do_not_depend_on_how_the_plant_is_written_down() -> None:
+    other = doubled(PLANT)
+    one, same = (synthesise(plant, TS, 0.02, 20e-6) for plant in (PLANT, other))
+    assert np.allclose(same.thrust, one.thrust, atol=1e-6 * np.max(np.abs(one.thrust)))
+    rules = [(simc(plant, TS, 5e-3, 2e-4), lambda_rule(plant, 5e-3, 2e-4)) for plant in (PLANT, other)]
+    assert rules[0] == rules[1]

@@ -27,6 +27,7 @@ from studies.identify_machine import own_records
 from studies.identify_machine.__main__ import STUDY
 from studies.identify_machine.compute import recognised
 from studies.identify_machine.found import own_curve
+from studies.identify_machine.round_trip import true_modes
 
 MACHINES = (DEFAULT, DEFAULT.parent / "emps.toml")
 
@@ -93,6 +94,14 @@ def test_an_excitation_that_does_not_repeat_is_recognised_by_the_straight_refere
     assert recognised(table, Loaded("random", "", record, (), ())) == "excitation"
     slow = own_records.hysteresis(table, 1)
     assert recognised(table, Loaded("slow", "", replace(slow, feedforward=0.1 * slow.command), (), ())) == "hysteresis"
+
+
+def test_what_identification_looks_for_counts_the_thrust_constant() -> None:
+    """The same plant with K_t = 2, halved gains and the rigid body last: a record shows only K_t times the gains."""
+    table = load()
+    modes = [table.plant.modes[i] for i in (*table.plant.flexible, table.plant.rigid)]
+    plant = replace(table.plant, thrust_constant=2.0, modes=tuple(replace(m, gain=m.gain / 2) for m in modes))
+    assert true_modes(replace(table, plant=plant)) == pytest.approx(true_modes(table))
 
 
 def test_the_table_comes_back(folder: Path, table: Machine) -> None:

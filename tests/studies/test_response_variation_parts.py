@@ -22,8 +22,8 @@ from studies.response_variation.compute import _gap
 from studies.response_variation.curves import hysteresis, plants, responses
 from studies.response_variation.mechanism import _settling
 from studies.response_variation.published import Shown, outcomes
-from studies.response_variation.search import _stable, bent_by_the_limit, largest_sensitivity
-from studies.response_variation.tables import most_central
+from studies.response_variation.search import HIGH, LOW, _stable, bent_by_the_limit, largest_sensitivity, table
+from studies.response_variation.tables import coordinates, most_central
 from studies.validation import Validation, validate, validate_many
 
 Array = NDArray[np.float64]
@@ -207,6 +207,20 @@ def test_the_medoid_is_the_middle_of_tables_in_a_row() -> None:
     machine = load()
     row = [replace(machine, plant=replace(machine.plant, dead_time=time * 1e-3)) for time in (1.2, 1.0, 1.1, 1.05, 1.4)]
     assert most_central(row, np.ones((5, 1))) == 2
+
+
+def test_a_table_s_masses_do_not_depend_on_how_its_plant_is_written_down() -> None:
+    """The same plant with K_t = 2, halved gains and the rigid body last."""
+    machine = load()
+    modes = [machine.plant.modes[i] for i in (*machine.plant.flexible, machine.plant.rigid)]
+    plant = replace(machine.plant, thrust_constant=2.0, modes=tuple(replace(m, gain=m.gain / 2) for m in modes))
+    other = replace(machine, plant=plant)
+    assert coordinates(other) == pytest.approx(coordinates(machine))
+    theta = 0.5 * (LOW + HIGH)
+    one, same = (table(base, theta) for base in (machine, other))
+    assert coordinates(same) == pytest.approx(coordinates(one), rel=1e-4)  # gains are rounded to five digits
+    frequencies = [[mode.frequency for mode in made.plant.modes] for made in (other, same)]
+    assert frequencies[0] == frequencies[1]
 
 
 def test_damping_shows_in_loops_whose_speed_is_known_and_none_shows_where_there_is_none() -> None:
