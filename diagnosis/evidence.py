@@ -12,9 +12,10 @@ from diagnosis.experiments.confusability import Confusability, confusability
 from diagnosis.experiments.confusability import to_json as confusion
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
 from diagnosis.model.parallel import beside
+from diagnosis.where.coordinates import SURE
 from diagnosis.where.locate import Where, where
-from diagnosis.where.locate import to_json as place
-from diagnosis.where.sentences import LEAST, SURE
+from diagnosis.where.sentences import LEAST
+from diagnosis.where.serialise import to_json as place
 
 UNSHOWN: Final = 6  # effects that these records cannot show, for which an experiment is looked for
 

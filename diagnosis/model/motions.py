@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.quantity import show
 from models.records.record import Record, cut
 
 Array = NDArray[np.float64]
@@ -26,13 +27,35 @@ SAME_FORCE: Final = 1e-3  # of its largest value by which their feedforward may 
 
 
 @dataclass(frozen=True)
+class MotionKind:
+    """A kind of motion: its stroke [m] and peak speed [m/s], each rounded to half a decade; both are 0 at rest, where
+    `excited` says whether the feedforward excites the table. Its text is how a reader knows it.
+    """
+
+    stroke: float = 0.0
+    speed: float = 0.0
+    excited: bool = False
+
+    @property
+    def rests(self) -> bool:
+        """Whether the reference stands still and nothing excites the table."""
+        return self.stroke == 0 and not self.excited
+
+    def __str__(self) -> str:
+        if self.stroke > 0:
+            return f"moves of about {show(self.stroke, 'm', 1)} at about {float(f'{1e3 * self.speed:.1g}'):g} mm/s"
+        return "the excitation at rest" if self.excited else "rest"
+
+
+@dataclass(frozen=True)
 class Piece:
-    """Samples start .. stop of record `record`, all of one motion or of one rest; its type in words."""
+    """Samples start .. stop of record `record`, all of one motion or of one rest, with the sign of the motion and where
+    it starts [m]."""
 
     record: int
     start: int
     stop: int
-    kind: str
+    kind: MotionKind
     direction: int
     origin: float
 
@@ -58,10 +81,10 @@ def _piece(record: Record, number: int, start: int, stop: int) -> Piece:
     stroke = float(np.ptp(reference))
     if stroke == 0:
         shaken = np.std(np.diff(record.feedforward[start:stop])) > 0 if stop - start > 2 else False
-        return Piece(number, start, stop, "excitation at rest" if shaken else "rest", 0, float(reference[0]))
+        return Piece(number, start, stop, MotionKind(excited=bool(shaken)), 0, float(reference[0]))
     speed = float(np.max(np.abs(np.diff(reference)))) / record.sample_time
     decades = 10 ** (np.round(2 * np.log10([stroke, speed])) / 2)
-    kind = f"{decades[0] * 1e6:.3g} um at {decades[1] * 1e3:.3g} mm/s"
+    kind = MotionKind(float(decades[0]), float(decades[1]))
     direction = int(np.sign(reference[-1] - reference[0]))
     return Piece(number, start, stop, kind, direction, float(reference[0]))
 
@@ -79,7 +102,7 @@ def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[
     """Groups of equal motions, as indices of the pieces: kind, direction, origin and reference agree."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, piece in enumerate(pieces):
-        if piece.kind != "rest":
+        if not piece.kind.rests:
             where = round(piece.origin / SAME)
             alike = (piece.kind, piece.direction, where, piece.stop - piece.start)
             near = [group for group in _near(groups, alike) if _equal(pieces[group[0]], piece, records)]

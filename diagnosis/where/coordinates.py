@@ -33,6 +33,7 @@ RIDGES: Final = (1e-3, 1e-2, 0.1, 1.0)  # of which the best is taken where many 
 SLOWEST: Final = 1e-4  # m/s, below which the table counts as at rest
 PITCHES: Final = (3e-3, 7e-2)  # m, between which a period of the force over position is looked for
 SMOOTH: Final = 5  # samples over which an acceleration is averaged
+SURE: Final = 0.02  # p-value below which a dependence is stated
 RESTED: Final = 1.0  # s of rest before a record: longer than any healing that it could show
 
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.motions import Piece
+from diagnosis.model.motions import MotionKind, Piece
 from models.quantity import show
 from models.records.record import Record
 
@@ -57,7 +57,7 @@ class Samples:
     motion: Integers
     phase: Integers
     kind: Integers
-    kinds: tuple[str, ...]
+    kinds: tuple[MotionKind, ...]
     direction: Array
     counts: NDArray[np.bool_]
 
@@ -69,7 +69,7 @@ def labelled(
     halt belongs to the motion, what follows is a dwell."""
     kinds = tuple(dict.fromkeys(piece.kind for piece in pieces))
     of_piece = np.array([kinds.index(piece.kind) for piece in pieces])
-    shaken = np.array([piece.kind == "excitation at rest" for piece in pieces])
+    shaken = np.array([piece.kind.excited for piece in pieces])
     parts = [_phases(record, settling) for record in records]
     phase = np.concatenate([part[0] for part in parts])
     still = np.isin(phase, [PHASES.index("settle"), PHASES.index("dwell")])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from diagnosis.model.residual import noise
 from diagnosis.refit import FOLLOWED, RATED
 from diagnosis.where.controller import Replayed, replayed
 from diagnosis.where.coordinates import (
+    SURE,
     Coordinate,
     Explained,
     centred,
@@ -31,13 +32,13 @@ from diagnosis.where.coordinates import (
 )
 from diagnosis.where.energy import PHASES, Samples, Shares, by_band, by_wave, labelled, shares
 from diagnosis.where.force import FAST, SLOW, Floor, Force, answer, floor, likeliest, unknown, unseen
-from diagnosis.where.sentences import SURE, statements
 from diagnosis.where.side import Side, sides
 from diagnosis.which.scan import freed
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
+ABOVE_NOISE: Final = 1.2  # times the deviation that noise alone gives, from which on there is a force to locate
 FEW: Final = 200  # samples of motion below which nothing is said of the scatter
 
 
@@ -75,7 +76,6 @@ class Where:
     coordinates: tuple[Coordinate, ...]
     spike: Largest | None = None
     followed: float | None = None
-    statements: tuple[str, ...] = ()
 
     @property
     def force(self) -> Array:
@@ -86,6 +86,11 @@ class Where:
     def deviation(self) -> float:
         """Its deviation [N]."""
         return float(np.sqrt(np.mean(self.force[self.samples.counts] ** 2)))
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the force is no more than the scale's noise makes of it."""
+        return self.deviation < ABOVE_NOISE * self.unseen
 
     @property
     def coordinate(self) -> Explained:
@@ -106,21 +111,22 @@ def where(
     least = unseen(fitted.candidate, ts, likely)
     d, known = centred(np.concatenate(likely.values), samples), coordinates(fitted, records, samples)
     place = np.concatenate([path.path.at_samples for path in fitted.paths])
+    kinds = [str(kind) for kind in samples.kinds]
     both = samples.kind * len(PHASES) + samples.phase
     explained = _explained(d, known, samples, seed)
     speed = Coordinate("velocity", "m/s", np.concatenate([path.path.speed[:, 0] for path in fitted.paths]), bent=True)
     most = largest(fitted)
-    found = Where(
+    return Where(
         controller=tuple(replayed(nominal, record) for record in records),
         floor=floor(fitted, records, pieces, likely),
         slow=slow,
         fast=fast,
         likely=likely,
         unseen=least,
-        by_motion=shares(d**2, least**2, samples.kind, samples.kinds, samples, seed),
+        by_motion=shares(d**2, least**2, samples.kind, kinds, samples, seed),
         by_phase=shares(d**2, least**2, samples.phase, PHASES, samples, seed),
         motions_by_phase=shares(
-            d**2, least**2, both, [f"{kind} | {phase}" for kind in samples.kinds for phase in PHASES], samples, seed
+            d**2, least**2, both, [f"{kind} | {phase}" for kind in kinds for phase in PHASES], samples, seed
         ),
         by_band=by_band(fast.values, answer(fitted.candidate, ts, FAST)[0], noise(machine), ts, samples, seed),
         by_wave=by_wave(d, place, least, samples, seed),
@@ -135,14 +141,6 @@ def where(
         spike=most if most.deviations > spike else None,
         followed=nominal.drive.rated_thrust if nominal.sources.get(RATED) == FOLLOWED else None,
     )
-    return replace(found, statements=statements(found))
-
-
-def to_json(found: Where) -> dict[str, Any]:
-    """The answer as results.json holds it; see where_json, which has what figures are drawn from, too; SI."""
-    from diagnosis.where.serialise import to_json as plain  # noqa: PLC0415
-
-    return plain(found)
 
 
 def _explained(d: Array, known: Sequence[Coordinate], samples: Samples, seed: int) -> tuple[Explained, ...]:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
 
-from diagnosis.where.coordinates import Explained
+from diagnosis.where.coordinates import SURE, Explained
 from diagnosis.where.energy import Shares
+from diagnosis.where.locate import Where
 from diagnosis.where.side import Side, verdict
 from models.quantity import show
 
-if TYPE_CHECKING:
-    from diagnosis.where.locate import Where
-
-SURE: Final = 0.02  # p-value below which a dependence is stated
 LEAST: Final = 0.02  # share below which it is not worth a sentence
 CERTAIN: Final = 0.2  # lower end of a share's interval, from which on it is stated where few motions make p large
 SLOW_CLOCK: Final = 0.5  # weight of the time since the record began, which goes along with whatever changes slowly
@@ -43,22 +41,42 @@ PHASES: Final = {
 }
 
 
-def statements(found: Where) -> tuple[str, ...]:
-    """The sentences: the controller where it does not replay, the size, the rest by what is sure of it."""
+class Topic(StrEnum):
+    """What a statement is about."""
+
+    CONTROLLER = "controller"  # the stated controller did not make a record
+    UNCHECKED = "unchecked"  # whether it did cannot be checked
+    SIZE = "size"
+    ENERGY = "energy"  # in which motions, phases, frequencies or wavelengths the force lies
+    COORDINATE = "coordinate"  # one on which the force depends
+    NO_COORDINATE = "no_coordinate"
+    PARITY = "parity"
+    SCATTER = "scatter"
+    SPIKE = "spike"
+    SIDE = "side"  # force or reading
+    DRIVE = "drive"
+    FLOOR = "floor"
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A sentence, what it is about, and how certain or large that is [1]: of the findings the heaviest comes first."""
+
+    topic: Topic
+    text: str
+    weight: float = 0.0
+
+
+def statements(found: Where) -> tuple[Statement, ...]:
+    """The controller where it does not replay, the size, the findings in the order of their weights, and the rest."""
     first = [*_controller(found), _size(found)]
-    if found.deviation < 1.2 * found.unseen:
+    last = [*_drive(found), _floor(found)]
+    if found.is_noise:
         side = [] if verdict(found.sides) == "neither" else [_side(found)]
-        return (*first, *_spike(found), *side, *_drive(found), _floor(found))
-    ranked = sorted([*_maps(found), *_coordinates(found), *_parity(found), *_scatter(found)], key=lambda one: -one[0])
-    return (*first, *(text for _, text in ranked), *_spike(found), _side(found), *_drive(found), _floor(found))
-
-
-def kind(name: str) -> str:
-    """A kind of motion in words: "moves of about 30 µm at about 3 mm/s"; quantities in their units."""
-    found = re.fullmatch(r"([\d.e+-]+) um at ([\d.e+-]+) mm/s", name)
-    if found is None:
-        return f"the {name}" if name.startswith("excitation") else name
-    return f"moves of about {show(1e-6 * float(found[1]), 'm', 1)} at about {float(f'{float(found[2]):.1g}'):g} mm/s"
+        return (*first, *_spike(found), *side, *last)
+    findings = [one for part in (_energy, _coordinates, _parity, _scatter) for one in part(found)]
+    findings.sort(key=lambda one: -one.weight)
+    return (*first, *findings, *_spike(found), _side(found), *last)
 
 
 def percent(share: float) -> str:
@@ -70,66 +88,74 @@ def _interval(low: float, high: float) -> str:
     return f"{percent(low)} to {percent(high)}"
 
 
-def _controller(found: Where) -> Iterator[str]:
+def _controller(found: Where) -> Iterator[Statement]:
     for i, one in enumerate(found.controller):
         record = f"record {i + 1}" if len(found.controller) > 1 else "the record"
         if not one.checked:
-            yield f"Whether the stated controller made {record} can't be checked: it has no reference."
+            text = f"Whether the stated controller made {record} can't be checked: it has no reference."
+            yield Statement(Topic.UNCHECKED, text)
         elif one.departs is not None:
             fits = f"with {one.remedy}, {show(one.remains, 'N', 2)} (rms) would be left" if one.remedy else (
                 "no shift, delay or gain that was tried makes it fit"
             )  # fmt: skip
-            yield (
+            yield Statement(
+                Topic.CONTROLLER,
                 f"The stated controller did not make {record}: replayed, it departs from sample {one.departs} on, by "
-                f"up to {show(one.largest, 'N', 3)} ({show(one.rms, 'N', 3)} rms); {fits}."
+                f"up to {show(one.largest, 'N', 3)} ({show(one.rms, 'N', 3)} rms); {fits}.",
             )
 
 
-def _drive(found: Where) -> Iterator[str]:
+def _drive(found: Where) -> Iterator[Statement]:
     if found.followed is not None:
-        yield (
+        yield Statement(
+            Topic.DRIVE,
             f"The drive followed commands of up to {show(found.followed, 'N', 3)}, more than the rated thrust of the "
-            "machine file."
+            "machine file.",
         )
 
 
-def _size(found: Where) -> str:
+def _size(found: Where) -> Statement:
     size, least = found.deviation, found.unseen
-    if size < 1.2 * least:
-        return (
+    if found.is_noise:
+        return Statement(
+            Topic.SIZE,
             f"What is left as an unknown force, {show(size, 'N', 2)} (rms), is no more than the scale's noise leaves "
-            f"of the forces, {show(least, 'N', 2)}: there is no force to locate."
+            f"of the forces, {show(least, 'N', 2)}: there is no force to locate.",
         )
-    return (
+    return Statement(
+        Topic.SIZE,
         f"An unknown force of {show(size, 'N', 3)} (rms) is left, {size / least:.1f} times what the scale's noise "
-        f"would leave ({show(least, 'N', 2)})."
+        f"would leave ({show(least, 'N', 2)}).",
     )
 
 
-def _spike(found: Where) -> Iterator[str]:
+def _spike(found: Where) -> Iterator[Statement]:
     if found.spike:
-        yield (
+        yield Statement(
+            Topic.SPIKE,
             f"Single samples stand out: the reading at {found.spike.sample * found.sample_time:.4g} s of record "
             f"{found.spike.record + 1} is {found.spike.deviations:.0f} deviations of noise off, as where a reading was "
-            "lost or held, or something struck the table."
+            "lost or held, or something struck the table.",
         )
 
 
-def _floor(found: Where) -> str:
+def _floor(found: Where) -> Statement:
     floor = found.floor
     if floor.repeats is None:
-        return (
+        return Statement(
+            Topic.FLOOR,
             "No motion repeats another, so there is no floor from repeats; beside a force that may follow anything, "
-            f"the readings leave {show(floor.position, 'm', 2)} and {show(floor.force, 'N', 2)}."
+            f"the readings leave {show(floor.position, 'm', 2)} and {show(floor.force, 'N', 2)}.",
         )
     repeats = f"{percent(floor.repeats)} of the force's variance repeats: a mean, which an effect can close"
     if floor.repeats < LEAST:
         repeats = "nothing of the force repeats"
     groups = f"{floor.motions} in {floor.groups} group{'s' * (floor.groups > 1)}"
-    return (
+    return Statement(
+        Topic.FLOOR,
         f"Between equal motions ({groups}) {repeats}. What does not, {show(floor.force, 'N', 2)} and "
         f"{show(floor.position, 'm', 2)} of position, is variance; the scale's noise would leave "
-        f"{show(found.unseen, 'N', 2)}."
+        f"{show(found.unseen, 'N', 2)}.",
     )
 
 
@@ -139,38 +165,35 @@ def _standing_out(shares: Shares) -> int | None:
     return i if shares.share[i] > max(MORE * shares.time[i], LEAST) else None
 
 
-def _part(shares: Shares, i: int, name: str) -> tuple[float, str]:
-    share, time = float(shares.share[i]), float(shares.time[i])
-    span = _interval(float(shares.low[i]), float(shares.high[i]))
-    return float(
-        shares.low[i]
-    ) - time, f"{percent(share)} ({span}) of its energy lies {name}, which is {percent(time)} of the time."
+def _part(shares: Shares, i: int, name: str) -> Statement:
+    share, time, low = float(shares.share[i]), float(shares.time[i]), float(shares.low[i])
+    span = _interval(low, float(shares.high[i]))
+    text = f"{percent(share)} ({span}) of its energy lies {name}, which is {percent(time)} of the time."
+    return Statement(Topic.ENERGY, text, low - time)
 
 
-def _maps(found: Where) -> Iterator[tuple[float, str]]:
+def _energy(found: Where) -> Iterator[Statement]:
     motion, phase = _standing_out(found.by_motion), _standing_out(found.by_phase)
     if motion is not None:
-        yield _part(found.by_motion, motion, f"in {kind(found.by_motion.names[motion])}")
+        yield _part(found.by_motion, motion, f"in {found.by_motion.names[motion]}")
     if phase is not None and found.by_phase.names[phase] != "excitation":  # a kind of motion says the same
         yield _part(found.by_phase, phase, PHASES[found.by_phase.names[phase]])
     for shares, where in ((found.by_band, "at"), (found.by_wave, "while moving, in waves")):
         i = shares.ranked()[0]
         if shares.low[i] > LEAST:
             span = _interval(float(shares.low[i]), float(shares.high[i]))
-            yield (
-                float(shares.low[i]) - 0.5,
-                f"{percent(float(shares.share[i]))} ({span}) of its energy lies {where} {shares.names[i]}.",
-            )
+            text = f"{percent(float(shares.share[i]))} ({span}) of its energy lies {where} {shares.names[i]}."
+            yield Statement(Topic.ENERGY, text, float(shares.low[i]) - 0.5)
 
 
-def _coordinates(found: Where) -> Iterator[tuple[float, str]]:
+def _coordinates(found: Where) -> Iterator[Statement]:
     stated = [one for one in found.by_coordinate if one.share > LEAST and (one.p < SURE or one.low > CERTAIN)]
     for one in stated:
-        yield one.low * (SLOW_CLOCK if one.name == "time" else 1.0), _explains(one)
+        yield Statement(Topic.COORDINATE, _explains(one), one.low * (SLOW_CLOCK if one.name == "time" else 1.0))
     if not stated:
         best = found.by_coordinate[0]
-        yield (
-            0.0,
+        yield Statement(
+            Topic.NO_COORDINATE,
             f"No single coordinate explains it on motions left out: the best, {words(best.name)}, explains "
             f"{percent(best.share)} (p = {best.p:.2g}).",
         )
@@ -187,27 +210,29 @@ def _explains(one: Explained) -> str:
     )
 
 
-def _parity(found: Where) -> Iterator[tuple[float, str]]:
+def _parity(found: Where) -> Iterator[Statement]:
     even, odd = found.parity
     if max(even.share, odd.share) > LEAST and min(even.p, odd.p) < SURE:
-        yield (
-            max(even.low, odd.low),
+        yield Statement(
+            Topic.PARITY,
             f"While the table moves, {percent(even.share)} of it is an even function of the speed (the same both ways) "
             f"and {percent(odd.share)} an odd one (it turns with the speed).",
+            max(even.low, odd.low),
         )
 
 
-def _scatter(found: Where) -> Iterator[tuple[float, str]]:
+def _scatter(found: Where) -> Iterator[Statement]:
     for one in found.scatter[:1]:
         if one.p < SURE and one.share > LEAST:
-            yield (
-                one.low,
+            yield Statement(
+                Topic.SCATTER,
                 f"While the table moves, the size of what is left from sample to sample depends on {words(one.name)} "
                 f"({percent(one.share)} of its variance, p = {one.p:.2g}), whatever its sign.",
+                one.low,
             )
 
 
-def _side(found: Where) -> str:
+def _side(found: Where) -> Statement:
     force = max(found.sides, key=lambda one: one.force)
     reading = max(found.sides, key=lambda one: one.reading)
     start = {
@@ -216,9 +241,10 @@ def _side(found: Where) -> str:
         "either": "A force and an error of the scale explain it about equally",
         "neither": "Neither a force nor an error of the scale over one coordinate explains it",
     }[verdict(found.sides)]
-    return (
+    return Statement(
+        Topic.SIDE,
         f"{start}: on motions left out, curves over {_over(force)} as a force take {force.force:.0f} off chi-square, "
-        f"over {_over(reading)} as an addition to the reading {reading.reading:.0f}."
+        f"over {_over(reading)} as an addition to the reading {reading.reading:.0f}.",
     )
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from diagnosis.model.motions import Piece, repeated
+from diagnosis.model.motions import MotionKind, Piece, repeated
 from diagnosis.model.residual import Candidate, noise
 from diagnosis.where.coordinates import PITCHES, Explained, periodogram
 from diagnosis.where.energy import PHASES, WAVES, Shares, bands
 from diagnosis.where.force import FAST, answer
 from diagnosis.where.locate import Where
-from diagnosis.where.sentences import kind
+from diagnosis.where.sentences import statements
 from diagnosis.where.side import verdict
 from models.records.record import Record
 
@@ -30,7 +30,7 @@ COURSES: Final = 3  # kinds of motions whose force is kept
 def to_json(found: Where) -> dict[str, Any]:
     """The keys of interfaces.md ("where"), and under "details" all shares with their intervals; SI."""
     return {
-        "by_motion": {kind(name): float(share) for name, share in _pairs(found.by_motion)},
+        "by_motion": {name: float(share) for name, share in _pairs(found.by_motion)},
         "by_phase": {name: float(share) for name, share in _pairs(found.by_phase)},
         "by_band_Hz": [
             [low, high, float(share)]
@@ -41,7 +41,7 @@ def to_json(found: Where) -> dict[str, Any]:
             for low, high, share in zip((0.0, *WAVES), (*WAVES, None), found.by_wave.share, strict=True)
         ],
         "by_coordinate": {one.name: one.share for one in found.by_coordinate},
-        "statements": list(found.statements),
+        "statements": [one.text for one in statements(found)],
         "details": _details(found),
     }
 
@@ -95,7 +95,7 @@ def _details(found: Where) -> dict[str, Any]:
             "wavelength": _shares(found.by_wave),
         },
         "motion_by_phase": {
-            "motions": [kind(name) for name in found.samples.kinds],
+            "motions": [str(kind) for kind in found.samples.kinds],
             "phases": list(PHASES),
             "share": found.motions_by_phase.share.reshape(-1, len(PHASES)).tolist(),
             "rms_N": found.motions_by_phase.deviation.reshape(-1, len(PHASES)).tolist(),
@@ -110,7 +110,7 @@ def _details(found: Where) -> dict[str, Any]:
 def _shares(shares: Shares) -> list[dict[str, Any]]:
     return [
         {
-            "name": kind(shares.names[i]),
+            "name": shares.names[i],
             "share": float(shares.share[i]),
             "low": float(shares.low[i]),
             "high": float(shares.high[i]),
@@ -171,7 +171,7 @@ def _courses(found: Where, records: Sequence[Record], pieces: Sequence[Piece]) -
     for group in groups:
         members = [_part(found.likely.values, pieces[i]) for i in group]
         energy.append(float(np.mean([np.sum(one**2) for one in members])))
-    kept: dict[str, dict[str, Any]] = {}
+    kept: dict[MotionKind, dict[str, Any]] = {}
     for i in np.argsort(energy)[::-1]:
         piece, group = pieces[groups[i][0]], groups[i]
         if piece.kind not in kept and len(kept) < COURSES:
@@ -190,7 +190,7 @@ def _course(found: Where, records: Sequence[Record], group: Sequence[Piece]) -> 
     scatter = members.std(axis=0, ddof=1) if len(group) > 1 else np.zeros(members.shape[1])
     reference = _part([record.reference for record in records], first)
     return {
-        "name": kind(first.kind),
+        "name": str(first.kind),
         "motions": len(group),
         "time_s": (np.arange(members.shape[1]) * ts)[::step].tolist(),
         "force_N": members.mean(axis=0)[::step].tolist(),

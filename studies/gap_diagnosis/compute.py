@@ -123,7 +123,7 @@ def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -
 
 
 def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -> list[dict[str, Any]]:
-    counts = [sum(piece.record == i and piece.kind != "rest" for piece in pieces) for i in range(len(shown))]
+    counts = [sum(piece.record == i and not piece.kind.rests for piece in pieces) for i in range(len(shown))]
     return [{**one, "motions": count} for one, count in zip(shown, counts, strict=True)]
 
 

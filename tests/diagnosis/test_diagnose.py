@@ -31,7 +31,7 @@ from diagnosis.model.fit import SPIKE, at_bounds, largest
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.where.locate import where
-from diagnosis.where.sentences import _spike
+from diagnosis.where.sentences import Topic, statements
 from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
 from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
@@ -121,10 +121,10 @@ def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(cache: Pat
     assert most.sample == round(when / MACHINE.sample_time)  # of both records
     assert most.deviations > begun.null.spike >= SPIKE
     seen = where(begun.nominal, begun.records, begun.pieces, spike=begun.null.spike)
-    said = list(_spike(seen))
-    assert said[0].startswith("Single samples stand out: the reading at 1.5 s of record ")
-    assert said[0] in seen.statements
-    assert not list(_spike(where(begun.nominal, begun.records, begun.pieces, spike=1.01 * most.deviations)))
+    (said,) = (one.text for one in statements(seen) if one.topic == Topic.SPIKE)
+    assert said.startswith("Single samples stand out: the reading at 1.5 s of record ")
+    less = where(begun.nominal, begun.records, begun.pieces, spike=1.01 * most.deviations)
+    assert all(one.topic != Topic.SPIKE for one in statements(less))
 
 
 @hook

@@ -19,7 +19,7 @@ from diagnosis.experiments.schedules import amplitude_ladder, repeated_strokes, 
 from diagnosis.how_far import gap, measured, signal
 from diagnosis.model.fit import Fit, unrepeated
 from diagnosis.model.kalman import JITTER
-from diagnosis.model.motions import Piece, pieces, rms, scatter
+from diagnosis.model.motions import MotionKind, Piece, pieces, rms, scatter
 from diagnosis.model.parameters import applied, parameters
 from diagnosis.refit import refit_within, weighed
 from models.effects.base import Effect, Numbers, T, hook, parameter
@@ -182,7 +182,7 @@ def test_what_does_not_repeat_has_the_deviation_of_the_noise(count: int, size: f
     rng, length = np.random.default_rng(seed), 20000
     course = np.tile(rng.standard_normal(length) * 100.0, count + 1)
     noisy = course + size * rng.standard_normal(course.size)
-    equal = [Piece(0, i * length, (i + 1) * length, "a move", 1, 0.0) for i in range(count)]
+    equal = [Piece(0, i * length, (i + 1) * length, MotionKind(), 1, 0.0) for i in range(count)]
     (found,) = scatter([range(count)], equal, [noisy])
     assert np.isnan(found[count * length :]).all()
     assert rms([found]) == pytest.approx(size, rel=0.03)

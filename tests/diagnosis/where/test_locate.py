@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from diagnosis.experiments.schedules import Move, multisine, schedule
 from diagnosis.model.kalman import JITTER, SUBSTEPS, discretised, predictor, smoothed
-from diagnosis.model.motions import pieces, repeated
+from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
 from diagnosis.where.coordinates import Coordinate, explain
 from diagnosis.where.energy import PHASES, Samples, labelled, shares
 from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
-from diagnosis.where.locate import Where, to_json, where
-from diagnosis.where.serialise import pictures
+from diagnosis.where.locate import Where, where
+from diagnosis.where.sentences import statements
+from diagnosis.where.serialise import pictures, to_json
 from diagnosis.where.side import verdict
 from models.records.record import Record
 from studies.command import to_text
@@ -44,7 +45,7 @@ def samples(motions: int, length: int) -> Samples:
         number,
         np.full(number.size, PHASES.index("cruise")),
         np.zeros(number.size, np.int64),
-        ("move",),
+        (MotionKind(1e-5, 1e-3),),
         np.where(number % 2 == 0, 1.0, -1.0),
         np.ones(number.size, bool),
     )
@@ -87,7 +88,7 @@ def test_nothing_wrong_leaves_no_more_than_noise() -> None:
     found = answers("")
     assert found.deviation < 1.2 * found.unseen
     assert verdict(found.sides) == "neither"
-    assert "there is no force to locate" in found.statements[0]
+    assert "there is no force to locate" in statements(found)[0].text
     assert all(one.share < 0.1 for one in found.by_coordinate if one.p < 0.02)
 
 
@@ -222,7 +223,7 @@ def test_without_repeats_the_floor_is_of_the_innovations_and_it_is_said() -> Non
     assert found.floor.source == "innovations"
     assert found.floor.repeats is None
     assert found.floor.position < 2 * machine.scale.resolution
-    assert any("No motion repeats another" in one for one in found.statements)
+    assert "No motion repeats another" in statements(found)[-1].text
 
 
 @pytest.fixture(scope="module")
@@ -292,8 +293,8 @@ def test_a_controller_that_does_not_replay_comes_first(record: Record) -> None:
     records, fit = case("")
     wrong = (records[0], replace(record, command=np.roll(record.command, 1)))
     found = where(fit, wrong, pieces(wrong))
-    assert "did not make record 2" in found.statements[0]
-    assert "1 sample late" in found.statements[0]
+    assert "did not make record 2" in statements(found)[0].text
+    assert "1 sample late" in statements(found)[0].text
 
 
 def test_a_record_without_a_reference_can_not_be_replayed(record: Record) -> None:
