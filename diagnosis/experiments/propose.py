@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 SPARE: Final = 4.0  # times the threshold that counts as told apart with room to spare
 REPEATS: Final = 10  # of an experiment that are still reasonable; squared distances grow in proportion
 MOST: Final = 4  # effects that are compared; more of them are compared in part, the first ones
-UNSEEN: Final = ("timing_jitter", "controller_mismatch")  # no column of force or reading shows them
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ def next_experiment(
 
     The menu's settings are in its sentence, with their units; jitter: the white force of this drive [N].
     """
-    asked = [name for name in members if name in machine.kinds and name not in UNSEEN][:MOST]
+    asked = _comparable(members, machine)[:MOST]
     if not asked:
         return None
     tried = [(one, _reached(machine, one, asked, seed, jitter)) for one in menu(machine)]
@@ -64,6 +63,12 @@ def next_experiment(
         return Proposal(_hopeless(asked, best, reached, len(tried)), best.schedule, reached)
     whole = together(best.schedule.name, [best.schedule] * times)
     return Proposal(_sentence(asked, best, reached, times, len(tried)), whole, times * reached)
+
+
+def _comparable(names: Sequence[str], machine: Machine) -> list[str]:
+    """Those that are looked for in this machine and change what a model predicts. What shows only in the log of the
+    controller does not; of what shows in nothing the answer is that it takes an external gauge."""
+    return [name for name in names if name in machine.kinds and machine.kinds[name].shown_in() != "log"]
 
 
 def _sentence(asked: Sequence[str], best: Experiment, reached: float, times: int, tried: int) -> str:
@@ -113,7 +118,7 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
 def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER) -> Proposal | None:
     """What shows the most of these effects at their typical sizes [SI], which earlier records could not; None where no
     experiment of the menu shows any."""
-    asked = [name for name in names if name in machine.kinds and name not in UNSEEN]
+    asked = _comparable(names, machine)
     if not asked:
         return None
     seen = [(one, np.diag(_distances(machine, one, asked, seed, jitter)) ** 2 >= THRESHOLD) for one in menu(machine)]

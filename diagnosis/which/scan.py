@@ -23,7 +23,7 @@ from diagnosis.model.kalman import adjoint
 from diagnosis.model.parallel import beside
 from diagnosis.model.residual import columns
 from models.compiled import compiled
-from models.effects.base import Effect, parameters
+from models.effects.base import SHOWN, Effect, parameters
 from models.effects.catalogue import in_order
 from models.records.record import Record
 
@@ -39,7 +39,6 @@ BATCH: Final = 24  # columns that are filtered side by side
 LINES: Final = 8  # of a spectrum that have to lie within a range, and points of a grid where fewer do
 PEAKS: Final = 4  # of a spectrum that are looked at
 REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
-UNSEEN: Final = ("scale_gain_error", "controller_mismatch", "timing_jitter")  # no column of force or reading shows them
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def scan(
     """
     trials: list[Effect] = []
     for name, kind in fitted.candidate.layout.machine.kinds.items():
-        if name not in left_out and name not in UNSEEN:
+        if name not in left_out and kind.shown_in() in SHOWN:
             trials += grid(kind, fitted, records, own)
     found, columns = dict[str, Finding](), dict[Effect, NDArray[Any]]()
     inside = {effect.name for effect in fitted.candidate.effects}

@@ -46,6 +46,7 @@ Z, STIFFNESS, LIMIT = range(3)  # rows of `contact`
 
 FAMILIES: Final = ("friction", "motor", "structure", "scale", "protocol")
 ROLES: Final = ("amplitude", "shape", "phase", "width", "switch")
+SHOWN: Final = ("force", "reading")  # where an effect can add something that a record of position and command shows
 
 PLACES: Final = {
     "reading": "x [m] -> what the scale shows before noise and rounding [m], once a sample",
@@ -119,6 +120,8 @@ class Effect(ABC):
     period of which very many fit into the motion, 0: the usual step (a stated period has its own, `fineness` in
     diagnosis/model/fit.py). period_field: the parameter that is a period along the path, where
     diagnosis/which/scan.py has a spectrum of it (`ALONG`, `SPECTRA`). period_stated: a machine file states its range.
+    shows_in: where it shows in a record of position and command: as a "force", in the scale's "reading", only in the
+    "log" of what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`.
     """
 
     name: ClassVar[str]
@@ -131,6 +134,15 @@ class Effect(ABC):
     fine: ClassVar[float] = 0.0
     period_field: ClassVar[str] = ""
     period_stated: ClassVar[bool] = False
+    shows_in: ClassVar[str] = ""
+
+    @classmethod
+    def shown_in(cls) -> str:
+        """Where a record shows it: `shows_in`, or else by its hooks "reading", "log" (the controller's law) or "force";
+        no unit."""
+        if cls.shows_in or not cls.hooks:
+            return cls.shows_in or "force"
+        return {"reading": "reading", "control": "log"}.get(min(cls.hooks, key=list(PLACES).index), "force")
 
     def memory(self, elements: int) -> int:  # noqa: ARG002  # a subclass may need the number of elements
         """How many numbers the hooks keep between calls, shared by all of them, for a friction of so many elements."""

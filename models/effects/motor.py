@@ -133,6 +133,7 @@ class TimingJitter(Effect):
         "Wittenmark, Nilsson and Törngren 1995, Timing problems in real-time control systems; sizes assumed"
     )
     hooks: ClassVar = {"command": _late}
+    shows_in: ClassVar = "log"  # as a scatter of motions that the log says are equal, not as a force of its own
     part: float = parameter("1", "part q of the samples", 0.005, 0.1, "amplitude", at_least=0, below=1)
 
     def memory(self, elements: int) -> int:  # noqa: ARG002

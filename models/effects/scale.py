@@ -65,4 +65,5 @@ class ScaleGainError(Effect):
     equation: ClassVar = r"x(1+e)"
     source: ClassVar = "assumed: calibration and temperature; 100 ppm are a wrong setting rather than a warm scale"
     hooks: ClassVar = {"reading": _stretched}
+    shows_in: ClassVar = "nothing"  # a longer scale looks like a lighter table on softer contacts
     error: float = parameter("1", "relative error e", 1e-4, 5e-3, "amplitude", signed=True, above=-1)

@@ -16,8 +16,8 @@ from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import balanced, search
 from diagnosis.null import LEAST, SAFETY
 from diagnosis.where.controller import replayed
-from diagnosis.which.scan import UNSEEN, Finding, freed, scan
-from models.effects.base import Effect
+from diagnosis.which.scan import Finding, freed, scan
+from models.effects.base import SHOWN, Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
 from models.records.record import Record
@@ -62,7 +62,7 @@ def by_chance() -> dict[str, float]:
     return most
 
 
-@pytest.mark.parametrize("law", [law for law, effect in laws().items() if effect.name not in UNSEEN])
+@pytest.mark.parametrize("law", [law for law, effect in laws().items() if effect.shown_in() in SHOWN])
 def test_the_effect_that_is_in_the_table_is_the_strongest_finding(law: str, by_chance: dict[str, float]) -> None:
     first, name = [], laws()[law].name
     machine = MACHINE if laws()[law].usual else ASKING

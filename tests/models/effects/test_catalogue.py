@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import models.effects
-from models.effects.base import FAMILIES, PLACES, ROLES, parameter, parameters
+from models.effects.base import FAMILIES, PLACES, ROLES, SHOWN, parameter, parameters
 from models.effects.catalogue import beyond, every, in_order, looked_for, named
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
@@ -69,6 +69,14 @@ def test_an_effect_says_all_that_is_asked_of_it(name: str) -> None:
         assert item.low < item.typical < item.high or item.role == "switch"
         assert item.low > 0 or item.role in {"phase", "switch"} or item.low == -item.high
     assert kind.typical().values().tolist() == [item.typical for item in parameters(kind)]
+
+
+def test_where_a_record_shows_an_effect() -> None:
+    shown = {name: kind.shown_in() for name, kind in every().items()}
+    assert {name for name, where in shown.items() if where == "reading"} == {"scale_drift", "scale_periodic_error"}
+    assert {name for name, where in shown.items() if where == "log"} == {"timing_jitter", "controller_mismatch"}
+    assert {name for name, where in shown.items() if where == "nothing"} == {"scale_gain_error"}
+    assert set(shown.values()) == {*SHOWN, "log", "nothing"}
 
 
 def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:
