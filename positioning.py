@@ -42,10 +42,13 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from models.records.files import read_record as read_record
     from models.records.record import Record as Record
     from models.records.record import feeding_sequence as feeding_sequence
-    from models.settling import settling_time as settling_time
+    from models.records.settling import settling_time as settling_time
     from models.simulation.simulator import Response as Response
     from models.simulation.simulator import simulate as simulate
     from models.simulation.simulator import simulate_many as simulate_many
+    from models.variation import Variation as Variation
+    from models.variation import drawn as drawn
+    from models.variation import varied as varied
     from reports.plot import plot as plot
     from studies.validation import Validation as Validation
     from studies.validation import validate as validate
@@ -71,11 +74,13 @@ _WHERE: Final = {
     "TrajectoryTask": "design.trajectory.history_aware:Task",
     "Tuning": "design.pid.problem",
     "Validation": "studies.validation",
+    "Variation": "models.variation",
     "assemble": "design.controller",
     "assess_loop": "design.loop:assess",
     "build_trajectory": "design.trajectory.history_aware:build",
     "design_deadbeat": "design.controller",
     "diagnose": "diagnosis.diagnose",
+    "drawn": "models.variation",
     "feeding_sequence": "models.records.record",
     "frequency_response": "models.plant",
     "friction_branch": "models.friction:branch",
@@ -84,13 +89,14 @@ _WHERE: Final = {
     "load_machine": "models.machine:load",
     "plot": "reports.plot",
     "read_record": "models.records.files",
-    "settling_time": "models.settling",
+    "settling_time": "models.records.settling",
     "shortest_settling_time": "design.deadbeat",
     "simulate": "models.simulation.simulator",
     "simulate_many": "models.simulation.simulator",
     "solve_trajectory": "design.trajectory.history_aware:solve",
     "tune_pid": "design.pid.tuning",
     "validate": "studies.validation",
+    "varied": "models.variation",
 }
 
 __all__ = [*_WHERE]  # noqa: PLE0604  (the keys are text)

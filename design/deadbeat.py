@@ -23,6 +23,7 @@ from scipy.optimize import linprog
 
 from models.plant import Mode, Plant, delay_split, sampled
 from models.quantity import show
+from models.variation import Variation, at_mode, varied_plant
 
 Array = NDArray[np.float64]
 Objective = Literal["thrust", "thrust_difference", "peak_thrust", "mode_robustness"]
@@ -144,13 +145,6 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
     return high * sample_time
 
 
-def with_frequency_error(plant: Plant, index: int, error: float) -> Plant:
-    """The plant whose mode `index` has its frequency off by the relative `error` [1]."""
-    modes = list(plant.modes)
-    modes[index] = replace(modes[index], frequency=modes[index].frequency * (1 + error))
-    return replace(plant, modes=tuple(modes))
-
-
 def _samples(settling_time: float, sample_time: float) -> int:
     if not (math.isfinite(settling_time) and settling_time > 0):
         raise DesignError(f"the settling time is {show(settling_time, 's')}; give one above 0, such as 20 ms")
@@ -183,7 +177,12 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
         path[k, : k + 1] = impulse[: k + 1][::-1]
     vibration = [
         (
-            _reach(sampled(with_frequency_error(plant, j, error), sample_time, whole_delay=False), count)
+            _reach(
+                sampled(
+                    varied_plant(plant, Variation(frequency=at_mode(plant, j, error))), sample_time, whole_delay=False
+                ),
+                count,
+            )
             / units[:, None]
         )[2 * j : 2 * j + 2]
         for j in plant.flexible

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import control
 
 from models.machine import Machine
-from models.plant import Mode, Plant, sampled
+from models.plant import sampled
+from models.variation import Variation, varied_plant
 
 
 @dataclass(frozen=True)
@@ -25,15 +26,19 @@ def family(
 ) -> tuple[Member, ...]:
     """P_l, P_e1, P_e2 and the steepest slope sum K_i, each also with all modes' frequencies and the mass off.
 
-    mode_error, mass_error [1]: relative, to both sides. others: further machines that could be this one (an ensemble);
-    of each the four plants as they are.
+    mode_error, mass_error [1]: relative, to both sides; the mass is the rigid body's, as a payload changes it. others:
+    further machines that could be this one (an ensemble); of each the four plants as they are.
     """
     variants = {"": machine.plant}
     for sign in (-1, 1):
         if mode_error > 0:
-            variants[f", modes {100 * sign * mode_error:+g} %"] = _with_modes(machine.plant, 1 + sign * mode_error)
+            variants[f", modes {100 * sign * mode_error:+g} %"] = varied_plant(
+                machine.plant, Variation(frequency=sign * mode_error)
+            )
         if mass_error > 0:
-            variants[f", mass {100 * sign * mass_error:+g} %"] = _with_mass(machine.plant, 1 + sign * mass_error)
+            variants[f", mass {100 * sign * mass_error:+g} %"] = varied_plant(
+                machine.plant, Variation(payload=sign * mass_error)
+            )
     members = [
         Member(name + variant, sampled(plant, machine.sample_time, slope), not variant)
         for variant, plant in variants.items()
@@ -52,14 +57,3 @@ def slopes(machine: Machine) -> dict[str, float]:
     facts = machine.presliding
     steepest = sum(machine.friction.stiffness)
     return {"P_l": 0.0, "P_e1": facts.stiffness_1, "P_e2": facts.stiffness_2, "steepest": steepest}
-
-
-def _with_modes(plant: Plant, factor: float) -> Plant:
-    return replace(plant, modes=tuple(replace(mode, frequency=mode.frequency * factor) for mode in plant.modes))
-
-
-def _with_mass(plant: Plant, factor: float) -> Plant:
-    def loaded(mode: Mode) -> Mode:
-        return replace(mode, gain=mode.gain / factor) if mode.frequency == 0 else mode
-
-    return replace(plant, modes=tuple(loaded(mode) for mode in plant.modes))

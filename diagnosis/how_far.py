@@ -30,7 +30,7 @@ from models.effects.catalogue import in_order
 from models.effects.structure import FloorVibration
 from models.machine import Machine
 from models.records.record import Record, motions
-from models.settling import settling_time
+from models.records.settling import settling_time
 
 Array = NDArray[np.float64]
 

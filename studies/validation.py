@@ -16,7 +16,7 @@ from models.controller import Controller
 from models.machine import Machine
 from models.plant import Mode, Plant
 from models.records.record import Motion, feeding_sequence, motions
-from models.settling import dispersion, overshoot, settling_time
+from models.records.settling import dispersion, overshoot, settling_time
 from models.simulation.simulator import Response, simulate, simulate_many
 
 Array = NDArray[np.float64]

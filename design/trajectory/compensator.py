@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from design.trajectory.lifted import feedforward_only
-from design.trajectory.scenarios import with_friction_error
 from models.controller import References
 from models.friction import Friction, follow
 from models.plant import Plant
 from models.records.record import motions
+from models.variation import Variation, varied_friction
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def learn(nominal: Friction, middle: ArrayLike, rests: ArrayLike, hold: ArrayLik
 
     def held(length: float) -> tuple[float, float]:
         """Least sum of squares missed with this error of the length, and the factor of the force that gives it."""
-        force = follow(with_friction_error(nominal, 0.0, length), path[moves])[0][at]
+        force = follow(varied_friction(nominal, Variation(friction_length=length)), path[moves])[0][at]
         factor = max(float(force @ thrust) / max(float(force @ force), 1e-300), LEAST)
         return float(np.sum((thrust - factor * force) ** 2)), factor
 
@@ -99,4 +99,4 @@ def learn(nominal: Friction, middle: ArrayLike, rests: ArrayLike, hold: ArrayLik
     best = int(np.argmin([held(float(length))[0] for length in grid]))
     around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
     length = float(minimize_scalar(lambda length: held(length)[0], bounds=around, method="bounded").x)
-    return with_friction_error(nominal, held(length)[1] - 1, length)
+    return varied_friction(nominal, Variation(friction_force=held(length)[1] - 1, friction_length=length))

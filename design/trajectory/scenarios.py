@@ -7,20 +7,20 @@ so that both the feedback and the friction's reaction to an error act within the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from design.deadbeat import with_frequency_error
 from design.trajectory.lifted import lift
 from design.trajectory.program import Program
 from models.controller import PID
-from models.friction import Friction, elements
+from models.friction import Friction
 from models.plant import Plant, delay_split, state_space, transition
 from models.smooth_friction import law
+from models.variation import Variation, at_mode, varied_friction, varied_plant
 
 Array = NDArray[np.float64]
 
@@ -58,35 +58,22 @@ class Errors:
     frequency: float
 
 
-def with_mass_error(plant: Plant, error: float) -> Plant:
-    """The plant whose every mass is off by the relative `error` [1]."""
-    return replace(plant, modes=tuple(replace(mode, gain=mode.gain / (1 + error)) for mode in plant.modes))
-
-
-def with_friction_error(friction: Friction, force: float, length: float) -> Friction:
-    """The friction with every force and every length off by relative errors [1]."""
-    stiffness = np.array(friction.stiffness) * (1 + force) / (1 + length)
-    return elements(stiffness, np.array(friction.limit) * (1 + length), np.array(friction.damping))
-
-
 def tables(plant: Plant, friction: Friction, errors: Errors) -> tuple[tuple[Plant, Friction, float], ...]:
     """(plant, friction, weight): each error [1] at plus and minus its standard deviation, one at a time.
 
     The weights sum the mean squares of independent errors.
     """
     found: list[tuple[Plant, Friction, float]] = []
-    for sign in (-0.5, 0.5):
-        size = 2 * sign
+    for sign in (-1, 1):
         if errors.force:
-            found.append((plant, with_friction_error(friction, size * errors.force, 0.0), 0.5))
+            found.append((plant, varied_friction(friction, Variation(friction_force=sign * errors.force)), 0.5))
         if errors.length:
-            found.append((plant, with_friction_error(friction, 0.0, size * errors.length), 0.5))
+            found.append((plant, varied_friction(friction, Variation(friction_length=sign * errors.length)), 0.5))
         if errors.mass:
-            found.append((with_mass_error(plant, size * errors.mass), friction, 0.5))
+            found.append((varied_plant(plant, Variation(mass=sign * errors.mass)), friction, 0.5))
         if errors.frequency:
-            found += [
-                (with_frequency_error(plant, mode, size * errors.frequency), friction, 0.5) for mode in plant.flexible
-            ]
+            wrong = [Variation(frequency=at_mode(plant, i, sign * errors.frequency)) for i in plant.flexible]
+            found += [(varied_plant(plant, one), friction, 0.5) for one in wrong]
     return tuple(found)
 
 

@@ -8,15 +8,14 @@ that a re-fit closes needs no new physics.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.friction import elements
 from models.machine import Machine
-from models.plant import Mode
+from models.variation import Variation, varied
 
 Array = NDArray[np.float64]
 
@@ -82,28 +81,30 @@ def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float]]:
 def applied(layout: Parameters, theta: Array) -> Machine:
     """The machine with theta (P,) put in, its offset [N] added to the file's; the initial state is no part of it."""
     machine = layout.machine
-    gain = np.concatenate([theta[layout.of("payload_mass")], theta[layout.of("mode_gain")]])
-    order = [machine.plant.rigid, *machine.plant.flexible]
-    gains = dict(zip(order, gain, strict=True))
-    shift = iter(zip(theta[layout.of("mode_frequency")], theta[layout.of("mode_damping")], strict=True))
-    modes = tuple(_moved(mode, gains[i], shift) for i, mode in enumerate(machine.plant.modes))
-    dead_time = max(machine.plant.dead_time + float(theta[layout.of("dead_time")][0]), 0.0)
-    level = float(theta[layout.of("friction_level")][0])
-    stiffness = np.array(machine.friction.stiffness) * np.exp(theta[layout.of("presliding_stiffness")] + level)
-    limit = np.array(machine.friction.limit) * np.exp(theta[layout.of("presliding_limit")])
-    friction = elements(stiffness, limit, machine.friction.damping)
-    drive = replace(machine.drive, offset=machine.drive.offset + float(theta[layout.of("amplifier_offset")][0]))
-    plant = replace(machine.plant, modes=modes, dead_time=dead_time)
-    return replace(machine, drive=drive, plant=plant, friction=friction)
-
-
-def _moved(mode: Mode, gain: float, shift: Iterator[tuple[float, float]]) -> Mode:
-    frequency, damping = next(shift) if mode.frequency > 0 else (0.0, 0.0)
-    return Mode(
-        mode.gain * float(np.exp(gain)),
-        mode.frequency * float(np.exp(frequency)),
-        min(mode.damping * float(np.exp(damping)), 0.99),
+    plant, level = machine.plant, float(theta[layout.of("friction_level")][0])
+    gain, frequency, damping = ([0.0] * len(plant.modes) for _ in range(3))
+    gain[plant.rigid] = _relative(theta[layout.of("payload_mass")][0])
+    for name, errors in (("mode_gain", gain), ("mode_frequency", frequency), ("mode_damping", damping)):
+        for i, shift in zip(plant.flexible, theta[layout.of(name)], strict=True):
+            errors[i] = _relative(shift)
+    variation = Variation(
+        stiffness=tuple((np.exp(theta[layout.of("presliding_stiffness")] + level) - 1).tolist()),
+        limit=tuple((np.exp(theta[layout.of("presliding_limit")]) - 1).tolist()),
+        modal_gain=tuple(gain),
+        frequency=tuple(frequency),
+        damping=tuple(damping),
+        dead_time=float(theta[layout.of("dead_time")][0]),
+        offset=float(theta[layout.of("amplifier_offset")][0]),
     )
+    return varied(machine, variation)
+
+
+def _relative(logarithm: float) -> float:
+    """The relative error [1] of a value that is off by so much on the logarithm.
+
+    Not expm1: 1 + (y - 1) gives back y = exp(logarithm) to the last digit for y above 1/2.
+    """
+    return float(np.exp(logarithm)) - 1
 
 
 def initial_state(layout: Parameters, theta: Array, record: int) -> Array:

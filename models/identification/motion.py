@@ -30,6 +30,7 @@ from models.identification.force_fit import DAMPING, SURE
 from models.machine import Machine
 from models.records.record import Record
 from models.simulation.simulator import simulate
+from models.variation import Variation, varied
 
 Array = NDArray[np.float64]
 
@@ -242,12 +243,13 @@ def _estimator(slopes: Array) -> Array:
 
 def _changed(machine: Machine, theta: Array) -> Machine:
     """The machine with theta (4,) put in, or (5,) with damping."""
-    modes = tuple(replace(mode, gain=mode.gain / theta[0]) for mode in machine.plant.modes)
-    plant = replace(machine.plant, modes=modes, dead_time=max(float(theta[3]), 0.0))
-    stiffness = np.array(machine.friction.stiffness) * theta[1] / theta[2]
-    damping = stiffness * max(theta[4], 0.0) if theta.size > PLAIN else 0.0
-    friction = elements(stiffness, np.array(machine.friction.limit) * theta[2], damping)
-    return replace(machine, plant=plant, friction=friction)
+    mass, level, length, dead_time = theta[:PLAIN].tolist()
+    off = Variation(friction_force=level - 1, friction_length=length - 1, mass=mass - 1)
+    changed = varied(machine, off)
+    friction = changed.friction
+    lag = max(float(theta[PLAIN]), 0.0) if theta.size > PLAIN else 0.0
+    damped = elements(friction.stiffness, friction.limit, lag * np.array(friction.stiffness))
+    return replace(changed, plant=replace(changed.plant, dead_time=max(dead_time, 0.0)), friction=damped)
 
 
 def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:

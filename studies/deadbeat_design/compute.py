@@ -24,13 +24,13 @@ from design.deadbeat import (
     least_peak_thrust,
     shortest_settling_time,
     synthesise,
-    with_frequency_error,
 )
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, Specification
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
+from models.variation import Variation, at_mode, varied_plant
 from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.deadbeat_design.effects import compensate
 from studies.validation import Validation, agreement, linear_response, validate
@@ -223,7 +223,7 @@ def _sensitivity(machine: Machine, plain: Deadbeat, robust: Deadbeat, *, quick: 
     times = begin + np.arange(0.0, VIBRATION_WINDOW, plain.sample_time / 2)
 
     def left(deadbeat: Deadbeat, mode: int, error: float) -> float:
-        wrong = with_frequency_error(machine.plant, mode, float(error))
+        wrong = varied_plant(machine.plant, Variation(frequency=at_mode(machine.plant, mode, float(error))))
         position = linear_response(wrong, deadbeat.thrust, deadbeat.sample_time, times)
         return float(np.max(np.abs(position - deadbeat.stroke)))
 

@@ -18,6 +18,7 @@ from models.friction import elements
 from models.machine import Machine
 from models.records.record import Record, feeding_sequence
 from models.simulation.simulator import simulate
+from models.variation import Variation, varied
 
 Array = NDArray[np.float64]
 
@@ -38,37 +39,29 @@ def another(machine: Machine, seed: int) -> Machine:
     """A table like this one: modes, dead time, offset and friction drawn anew, with three elements that data can tell
     apart."""
     draw = np.random.default_rng(seed)
-    scatter = [(0.1, 0.05, 0.2)] * len(machine.plant.modes)
-    modes = tuple(
-        replace(
-            mode,
-            gain=mode.gain * float(np.exp(g * draw.standard_normal())),
-            frequency=mode.frequency * float(np.exp(f * draw.standard_normal())),
-            damping=mode.damping * float(np.exp(z * draw.standard_normal())),
-        )
-        for mode, (g, f, z) in zip(machine.plant.modes, scatter, strict=True)
-    )
-    delay = machine.plant.dead_time + machine.sample_time * float(draw.uniform(-0.4, 0.4))
+    scatter = np.array([0.1, 0.05, 0.2])  # of a gain, a frequency and a damping ratio, on the logarithm
+    off = [np.exp(scatter * draw.standard_normal(3)) - 1 for _ in machine.plant.modes]
+    gain, frequency, damping = (tuple(column) for column in np.transpose(off).tolist())
+    delay = machine.sample_time * float(draw.uniform(-0.4, 0.4))
     limit = np.array([2.5e-6, 12e-6, 80e-6]) * np.exp(0.15 * draw.standard_normal(3))
     force = machine.friction.coulomb_force * np.array([0.45, 0.3, 0.25]) * np.exp(0.15 * draw.standard_normal(3))
-    plant = replace(machine.plant, modes=modes, dead_time=delay)
-    drive = replace(machine.drive, offset=machine.drive.offset + float(draw.standard_normal()))
-    return replace(machine, drive=drive, plant=plant, friction=elements(force / limit, limit))
+    offset = float(draw.standard_normal())
+    variation = Variation(modal_gain=gain, frequency=frequency, damping=damping, dead_time=delay, offset=offset)
+    return replace(varied(machine, variation), friction=elements(force / limit, limit))
 
 
 def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
     """A table that departs from the machine as a motion fit can find: its (mass, friction level, presliding length)
     [1], dead time [s] and offset [N]."""
     draw = np.random.default_rng(seed)
-    mass, level, length = np.exp(np.array([0.05, 0.1, 0.05]) * draw.standard_normal(3))
-    delay = machine.plant.dead_time + 0.2 * machine.sample_time * float(draw.uniform(-1, 1))
-    modes = tuple(replace(mode, gain=mode.gain / mass) for mode in machine.plant.modes)
-    limit = np.array(machine.friction.limit) * length
-    stiffness = np.array(machine.friction.stiffness) * level / length
-    plant = replace(machine.plant, modes=modes, dead_time=delay)
-    drive = replace(machine.drive, offset=machine.drive.offset + float(draw.standard_normal()))
-    truth = np.array([mass, level, length, delay, drive.offset])
-    return replace(machine, drive=drive, plant=plant, friction=elements(stiffness, limit)), truth
+    mass, level, length = (np.exp(np.array([0.05, 0.1, 0.05]) * draw.standard_normal(3)) - 1).tolist()
+    delay = 0.2 * machine.sample_time * float(draw.uniform(-1, 1))
+    offset = float(draw.standard_normal())
+    variation = Variation(friction_force=level, friction_length=length, mass=mass, dead_time=delay, offset=offset)
+    moved = varied(machine, variation)
+    moved = replace(moved, friction=elements(moved.friction.stiffness, moved.friction.limit))  # undamped, as is sought
+    truth = np.array([1 + mass, 1 + level, 1 + length, moved.plant.dead_time, moved.drive.offset])
+    return moved, truth
 
 
 def excitation(machine: Machine, seed: int) -> Record:

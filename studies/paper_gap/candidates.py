@@ -12,11 +12,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final
 
-from design.trajectory.scenarios import with_friction_error, with_mass_error
 from models.effects import base, catalogue
 from models.machine import Machine, Tolerance
-from models.plant import Mode
 from models.quantity import declaration
+from models.variation import Variation, varied
 
 FRICTION: Final = 0.3  # by how much, relatively, the identified friction may be wrong; assumed
 USUAL: Final = Tolerance()
@@ -128,59 +127,15 @@ def _of_effect(kind: type[base.Effect]) -> Candidate:
 def _of_parameters() -> tuple[Candidate, ...]:
     """What the design takes from the machine and may be wrong: the table has 1 + e times, or e more, of it."""
 
-    def relative(name: str, law: str, most: float, change: Callable[[Machine, float], Machine]) -> Candidate:
-        return Candidate(
-            name,
-            "parameters",
-            law,
-            (Range(name, "1", -most, most, logarithmic=False),),
-            0,
-            lambda machine, values: change(machine, values[0]),
-        )
+    def off(name: str, law: str, most: float, error: Callable[[float], Variation], unit: str = "1") -> Candidate:
+        ranges = (Range(name, unit, -most, most, logarithmic=False),)
+        return Candidate(name, "parameters", law, ranges, 0, lambda machine, values: varied(machine, error(values[0])))
 
-    late = BOUND * USUAL.dead_time
     return (
-        relative("friction_level", r"(1+e)\,K_i", FRICTION, lambda machine, e: _with_friction(machine, e, 0.0)),
-        relative(
-            "presliding_length",
-            r"(1+e)\,X_i,\quad K_i/(1+e)",
-            FRICTION,
-            lambda machine, e: _with_friction(machine, 0.0, e),
-        ),
-        relative(
-            "payload_mass",
-            r"(1+e)\,M",
-            BOUND * USUAL.mass,
-            lambda machine, e: replace(machine, plant=with_mass_error(machine.plant, e)),
-        ),
-        relative("mode_frequency", r"(1+e)\,\omega_{ti}", BOUND * USUAL.frequency, _with_frequency),
-        relative("mode_damping", r"(1+e)\,\zeta_{ti}", BOUND * USUAL.damping, _with_damping),
-        Candidate(
-            "dead_time",
-            "parameters",
-            r"L+e",
-            (Range("dead_time", "s", -late, late, logarithmic=False),),
-            0,
-            lambda machine, values: _with_plant(machine, dead_time=max(machine.plant.dead_time + values[0], 0.0)),
-        ),
+        off("friction_level", r"(1+e)\,K_i", FRICTION, lambda e: Variation(friction_force=e)),
+        off("presliding_length", r"(1+e)\,X_i,\quad K_i/(1+e)", FRICTION, lambda e: Variation(friction_length=e)),
+        off("payload_mass", r"(1+e)\,M", BOUND * USUAL.mass, lambda e: Variation(mass=e)),
+        off("mode_frequency", r"(1+e)\,\omega_{ti}", BOUND * USUAL.frequency, lambda e: Variation(frequency=e)),
+        off("mode_damping", r"(1+e)\,\zeta_{ti}", BOUND * USUAL.damping, lambda e: Variation(damping=e)),
+        off("dead_time", r"L+e", BOUND * USUAL.dead_time, lambda e: Variation(dead_time=e), "s"),
     )
-
-
-def _with_plant(machine: Machine, **changes: object) -> Machine:
-    return replace(machine, plant=replace(machine.plant, **changes))  # type: ignore[arg-type]
-
-
-def _with_friction(machine: Machine, force: float, length: float) -> Machine:
-    return replace(machine, friction=with_friction_error(machine.friction, force, length))
-
-
-def _with_modes(machine: Machine, change: Callable[[Mode], Mode]) -> Machine:
-    return _with_plant(machine, modes=tuple(change(mode) for mode in machine.plant.modes))
-
-
-def _with_frequency(machine: Machine, error: float) -> Machine:
-    return _with_modes(machine, lambda mode: replace(mode, frequency=mode.frequency * (1 + error)))
-
-
-def _with_damping(machine: Machine, error: float) -> Machine:
-    return _with_modes(machine, lambda mode: replace(mode, damping=mode.damping * (1 + error)))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from models.controller import Controller
 from models.machine import Machine
 from models.records.record import feeding_sequence, motions
-from models.settling import dispersion, settling_time
+from models.records.settling import dispersion, settling_time
 from models.simulation.simulator import Response, simulate
 
 Array = NDArray[np.float64]

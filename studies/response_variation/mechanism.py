@@ -9,7 +9,7 @@ import numpy as np
 from models.controller import Controller
 from models.machine import Machine
 from models.records.record import feeding_sequence
-from models.settling import settling_time
+from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from studies.validation import Validation
 

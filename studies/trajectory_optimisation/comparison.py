@@ -17,10 +17,11 @@ from design.trajectory.robust import CommonTrajectory
 from models.controller import Controller, References
 from models.friction import Friction
 from models.machine import Machine
+from models.variation import drawn
 from studies.command import Progress
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.designs import Scheme, Wanted, bare, history_aware, motion_of
-from studies.trajectory_optimisation.judge import Aim, Outcome, judge, perturbed, sequence
+from studies.trajectory_optimisation.judge import RANGE, Aim, Outcome, judge, sequence
 
 QUANTILE: Final = 0.95
 FRESH: Final = 104729  # added to the seed: tables that no choice made here has ever looked at
@@ -47,7 +48,7 @@ def compare(
 ) -> dict[str, Any]:
     """Every scheme on the central table, on the same perturbed ones, and on as many that are drawn anew."""
     count = options.tables or (12 if options.quick else 200)
-    many, fresh = (perturbed(machine, count, options.seed + more) for more in (0, FRESH))
+    many, fresh = (drawn(machine, RANGE, count, options.seed + more) for more in (0, FRESH))
     rows, again, shown, missed = [], [], {}, []
     for i, one in enumerate(schemes):
         progress(0.6 + 0.03 * i, f"judging {one.name}")

@@ -27,7 +27,7 @@ from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
 from studies.trajectory_optimisation.designs import Wanted, motion_of
-from studies.trajectory_optimisation.judge import PERIODS, RANGE, Aim, sequence
+from studies.trajectory_optimisation.judge import MODE_RANGE, PERIODS, RANGE, Aim, sequence
 from studies.trajectory_optimisation.members import on_members
 from studies.trajectory_optimisation.tradeoff import (
     failed_iterate,
@@ -92,7 +92,12 @@ def optimise(machine: Machine, options: argparse.Namespace, progress: Progress) 
         "failed": failed_iterate(machine, wanted, shortest),
         "pareto": trade_off,
         "errors": vars(designs.ERRORS),
-        "range": {key.replace(" ", "_"): size for key, size in RANGE.items()},
+        "range": {
+            "friction_force": RANGE.friction_force,
+            "presliding_length": RANGE.friction_length,
+            "mass": RANGE.mass,
+            "mode_frequency": MODE_RANGE,
+        },
         "periods": PERIODS,
         **judged,
         "members": members,

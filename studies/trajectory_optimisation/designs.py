@@ -22,7 +22,7 @@ from models.machine import Machine
 from models.plant import delay_split
 from models.records.record import motions
 from models.simulation.simulator import simulate
-from studies.trajectory_optimisation.judge import RANGE, run, sequence
+from studies.trajectory_optimisation.judge import MODE_RANGE, RANGE, run, sequence
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ LOOK_COMMON: Final = 30e-3  # s, the same for one trajectory for all, whose erro
 REST: Final = 20e-3  # s at the end of a motion over which the thrust that holds the table is averaged
 LONGEST: Final = 200  # samples that a search for a feasible motion goes beyond the one aimed at
 # What a trajectory should be insensitive to, one standard deviation each: friction as far as learning leaves it wrong.
-ERRORS: Final = Errors(0.02, 0.02, RANGE["mass"] / math.sqrt(3), RANGE["mode frequency"] / math.sqrt(3))
+ERRORS: Final = Errors(0.02, 0.02, RANGE.mass / math.sqrt(3), MODE_RANGE / math.sqrt(3))
 COARSE: Final = (0.3, 0.1)  # continuation where a tenth of the limits is fine enough: many copies of the loop
 
 

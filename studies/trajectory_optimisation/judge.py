@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.controller import Controller, References
-from models.friction import elements
 from models.machine import Machine
-from models.plant import Mode
 from models.records.record import feeding_sequence, motions
-from models.settling import dispersion, settling_time
+from models.records.settling import dispersion, settling_time
 from models.simulation.simulator import Response, simulate_many
+from models.variation import Variation
 
 Array = NDArray[np.float64]
 
 PERIODS: Final = 3  # of the sequence; the last is judged
 BATCH: Final = 40  # tables simulated side by side, which bounds the memory
 VIBRATION: Final = 20e-3  # s, the window after the settling time over which the vibration left is looked at
-RANGE: Final = {"friction force": 0.3, "presliding length": 0.3, "mass": 0.03, "mode frequency": 0.03}
+MODE_RANGE: Final = 0.03  # relative error of each frequency
+# Of the tables that a design is judged on, either way and evenly; each mode has a frequency error of its own.
+RANGE: Final = Variation(friction_force=0.3, friction_length=0.3, mass=0.03, frequency=MODE_RANGE)
 
 
 @dataclass(frozen=True)
@@ -52,26 +53,6 @@ class Aim:
     tolerance: float
     settling_time: float
     shown: float = 0.06
-
-
-def perturbed(machine: Machine, count: int, seed: int) -> list[Machine]:
-    """`count` tables around `machine`, every error of RANGE uniform and independent, each mode's own; seeded."""
-    rng = np.random.default_rng(seed)
-    found = []
-    for _ in range(count):
-        force, length, mass = (1 + rng.uniform(-RANGE[key], RANGE[key]) for key in list(RANGE)[:3])
-        shift = 1 + rng.uniform(-RANGE["mode frequency"], RANGE["mode frequency"], len(machine.plant.modes))
-        modes = tuple(
-            Mode(mode.gain / mass, mode.frequency * factor, mode.damping)
-            for mode, factor in zip(machine.plant.modes, shift, strict=True)
-        )
-        friction = elements(
-            np.array(machine.friction.stiffness) * force / length,
-            np.array(machine.friction.limit) * length,
-            np.array(machine.friction.damping),
-        )
-        found.append(replace(machine, plant=replace(machine.plant, modes=modes), friction=friction))
-    return found
 
 
 def sequence(machine: Machine, stroke: float, periods: int = PERIODS) -> Array:

@@ -19,10 +19,10 @@ from design.deadbeat import (
     least_peak_thrust,
     shortest_settling_time,
     synthesise,
-    with_frequency_error,
 )
 from models.machine import load
 from models.plant import Mode, Plant
+from models.variation import Variation, at_mode, varied_plant
 from studies.validation import linear_response
 
 TS, STROKE = 5e-4, 20e-6
@@ -133,7 +133,11 @@ def test_freedom_spent_on_robustness_leaves_less_vibration() -> None:
 
 def _worst_left(deadbeat: Deadbeat) -> float:
     times = deadbeat.settling_time + PLANT.dead_time + np.arange(0, 0.1, TS)
-    wrong = [with_frequency_error(PLANT, mode, error) for mode in (1, 2) for error in (-0.05, -0.03, 0.03, 0.05)]
+    wrong = [
+        varied_plant(PLANT, Variation(frequency=at_mode(PLANT, mode, error)))
+        for mode in (1, 2)
+        for error in (-0.05, -0.03, 0.03, 0.05)
+    ]
     return max(float(np.max(np.abs(linear_response(plant, deadbeat.thrust, TS, times) - STROKE))) for plant in wrong)
 
 

@@ -17,8 +17,9 @@ from design.trajectory.history_aware import Limits
 from models.controller import Controller, load
 from models.machine import load as load_machine
 from models.records.record import motions
-from models.settling import dispersion, settling_time
+from models.records.settling import dispersion, settling_time
 from models.simulation.simulator import simulate
+from models.variation import drawn
 from studies.command import CHECK_MISSED, DONE, main
 from studies.trajectory_optimisation.__main__ import STUDY
 from studies.trajectory_optimisation.designs import (
@@ -30,7 +31,7 @@ from studies.trajectory_optimisation.designs import (
     quickest,
     rest_time,
 )
-from studies.trajectory_optimisation.judge import RANGE, Aim, judge, perturbed, sequence
+from studies.trajectory_optimisation.judge import RANGE, Aim, judge, sequence
 
 
 @pytest.fixture(scope="module")
@@ -109,12 +110,12 @@ def test_the_judge_says_what_the_definitions_say() -> None:
 
 def test_tables_are_seeded_within_their_ranges_and_side_by_side_equal_alone() -> None:
     machine = load_machine()
-    some, again, other = perturbed(machine, 30, 1), perturbed(machine, 30, 1), perturbed(machine, 30, 2)
+    some, again, other = (drawn(machine, RANGE, 30, seed) for seed in (1, 1, 2))
     assert some == again
     assert some != other
     level = [table.friction.coulomb_force / machine.friction.coulomb_force for table in some]
-    assert 1 - RANGE["friction force"] <= min(level) < 0.85
-    assert 1.15 < max(level) <= 1 + RANGE["friction force"]
+    assert 1 - RANGE.friction_force <= min(level) < 0.85
+    assert 1.15 < max(level) <= 1 + RANGE.friction_force
     assert all(table.plant.modes[0].frequency == 0 for table in some)
     law = Controller(machine.sample_time, machine.control.pid, 2, (1.0,), (0.0,))
     aim = Aim(1e-6, 0.5e-6, 20e-3)

@@ -12,13 +12,14 @@ from design.trajectory.compensator import compensate, learn, rest_states, shape
 from design.trajectory.history_aware import Limits
 from design.trajectory.lifted import feedforward_only, lift
 from design.trajectory.robust import CommonTask, build_common, solve_common
-from design.trajectory.scenarios import Feedback, Scenario, respond, with_friction_error
+from design.trajectory.scenarios import Feedback, Scenario, respond
 from models.controller import Controller, References, references
 from models.friction import elements, follow
 from models.machine import Machine, load
 from models.plant import Plant
 from models.records.record import feeding_sequence
 from models.simulation.simulator import simulate
+from models.variation import Variation, varied_friction
 
 STROKE, TS = 20e-6, 5e-4
 
@@ -92,7 +93,7 @@ def test_the_friction_is_learned_from_what_held_the_table(machine: Machine) -> N
     target = feeding_sequence(STROKE, 5, 0.2, TS, 2)
     rests = np.arange(400, target.size + 1, 400) - 1
     for force, length in ((0.2, -0.1), (-0.25, 0.2)):
-        true = with_friction_error(machine.friction, force, length)
+        true = varied_friction(machine.friction, Variation(friction_force=force, friction_length=length))
         hold = follow(true, np.append(0.0, target))[0][rests + 1]
         found = learn(machine.friction, target, rests, hold)
         assert found.coulomb_force == pytest.approx(true.coulomb_force, rel=1e-3)

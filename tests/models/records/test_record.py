@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from models.records.record import Record, cut, feeding_sequence, motions
-from models.settling import dispersion, overshoot, settling_time
+from models.records.settling import dispersion, overshoot, settling_time
 
 
 def test_the_sequence_of_figure_5() -> None:

@@ -1,0 +1,145 @@
+"""A machine that is a little off: every way in which a real one may depart from its file, said once.
+
+Two errors of the inertia have two names, because they are two things. A *payload* that lies on the table adds to the
+rigid body alone; the vibration modes keep their gains. A wrong *mass*, or a wrong thrust constant, scales the gains of
+all modes, the rigid body's and the others'.
+
+The friction may be off in two ways, which multiply: as a whole, by its force and its presliding length, or contact by
+contact, by stiffness and limit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Final
+
+import numpy as np
+
+from models.friction import Friction, elements
+from models.machine import Machine
+from models.plant import Mode, Plant
+
+MOST_DAMPING: Final = 0.99  # a mode stays below critical damping, which the closed forms of the plant need
+
+Each = float | tuple[float, ...]  # one number for all, or one for each mode or contact in the machine's order
+
+
+@dataclass(frozen=True)
+class Variation:
+    """What a machine is off by: relative errors [1], above -1, unless a unit is given; 0 is as the file has it.
+
+    friction_force, friction_length: every force, and every presliding length, of the friction. stiffness, limit: of the
+    contacts, one number for all or one for each. payload: the rigid body's mass alone. mass: the mass that every mode
+    moves. modal_gain: the flexible modes' gains; with one number for each mode the rigid body's as well. frequency,
+    damping: of the flexible modes, one number for all or one for each mode, whose number for the rigid body is without
+    effect. dead_time [s] and offset [N] are added to the file's.
+    """
+
+    friction_force: float = 0.0
+    friction_length: float = 0.0
+    stiffness: Each = 0.0
+    limit: Each = 0.0
+    payload: float = 0.0
+    mass: float = 0.0
+    modal_gain: Each = 0.0
+    frequency: Each = 0.0
+    damping: Each = 0.0
+    dead_time: float = 0.0
+    offset: float = 0.0
+
+
+def varied(machine: Machine, variation: Variation) -> Machine:
+    """The machine that is off by the variation; the constant force [N] is added to the file's.
+
+    Raises ValueError for a list that is not as long as the machine has modes or contacts.
+
+    >>> heavier = pos.varied(machine, pos.Variation(payload=0.1, dead_time=20e-6))
+    >>> round(heavier.plant.mass / machine.plant.mass, 6)
+    1.1
+    """
+    return replace(
+        machine,
+        drive=replace(machine.drive, offset=machine.drive.offset + variation.offset),
+        plant=varied_plant(machine.plant, variation),
+        friction=varied_friction(machine.friction, variation),
+    )
+
+
+def varied_plant(plant: Plant, variation: Variation) -> Plant:
+    """The plant with the variation's errors of modes and dead time [s], which stays at 0 or above.
+
+    Raises ValueError for a list that is not as long as the plant has modes.
+    """
+    count, mass = len(plant.modes), 1 + variation.mass
+    gains, frequencies, dampings = (
+        _each(error, count, "mode") for error in (variation.modal_gain, variation.frequency, variation.damping)
+    )
+
+    def moved(mode: Mode, gain: float, frequency: float, damping: float) -> Mode:
+        rigid = mode.frequency == 0
+        if rigid and not isinstance(variation.modal_gain, tuple):
+            gain = 0.0  # one number for all is of the flexible modes
+        return Mode(
+            mode.gain * (1 + gain) / mass / (1 + variation.payload if rigid else 1.0),
+            mode.frequency * (1 + frequency),
+            min(mode.damping * (1 + damping), max(MOST_DAMPING, mode.damping)),
+        )
+
+    modes = tuple(moved(*one) for one in zip(plant.modes, gains, frequencies, dampings, strict=True))
+    return replace(plant, modes=modes, dead_time=max(plant.dead_time + variation.dead_time, 0.0))
+
+
+def varied_friction(friction: Friction, variation: Variation) -> Friction:
+    """The friction with the variation's errors of force, lengths, stiffnesses and limits; its damping [N s/m] stays.
+
+    Raises ValueError for a list that is not as long as the friction has contacts.
+    """
+    count, length = len(friction.limit), 1 + variation.friction_length
+    stiffness, limit = (np.array(_each(error, count, "contact")) for error in (variation.stiffness, variation.limit))
+    return elements(
+        np.array(friction.stiffness) * (1 + variation.friction_force) / length * (1 + stiffness),
+        np.array(friction.limit) * length * (1 + limit),
+        friction.damping,
+    )
+
+
+def at_mode(plant: Plant, index: int, error: float) -> tuple[float, ...]:
+    """A relative error [1] of one of the plant's modes, as a number for each: `Variation(frequency=at_mode(...))`."""
+    return tuple(error if i == index else 0.0 for i in range(len(plant.modes)))
+
+
+def drawn(machine: Machine, within: Variation, count: int, seed: int) -> list[Machine]:
+    """`count` machines around this one: each error uniform and independent between plus and minus that of `within`.
+
+    A mode's gain, frequency and damping and a contact's stiffness and limit have an error of their own each. Errors
+    that are 0 in `within` stay 0. The same seed gives the same machines.
+
+    >>> tables = pos.drawn(machine, pos.Variation(mass=0.03, frequency=0.03), count=100, seed=1)
+    >>> len(tables), all(abs(table.plant.mass / machine.plant.mass - 1) < 0.031 for table in tables)
+    (100, True)
+    """
+    rng = np.random.default_rng(seed)
+    return [varied(machine, _draw(machine, within, rng)) for _ in range(count)]
+
+
+def _draw(machine: Machine, within: Variation, rng: np.random.Generator) -> Variation:
+    """One variation; drawn in the order of the fields, so that a seed goes on giving the same machines."""
+    lengths = dict.fromkeys(("modal_gain", "frequency", "damping"), len(machine.plant.modes))
+    lengths |= dict.fromkeys(("stiffness", "limit"), len(machine.friction.limit))
+    found: dict[str, Each] = {}
+    for field in fields(Variation):
+        most, count = getattr(within, field.name), lengths.get(field.name)
+        if np.any(most):
+            wide = np.array(most, float)
+            number = rng.uniform(-wide, wide, count)
+            found[field.name] = float(number) if count is None else tuple(number.tolist())
+    return replace(Variation(), **found)  # type: ignore[arg-type]
+
+
+def _each(error: Each, count: int, name: str) -> tuple[float, ...]:
+    """The error [1] of each of `count` modes or contacts."""
+    if not isinstance(error, tuple):
+        return (error,) * count
+    if len(error) != count:
+        raise ValueError(f"a variation has {len(error)} numbers for {count} {name}s; give one for all or one for each")
+    return error

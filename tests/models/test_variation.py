@@ -1,0 +1,93 @@
+"""Machines that are a little off: which values each error moves, and which it leaves alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.friction import branch
+from models.machine import load
+from models.plant import Mode, frequency_response
+from models.variation import MOST_DAMPING, Variation, at_mode, drawn, varied, varied_friction, varied_plant
+
+MACHINE = load()
+PLANT = MACHINE.plant
+OMEGA = 2 * math.pi * np.geomspace(0.5, 900, 200)
+
+
+def test_no_variation_is_the_machine() -> None:
+    assert varied(MACHINE, Variation()) == MACHINE
+
+
+def test_a_wrong_mass_scales_the_whole_plant_and_a_payload_the_rigid_body_alone() -> None:
+    heavier, loaded = (varied_plant(PLANT, Variation(**{name: 0.25})) for name in ("mass", "payload"))
+    ratio = frequency_response(heavier, OMEGA) / frequency_response(PLANT, OMEGA)
+    assert ratio == pytest.approx(np.full(OMEGA.size, 1 / 1.25))
+    assert heavier.mass == pytest.approx(1.25 * PLANT.mass)
+    assert loaded.mass == pytest.approx(1.25 * PLANT.mass)
+    assert [loaded.modes[i] for i in PLANT.flexible] == [PLANT.modes[i] for i in PLANT.flexible]
+
+
+@given(st.floats(-0.5, 1.0), st.floats(-0.5, 1.0), st.floats(1e-7, 1e-3))
+def test_force_and_length_of_the_friction_scale_its_curve(force: float, length: float, distance: float) -> None:
+    friction = varied_friction(MACHINE.friction, Variation(friction_force=force, friction_length=length))
+    expected = (1 + force) * branch(MACHINE.friction, distance)
+    assert branch(friction, distance * (1 + length)) == pytest.approx(expected)
+    assert friction.damping == MACHINE.friction.damping
+
+
+def test_contacts_and_modes_have_errors_of_their_own() -> None:
+    count = len(MACHINE.friction.limit)
+    wide = tuple(0.01 * i for i in range(count))
+    friction = varied_friction(MACHINE.friction, Variation(stiffness=wide, limit=-0.5))
+    assert friction.stiffness == pytest.approx(np.array(MACHINE.friction.stiffness) * (1 + np.array(wide)))
+    assert friction.limit == pytest.approx(0.5 * np.array(MACHINE.friction.limit))
+    second = PLANT.flexible[1]
+    plant = varied_plant(PLANT, Variation(frequency=at_mode(PLANT, second, 0.1), modal_gain=0.2, damping=0.5))
+    for i, (before, after) in enumerate(zip(PLANT.modes, plant.modes, strict=True)):
+        flexible = i in PLANT.flexible
+        assert after.frequency == pytest.approx(before.frequency * (1.1 if i == second else 1.0))
+        assert after.gain == pytest.approx(before.gain * (1.2 if flexible else 1.0))
+        assert after.damping == pytest.approx(1.5 * before.damping)
+    gains = varied_plant(PLANT, Variation(modal_gain=(0.1, 0.0, 0.0))).modes
+    assert gains[0].gain == pytest.approx(1.1 * PLANT.modes[0].gain)
+    with pytest.raises(ValueError, match="2 numbers for 3 modes"):
+        varied_plant(PLANT, Variation(damping=(0.1, 0.1)))
+
+
+def test_what_cannot_be_stays_at_its_end() -> None:
+    off = varied(MACHINE, Variation(dead_time=-1.0, offset=-3.0, damping=1e3))
+    assert off.plant.dead_time == 0.0
+    assert off.drive.offset == MACHINE.drive.offset - 3.0
+    assert [off.plant.modes[i].damping for i in PLANT.flexible] == [MOST_DAMPING] * 2
+    damped = replace(PLANT, modes=(*PLANT.modes, Mode(0.01, 50.0, 0.999)))
+    assert varied_plant(damped, Variation()) == damped
+
+
+def test_drawn_machines_stay_within_their_ranges_and_repeat_with_their_seed() -> None:
+    within = Variation(friction_force=0.3, mass=0.03, frequency=0.02)
+    some, again, other = (drawn(MACHINE, within, 50, seed) for seed in (1, 1, 2))
+    assert some == again
+    assert some != other
+    level = np.array([one.friction.coulomb_force / MACHINE.friction.coulomb_force - 1 for one in some])
+    mass = np.array([one.plant.mass / PLANT.mass - 1 for one in some])
+    shift = np.array(
+        [[one.plant.modes[i].frequency / PLANT.modes[i].frequency - 1 for i in PLANT.flexible] for one in some]
+    )
+    for error, most in ((level, 0.3), (mass, 0.03), (shift, 0.02)):
+        assert 0.8 * most < np.max(np.abs(error)) <= most * (1 + 1e-12)
+    for one in (level, mass):
+        assert abs(np.corrcoef(one, shift[:, 0])[0, 1]) < 0.5
+    assert abs(np.corrcoef(shift.T)[0, 1]) < 0.5
+    assert all(one.friction.limit == MACHINE.friction.limit and one.drive == MACHINE.drive for one in some)
+    assert drawn(MACHINE, Variation(), 1, 0) == [MACHINE]
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(Variation)])
+def test_every_error_changes_the_machine(name: str) -> None:
+    assert varied(MACHINE, Variation(**{name: 1e-4})) != MACHINE
