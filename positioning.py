@@ -10,51 +10,38 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__; a test ties both lists
-    from design.controller import assemble as assemble
-    from design.controller import design_deadbeat as design_deadbeat
-    from design.deadbeat import Constraints as Constraints
-    from design.deadbeat import Deadbeat as Deadbeat
-    from design.deadbeat import DesignError as DesignError
-    from design.deadbeat import shortest_settling_time as shortest_settling_time
+    from design.controller import assemble, design_deadbeat
+    from design.deadbeat import Constraints, Deadbeat, DesignError, shortest_settling_time
     from design.loop import assess as assess_loop
-    from design.pid.problem import Tuning as Tuning
-    from design.pid.tuning import tune_pid as tune_pid
+    from design.pid.problem import Tuning
+    from design.pid.tuning import tune_pid
     from design.trajectory.history_aware import Limits as TrajectoryLimits
     from design.trajectory.history_aware import Task as TrajectoryTask
-    from design.trajectory.history_aware import Trajectory as Trajectory
+    from design.trajectory.history_aware import Trajectory
     from design.trajectory.history_aware import build as build_trajectory
     from design.trajectory.history_aware import solve as solve_trajectory
-    from diagnosis.diagnose import Diagnosis as Diagnosis
-    from diagnosis.diagnose import diagnose as diagnose
-    from models.controller import PID as PID
-    from models.controller import Controller as Controller
+    from diagnosis.diagnose import Diagnosis, diagnose
+    from models.controller import PID, Controller
     from models.controller import load as load_controller
-    from models.friction import Friction as Friction
+    from models.friction import Friction
     from models.friction import branch as friction_branch
     from models.friction import elements as friction_elements
-    from models.machine import Machine as Machine
-    from models.machine import MachineError as MachineError
+    from models.machine import Machine, MachineError
     from models.machine import load as load_machine
-    from models.plant import Mode as Mode
-    from models.plant import Plant as Plant
-    from models.plant import frequency_response as frequency_response
-    from models.records.columns import Columns as Columns
-    from models.records.files import read_record as read_record
-    from models.records.record import Record as Record
-    from models.records.record import feeding_sequence as feeding_sequence
-    from models.records.settling import settling_time as settling_time
-    from models.simulation.simulator import Response as Response
-    from models.simulation.simulator import simulate as simulate
-    from models.simulation.simulator import simulate_many as simulate_many
-    from models.variation import Variation as Variation
-    from models.variation import drawn as drawn
-    from models.variation import varied as varied
-    from reports.plot import plot as plot
-    from studies.validation import Validation as Validation
-    from studies.validation import validate as validate
+    from models.plant import Mode, Plant, frequency_response
+    from models.records.columns import Columns
+    from models.records.files import read_record
+    from models.records.record import Record, feeding_sequence
+    from models.records.settling import settling_time
+    from models.simulation.simulator import Response, simulate, simulate_many
+    from models.variation import Variation, drawn, varied
+    from reports.plot import plot
+    from studies.catalogue import STUDIES as studies
+    from studies.validation import Validation, validate
 
 # Each name with the module that it is from, and what it is called there where that is not the same.
 _WHERE: Final = {
+    "PID": "models.controller",
     "Columns": "models.records.columns",
     "Constraints": "design.deadbeat",
     "Controller": "models.controller",
@@ -65,7 +52,6 @@ _WHERE: Final = {
     "Machine": "models.machine",
     "MachineError": "models.machine",
     "Mode": "models.plant",
-    "PID": "models.controller",
     "Plant": "models.plant",
     "Record": "models.records.record",
     "Response": "models.simulation.simulator",
@@ -94,12 +80,58 @@ _WHERE: Final = {
     "simulate": "models.simulation.simulator",
     "simulate_many": "models.simulation.simulator",
     "solve_trajectory": "design.trajectory.history_aware:solve",
+    "studies": "studies.catalogue:STUDIES",
     "tune_pid": "design.pid.tuning",
     "validate": "studies.validation",
     "varied": "models.variation",
 }
 
-__all__ = [*_WHERE]  # noqa: PLE0604  (the keys are text)
+__all__ = [
+    "PID",
+    "Columns",
+    "Constraints",
+    "Controller",
+    "Deadbeat",
+    "DesignError",
+    "Diagnosis",
+    "Friction",
+    "Machine",
+    "MachineError",
+    "Mode",
+    "Plant",
+    "Record",
+    "Response",
+    "Trajectory",
+    "TrajectoryLimits",
+    "TrajectoryTask",
+    "Tuning",
+    "Validation",
+    "Variation",
+    "assemble",
+    "assess_loop",
+    "build_trajectory",
+    "design_deadbeat",
+    "diagnose",
+    "drawn",
+    "feeding_sequence",
+    "frequency_response",
+    "friction_branch",
+    "friction_elements",
+    "load_controller",
+    "load_machine",
+    "plot",
+    "read_record",
+    "settling_time",
+    "shortest_settling_time",
+    "simulate",
+    "simulate_many",
+    "solve_trajectory",
+    "studies",
+    "tune_pid",
+    "validate",
+    "varied",
+]
+
 
 if not TYPE_CHECKING:  # a type checker would take it to have any name
 

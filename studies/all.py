@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from studies.catalogue import every
-from studies.command import BAD_INPUT, CHECK_MISSED, DONE, Parser, Study, guarded, main, require_writable
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, guarded, main, require_writable
+from studies.options import Parser
+from studies.study import Study
 
 if TYPE_CHECKING:
     from reports.index import Entry

@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from studies.command import Study
+from studies.study import Study
 
 HERE: Final = Path(__file__).parent
 
@@ -20,6 +20,32 @@ def every() -> dict[str, Study]:
     """The studies by name; commands that are none, such as review, left out."""
     modules = {name: import_module(f"studies.{name}.__main__") for name in names()}
     return {name: module.STUDY for name, module in modules.items() if isinstance(getattr(module, "STUDY", None), Study)}
+
+
+class Studies:
+    """The studies as attributes, each called like a function: `pos.studies.deadbeat_design(machine, quick=True)`.
+
+    >>> pos.studies.deadbeat_design
+    deadbeat_design: Which N_ff(z), D_ff(z) for this machine, and do they hold on the nonsmooth one?
+    >>> answer = pos.studies.deadbeat_design(machine, settling_time=20e-3, quick=True)
+    >>> all(check.holds for check in answer.checks)
+    True
+    """
+
+    def __getattr__(self, name: str) -> Study:
+        study = None if name.startswith("_") else every().get(name)
+        if study is None:
+            raise AttributeError(f"there is no study {name!r}; there are {', '.join(every())}")
+        return study
+
+    def __dir__(self) -> list[str]:
+        return list(every())
+
+    def __repr__(self) -> str:
+        return f"studies: {', '.join(every())}"
+
+
+STUDIES: Final = Studies()
 
 
 def find(name: str) -> Study | None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from models.machine import Machine
 from models.records.columns import Columns
-from studies.command import BadInputError
+from studies.options import BadInputError
 
 
 def columns_of(machine: Machine, entries: Sequence[str]) -> Columns:

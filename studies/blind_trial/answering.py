@@ -16,7 +16,8 @@ from typing import Any, Final
 from studies.blind_trial.asking import ask, end_with
 from studies.blind_trial.guard import SEALER_FOLDER
 from studies.blind_trial.packs import Case, Pack
-from studies.command import BadInputError, plain
+from studies.command import plain
+from studies.options import BadInputError
 
 ROOT: Final = Path(__file__).parents[2]
 DIAGNOSIS: Final = "diagnosis.diagnose"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,10 +17,12 @@ from studies.blind_trial import answering
 from studies.blind_trial import figures_of_merit as merit
 from studies.blind_trial.answering import Conditions, answer_all
 from studies.blind_trial.guard import SEALER_FOLDER, leaks, shared_code
+from studies.blind_trial.options import TrialOptions
 from studies.blind_trial.packs import Pack, open_key, read_pack
 from studies.blind_trial.scoring import OUTCOMES, KeyFileError, Label, Score, groups_of, label_of, score
 from studies.blind_trial.sealing import SEALING, Sealed, places, seal
-from studies.command import Answer, BadInputError, Check, Progress
+from studies.options import BadInputError
+from studies.study import Answer, Check, Progress
 
 ROOT: Final = Path(__file__).parents[2]
 DIAGNOSIS: Final = answering.DIAGNOSIS
@@ -47,7 +48,7 @@ class Trial:
     forbidden: tuple[Path, ...]
 
 
-def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answer:
     """Answers a pack and, with its key, scores the answers. Raises BadInputError.
 
     The machine is the pack's nominal one, which the answerers read for themselves.
@@ -100,7 +101,7 @@ def compute(machine: Machine, options: argparse.Namespace, progress: Progress) -
     return Answer(results, tuple(checks), {"answers.json": answers}, tuple(_summary(results)))
 
 
-def _timed(options: argparse.Namespace, output: Path) -> bool:
+def _timed(options: TrialOptions, output: Path) -> bool:
     """Whether the time of this run is that of a trial: a pack of its own, nothing of another run in its folder, which
     may have done a part of it, on the cores that the time is meant for. Thresholds in CACHE count as given."""
     begins = not any((output / name).exists() for name in ("sealed", "answers.json"))
@@ -108,7 +109,7 @@ def _timed(options: argparse.Namespace, output: Path) -> bool:
     return own and begins and cpu_count() == CORES
 
 
-def _trial(options: argparse.Namespace, output: Path, progress: Progress) -> Trial:
+def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
     """The pack to answer, sealed for the purpose unless one is given."""
     if options.pack is not None:
         if options.cases is not None:
@@ -120,8 +121,6 @@ def _trial(options: argparse.Namespace, output: Path, progress: Progress) -> Tri
     if options.key is not None:
         raise BadInputError("--key: opens a given pack; give --pack too, or leave it out")
     cases = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
-    if cases < 1:
-        raise BadInputError(f"--cases {cases}: is less than 1; give a number of cases")
     sealed: Sealed = seal(cases, options.seed, output, progress)
     again = read_pack(sealed.again) if any(sealed.again.glob("case-*")) else None
     return Trial(read_pack(sealed.pack), sealed.key, again, (*sealed.forbidden, sealed.again))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from studies.blind_trial.scoring import KeyFileError
-from studies.command import BadInputError
+from studies.options import BadInputError
 
 
 @dataclass(frozen=True)

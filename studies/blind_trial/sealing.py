@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from studies.blind_trial.guard import SEALER, SEALER_FOLDER
-from studies.command import BadInputError
+from studies.options import BadInputError
 
 ROOT: Final = Path(__file__).parents[2]
 SEALING: Final = 0.1  # of a trial's time

@@ -6,7 +6,6 @@ nonsmooth machine by simulation over the sequence of Fig. 5.
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -31,8 +30,10 @@ from models.machine import Machine, Specification
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from models.variation import Variation, at_mode, varied_plant
-from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.deadbeat_design.effects import compensate
+from studies.deadbeat_design.options import DeadbeatOptions
+from studies.options import BadInputError
+from studies.study import Answer, Check, Progress
 from studies.validation import Validation, agreement, linear_response, validate
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ AGREEMENT: Final = 0.03  # relative difference up to which an outcome agrees wit
 RESIDUAL_LIMIT: Final = 1e-9  # of the stroke: what may remain after a deadbeat's settling time
 
 
-def design(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted = _wanted(machine, options)
     progress(0.05, "synthesising the deadbeat feedforward")
@@ -96,10 +97,10 @@ def design(machine: Machine, options: argparse.Namespace, progress: Progress) ->
     return Answer(results, checks, files, summary)
 
 
-def _wanted(machine: Machine, options: argparse.Namespace) -> dict[str, Any]:
+def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
     """What the design has to reach, from the options, else from the machine file."""
     specification, drive = machine.specification, machine.drive
-    given = None if options.thrust_limit is None else quantity(options.thrust_limit, "N", "--thrust-limit")
+    given = options.thrust_limit
     reserved = usable_thrust(machine)
     if given is not None and not 0 < given <= drive.rated_thrust:
         raise BadInputError(
@@ -110,41 +111,23 @@ def _wanted(machine: Machine, options: argparse.Namespace) -> dict[str, Any]:
             f"--machine: friction takes {show(machine.friction.coulomb_force, 'N')}, all of the rated "
             f"{show(drive.rated_thrust, 'N')}; give a stronger drive.rated_thrust or less friction"
         )
-    for option in ("settling_time", "stroke"):
-        _bounded(option, getattr(options, option), machine)
-    overshoot = None if options.overshoot is None else quantity(options.overshoot, "1", "--overshoot")
-    if overshoot is not None and overshoot < 0:
-        raise BadInputError(f"--overshoot: {overshoot:g} is negative; give 0 or more")
     time, stroke = options.settling_time, options.stroke
+    interval = specification.interval
+    if time is not None and time >= min(interval, 1000 * machine.sample_time):
+        raise BadInputError(
+            f"--settling-time: {show(time, 's')} is longer than a motion; give less than {show(interval, 's')}"
+        )
+    if stroke is not None and not 1e-9 <= stroke <= 1e3 and stroke != 0:
+        raise BadInputError(f"--stroke: {show(stroke, 'm')} is no stroke of an axis; give one from 1 nm to 1 km")
     return {
-        "settling_time_s": specification.reference_settling_time
-        if time is None
-        else quantity(time, "s", "--settling-time"),
-        "stroke_m": specification.stroke if stroke is None else quantity(stroke, "m", "--stroke"),
+        "settling_time_s": specification.reference_settling_time if time is None else time,
+        "stroke_m": specification.stroke if stroke is None else stroke,
         "thrust_limit_N": reserved if given is None else given,
         "objective": options.objective,
         "objective_meaning": OBJECTIVES[options.objective],
-        "overshoot": overshoot,
+        "overshoot": options.overshoot,
         "monotone": options.monotone,
     }
-
-
-def _bounded(option: str, text: str | None, machine: Machine) -> None:
-    """Raises BadInputError for a settling time that is no motion's, or a stroke that is no axis's."""
-    name = f"--{option.replace('_', '-')}"
-    if option == "settling_time" and text is not None:
-        time, interval = quantity(text, "s", name), machine.specification.interval
-        if time >= min(interval, 1000 * machine.sample_time):
-            raise BadInputError(
-                f"{name}: {show(time, 's')} is longer than a motion; give less than {show(interval, 's')}"
-            )
-    if (
-        option == "stroke"
-        and text is not None
-        and not 1e-9 <= (length := quantity(text, "m", name)) <= 1e3
-        and length != 0
-    ):
-        raise BadInputError(f"{name}: {show(length, 'm')} is no stroke of an axis; give one from 1 nm to 1 km")
 
 
 def _constraints(wanted: Mapping[str, Any]) -> Constraints:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,11 +19,12 @@ from models.effects.catalogue import every
 from models.machine import Machine
 from models.machine_file import to_toml
 from models.records.record import Record
-from studies.command import Answer, Check, Progress
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.improved import improved
+from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded
+from studies.study import Answer, Check, Progress
 
 CACHE: Final = Path("reports/out/.null")  # thresholds of a machine and a schedule, kept from run to run
 CLOSED: Final = 0.9  # of the gap that the effect put into own records has to close
@@ -41,7 +41,7 @@ class Given:
     truth: Mapping[str, Any] | None
 
 
-def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
@@ -67,7 +67,7 @@ def diagnose(machine: Machine, options: argparse.Namespace, progress: Progress) 
     return Answer(results, tuple(_checks(found, given)), files, summary)
 
 
-def _given(machine: Machine, options: argparse.Namespace, progress: Progress) -> Given:
+def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Given:
     if options.record:
         progress(0.01, "reading " + ", ".join(path.name for path in options.record))
         found = loaded(machine, options)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import difflib
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +16,8 @@ from models.quantity import show
 from models.records.checks import RecordError, derivative_of_error, quantisation
 from models.records.files import Loaded, load
 from models.records.record import Record
-from studies.command import BadInputError
+from studies.gap_diagnosis.options import DiagnosisOptions
+from studies.options import BadInputError
 from studies.record_columns import columns_of
 
 SHORTEST: Final = 1000  # samples of all records together
@@ -29,7 +29,7 @@ ROLLING: Final = 5e-3  # m/s, above which an axis has left the presliding region
 SHOWN: Final = 0.8  # of a command's variance that inertia has to explain for a mass to be read from it
 
 
-def loaded(machine: Machine, options: argparse.Namespace) -> tuple[Loaded, ...]:
+def loaded(machine: Machine, options: DiagnosisOptions) -> tuple[Loaded, ...]:
     """The records that were given. Raises BadInputError for one that can't be read or diagnosed."""
     columns, control = columns_of(machine, options.column), machine.control
     found = []

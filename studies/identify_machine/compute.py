@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from dataclasses import replace
@@ -20,12 +19,13 @@ from models.quantity import show
 from models.records.checks import RecordError
 from models.records.files import Loaded, load
 from models.records.record import Record, cut
-from studies.command import Answer, BadInputError, Check, Progress, quantity
 from studies.identify_machine import own_records, round_trip
-from studies.identify_machine.__main__ import KINDS
 from studies.identify_machine.found import Found
+from studies.identify_machine.options import KINDS, IdentificationOptions
 from studies.identify_machine.steps import STEPS
+from studies.options import BadInputError
 from studies.record_columns import columns_of
+from studies.study import Answer, Check, Progress
 
 Array = NDArray[np.float64]
 
@@ -34,13 +34,10 @@ STRAIGHT: Final = 0.01  # of the way: by so much a reference of one speed may de
 QUICK_TABLES: Final = 3
 
 
-def identify(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: IdentificationOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
-    if options.tables < 1:
-        raise BadInputError(f"--tables {options.tables}: give 1 table or more")
     given = _loaded(machine, options, progress) if options.record else _own(machine, options.seed)
-    pass_band = options.pass_band and quantity(options.pass_band, "Hz", "--pass-band")
-    found = Found(machine=_bare(machine), pass_band=pass_band)
+    found = Found(machine=_bare(machine), pass_band=options.pass_band)
     for i, (kind, record) in enumerate(sorted(given, key=lambda item: KINDS.index(item[0]))):
         progress(0.05 + 0.4 * i / len(given), f"identifying from {record.name} ({kind})")
         try:
@@ -78,7 +75,7 @@ def _bare(machine: Machine) -> Machine:
     return replace(machine, name=f"{machine.name}, identified", published=None)
 
 
-def _loaded(machine: Machine, options: argparse.Namespace, progress: Progress) -> list[tuple[str, Loaded]]:
+def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress) -> list[tuple[str, Loaded]]:
     columns = columns_of(machine, options.column)
     kinds = options.kinds.split(",") if options.kinds else ["auto"] * len(options.record)
     if len(kinds) != len(options.record) or not set(kinds) <= set(KINDS):

@@ -13,7 +13,7 @@ from models.identification.estimate import Estimate, not_identifiable
 from models.machine import Machine, Provenance, Tolerance
 from models.records.files import Loaded
 from models.records.record import Record
-from studies.command import Check
+from studies.study import Check
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from models.identification.force_fit import SURE, ForceFit
 from models.machine import Machine, Provenance
 from models.records.files import Loaded
 from models.records.record import Record
-from studies.command import Check
 from studies.identify_machine.found import SHOWN, Found, identified, own_curve, record_of, with_offset
+from studies.study import Check
 
 Array = NDArray[np.float64]
 

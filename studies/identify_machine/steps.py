@@ -17,9 +17,9 @@ from models.identification.force_fit import DAMPING, SURE
 from models.machine import Machine, Provenance
 from models.records.files import Loaded
 from models.records.record import Record
-from studies.command import Check
 from studies.identify_machine.found import SHOWN, Found, identified, own_curve, record_of, with_offset
 from studies.identify_machine.friction import from_dynamics, from_hysteresis
+from studies.study import Check
 
 LINES: Final = 1200  # of a frequency response that results.json keeps, for the figure
 SIGMAS: Final = 3.0  # beyond which two records differ by more than their noise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import multiprocessing
 import os
@@ -21,7 +20,7 @@ from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.machine import Machine, MachineError
 from models.quantity import show
-from studies.command import Answer, BadInputError, Check, Progress, quantity
+from studies.options import BadInputError
 from studies.paper_gap import shown
 from studies.paper_gap.candidates import BOUND, FRICTION, every
 from studies.paper_gap.experiments import menu
@@ -38,9 +37,11 @@ from studies.paper_gap.explore import (
     Table,
     explore_all,
 )
+from studies.paper_gap.options import PaperOptions
 from studies.paper_gap.pattern import COARSE, PERIODS, Pattern, errors, run, seen, sequence
 from studies.paper_gap.verdicts import NEVER, by_name, rows
 from studies.response_variation.tables import coordinates
+from studies.study import Answer, Check, Progress
 from studies.wording import effect
 
 Array = NDArray[np.float64]
@@ -52,7 +53,7 @@ STAYS: Final = 0.8  # of what shows the pattern should do so at a finer step: so
 TOLD: Final = 0.9  # of the pairs of candidates that the experiments should tell apart
 
 
-def explain(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for a machine of which no outcomes are published."""
     pattern = _pattern(machine, options)
     tables = _tables(machine, options)
@@ -106,19 +107,19 @@ def _references(machine: Machine, decided: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _pattern(machine: Machine, options: argparse.Namespace) -> Pattern:
+def _pattern(machine: Machine, options: PaperOptions) -> Pattern:
     if machine.published is None:
         raise BadInputError(
             "--machine: no [published] outcomes to explain; add reversal_settling_time, dispersion_without and "
             "dispersion_with to the machine file"
         )
-    margin, wanted = quantity(options.margin, "m", "--margin"), machine.published.dispersion_with
+    margin, wanted = options.margin, machine.published.dispersion_with
     if not 0 < margin < wanted:
         raise BadInputError(f"--margin: {show(margin, 'm')} is not between 0 and the published {show(wanted, 'm')}")
     return Pattern(machine.specification.tolerance, machine.scale.resolution, wanted, margin)
 
 
-def _tables(machine: Machine, options: argparse.Namespace) -> list[Table]:
+def _tables(machine: Machine, options: PaperOptions) -> list[Table]:
     """The tables with their controllers, designed without any effect."""
     try:
         alone = options.machine is not None and options.ensemble is None
@@ -154,7 +155,7 @@ def _effort(tables: int, *, quick: bool) -> Effort:
 
 
 @contextmanager
-def _pool(options: argparse.Namespace) -> Iterator[Executor | None]:
+def _pool(options: PaperOptions) -> Iterator[Executor | None]:
     """Processes for a full run; a quick one is done before they would be there."""
     if options.quick:
         yield None
@@ -175,7 +176,7 @@ def _explored(
     tables: Sequence[Table],
     pattern: Pattern,
     effort: Effort,
-    options: argparse.Namespace,
+    options: PaperOptions,
     pool: Executor | None,
     progress: Progress,
 ) -> list[list[Draw]]:

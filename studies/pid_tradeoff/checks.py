@@ -11,8 +11,8 @@ import numpy as np
 from design.family import Member
 from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
 from models.machine import Machine
-from studies.command import Check
 from studies.pid_tradeoff.front import Point
+from studies.study import Check
 from studies.validation import Validation
 
 CERTAIN: Final = 1e-6  # by which the certificate's level lies above the peak found, relative

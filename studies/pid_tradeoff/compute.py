@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,12 +25,14 @@ from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
-from studies.command import Answer, BadInputError, Progress, quantity
+from studies.options import BadInputError
 from studies.pid_tradeoff import ensemble, front
 from studies.pid_tradeoff.checks import made
 from studies.pid_tradeoff.front import Point
 from studies.pid_tradeoff.limits import bode_area, highest_crossover, least_sensitivity
+from studies.pid_tradeoff.options import TradeoffOptions
 from studies.pid_tradeoff.published import compare
+from studies.study import Answer, Progress
 from studies.validation import Validation, validate_many
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ ROOM: Final = 1.2  # of |CS| over the steepest contact stiffness, which it is at
 SHOWN: Final = 4.0  # settling times of the reversal in the figures
 
 
-def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted = _wanted(options)
     others = _ensemble(options)
@@ -113,33 +114,29 @@ def trade_off(machine: Machine, options: argparse.Namespace, progress: Progress)
     return Answer(results, checks, files, _summary(results))
 
 
-def _wanted(options: argparse.Namespace) -> dict[str, Any]:
-    numbers = {}
-    for name, least in (("ms", 1.0), ("mt", 1.0), ("mode_error", 0.0), ("mass_error", 0.0)):
-        text, option = getattr(options, name), f"--{name.replace('_', '-')}"
-        numbers[name] = math.inf if text is None else quantity(text, "1", option)
-        if numbers[name] < least or (least == 1.0 and numbers[name] == 1.0):
-            raise BadInputError(f"{option}: {numbers[name]:g} can't be; give a number above {least:g}")
-        if least == 0.0 and numbers[name] >= 0.5:
-            raise BadInputError(f"{option}: {numbers[name]:g} is no error any more; give less than 0.5")
-    return numbers
+def _wanted(options: TradeoffOptions) -> dict[str, Any]:
+    return {
+        "ms": options.ms,
+        "mt": math.inf if options.mt is None else options.mt,
+        "mode_error": options.mode_error,
+        "mass_error": options.mass_error,
+    }
 
 
-def _noise(machine: Machine, asked: str | None, present: Point) -> float:
+def _noise(machine: Machine, asked: float | None, present: Point) -> float:
     """The bound on |CS| [N/m]: as asked, or that of the present PID, or what an integral needs where that is more."""
     steepest = max(slopes(machine).values())
     if asked is None:
         return max(ROOM * steepest, *(loop.mcs.value for loop in present.loops))
-    given = quantity(asked, "N/m", "--noise")
-    if given <= steepest:
+    if asked <= steepest:
         raise BadInputError(
-            f"--noise {asked}: with an integral |CS| is at least the steepest contact stiffness, "
-            f"{show(steepest, 'N/m')}, at low frequencies; give more"
+            f"--noise: {show(asked, 'N/m')} is too little; with an integral |CS| is at least the steepest contact "
+            f"stiffness, {show(steepest, 'N/m')}, at low frequencies; give more"
         )
-    return given
+    return asked
 
 
-def _ensemble(options: argparse.Namespace) -> tuple[Machine, ...]:
+def _ensemble(options: TradeoffOptions) -> tuple[Machine, ...]:
     """The machines of the file that was given; without one those that the default machine was chosen from."""
     if options.ensemble is None and options.machine is not None:
         return ()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,13 +15,15 @@ from design.deadbeat import DesignError
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble, to_text
 from models.machine import Machine, MachineError
-from studies.command import Answer, BadInputError, Check, Progress
+from studies.options import BadInputError
 from studies.response_variation.choice import error_against_count
 from studies.response_variation.curves import hysteresis, plants, reference, responses
 from studies.response_variation.mechanism import mechanism
+from studies.response_variation.options import VariationOptions
 from studies.response_variation.published import Shown, outcomes, rows, taken_over
 from studies.response_variation.search import LARGEST_MS, TOLERANCE, largest_sensitivity, search
 from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread, texts
+from studies.study import Answer, Check, Progress
 from studies.validation import validate_many
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ QUICK: Final = 6  # of them that a quick run simulates
 SECONDS: Final = {"search": 50.0, "simulate": 2.0, "exchange": 1.0, "choice": 18.0, "report": 4.0}
 
 
-def vary(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: VariationOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for a machine of which no outcomes are published."""
     if machine.published is None:
         raise BadInputError(
@@ -82,7 +83,7 @@ def vary(machine: Machine, options: argparse.Namespace, progress: Progress) -> A
 class _Steps:
     """Progress by steps: each has a share of the run as long as SECONDS says it takes, two cores assumed."""
 
-    def __init__(self, options: argparse.Namespace, progress: Progress) -> None:
+    def __init__(self, options: VariationOptions, progress: Progress) -> None:
         lasts = dict(SECONDS)
         if not options.search:
             lasts["search"] = 0.1
@@ -105,12 +106,12 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _alone(options: argparse.Namespace) -> bool:
+def _alone(options: VariationOptions) -> bool:
     """Whether a machine is looked at by itself: an own one, with no set of tables beside it."""
     return options.machine is not None and options.ensemble is None and not options.search
 
 
-def _searched(machine: Machine, options: argparse.Namespace, tell: _Steps) -> tuple[Machine, ...]:
+def _searched(machine: Machine, options: VariationOptions, tell: _Steps) -> tuple[Machine, ...]:
     """The tables of a new search."""
     found = search(
         machine,
@@ -122,7 +123,7 @@ def _searched(machine: Machine, options: argparse.Namespace, tell: _Steps) -> tu
     return tuple(member.machine for member in found)
 
 
-def _files(tables: Sequence[Shown], options: argparse.Namespace) -> dict[str, str]:
+def _files(tables: Sequence[Shown], options: VariationOptions) -> dict[str, str]:
     """The tables of a new search, and the most central one of them, as ensemble files."""
     comment = (
         "Tables that behave as the paper says, for what it leaves out: found by\n"
@@ -144,7 +145,7 @@ def _most_central(tables: Sequence[Shown]) -> int:
     )
 
 
-def _kept(machine: Machine, options: argparse.Namespace) -> tuple[Machine, ...]:
+def _kept(machine: Machine, options: VariationOptions) -> tuple[Machine, ...]:
     """The tables of an ensemble file; for an own machine without one, only the machine itself."""
     if _alone(options):
         return (machine,)

@@ -6,16 +6,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from studies.command import (
-    CHECK_MISSED,
-    DONE,
-    Parser,
-    Progress,
-    guarded,
-    in_one_piece,
-    require_writable,
-    to_text,
-)
+from studies.command import CHECK_MISSED, DONE, atomic_folder, guarded, require_writable, to_text
+from studies.options import Parser
+from studies.study import Progress
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -73,7 +66,7 @@ def _follows(folder: Path, tolerance: float) -> int:
 
 def _compare(before: Path, after: Path, output: Path) -> int:
     from reports.report import render
-    from studies.command import BadInputError
+    from studies.options import BadInputError
     from studies.review.compare import compare, read, tell
 
     require_writable(output)
@@ -85,7 +78,7 @@ def _compare(before: Path, after: Path, output: Path) -> int:
     content = compare(one, other)
     report = tell(content)
     content["figures"] = [figure.name for figure in report.figures]
-    with in_one_piece(output) as folder:
+    with atomic_folder(output) as folder:
         shown = {key: item for key, item in content.items() if key not in {"before", "after"}}
         (folder / "results.json").write_text(to_text(shown), encoding="utf-8")
         render(report, content, folder, progress=lambda text: progress(0.5, text))

@@ -13,7 +13,7 @@ from models.quantity import show
 from reports.overlay import lay_over
 from reports.report import Figure, Report, select
 from studies.catalogue import find
-from studies.command import BadInputError
+from studies.options import BadInputError
 from studies.review.differences import differences, short
 from studies.review.follows import read_manifest
 from studies.wording import filters

@@ -13,9 +13,11 @@ from typing import Any
 
 from models.machine import DEFAULT, MachineError, load, to_json
 from studies.catalogue import find
-from studies.command import BAD_INPUT, BadInputError, Progress, main, plain
+from studies.command import BAD_INPUT, main, plain
 from studies.manifest import ROOT, sha256, source_files, tree_hash, versions
+from studies.options import BadInputError
 from studies.review.differences import Difference, differences
+from studies.study import Progress
 
 
 @dataclass(frozen=True)

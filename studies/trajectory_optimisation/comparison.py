@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -18,10 +17,11 @@ from models.controller import Controller, References
 from models.friction import Friction
 from models.machine import Machine
 from models.variation import drawn
-from studies.command import Progress
+from studies.study import Progress
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.designs import Scheme, Wanted, bare, history_aware, motion_of
 from studies.trajectory_optimisation.judge import RANGE, Aim, Outcome, judge, sequence
+from studies.trajectory_optimisation.options import TrajectoryOptions
 
 QUANTILE: Final = 0.95
 FRESH: Final = 104729  # added to the seed: tables that no choice made here has ever looked at
@@ -42,7 +42,7 @@ def compare(
     machine: Machine,
     wanted: Wanted,
     aim: Aim,
-    options: argparse.Namespace,
+    options: TrajectoryOptions,
     schemes: Sequence[Contestant],
     progress: Progress,
 ) -> dict[str, Any]:

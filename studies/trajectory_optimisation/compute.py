@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -22,13 +21,15 @@ from design.trajectory.history_aware import (
 from models.controller import Controller, to_json
 from models.machine import Machine, parameters
 from models.quantity import show
-from studies.command import Answer, BadInputError, Check, Progress, quantity
+from studies.options import BadInputError
+from studies.study import Answer, Check, Progress
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
 from studies.trajectory_optimisation.designs import Wanted, motion_of
 from studies.trajectory_optimisation.judge import MODE_RANGE, PERIODS, RANGE, Aim, sequence
 from studies.trajectory_optimisation.members import on_members
+from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.tradeoff import (
     failed_iterate,
     pareto,
@@ -44,7 +45,7 @@ MOST_SAMPLES: Final = 120  # of a motion: three times those of the paper's
 RESERVE: Final = 0.7  # of T_fc, kept of the rated thrust for the feedback and for tables with more friction
 
 
-def optimise(machine: Machine, options: argparse.Namespace, progress: Progress) -> Answer:
+def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted = _wanted(machine, options)
     aim = Aim(wanted.stroke, wanted.tolerance, wanted.settling_time)
@@ -113,24 +114,14 @@ def optimise(machine: Machine, options: argparse.Namespace, progress: Progress) 
     return Answer(results, _checks(wanted, results), files, summary)
 
 
-def _wanted(machine: Machine, options: argparse.Namespace) -> Wanted:
+def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
     specification, rated = machine.specification, machine.drive.rated_thrust
-    stroke = quantity(options.stroke, "m", "--stroke") if options.stroke else specification.stroke
-    tolerance = quantity(options.tolerance, "m", "--tolerance")
-    settling = options.settling_time
-    aimed = quantity(settling, "s", "--settling-time") if settling else specification.reference_settling_time
-    limit = options.thrust_limit and quantity(options.thrust_limit, "N", "--thrust-limit")
-    slew = quantity(options.slew, "N", "--slew") if options.slew else math.inf
+    stroke = specification.stroke if options.stroke is None else options.stroke
+    aimed = specification.reference_settling_time if options.settling_time is None else options.settling_time
+    tolerance, limit = options.tolerance, options.thrust_limit
+    slew = math.inf if options.slew is None else options.slew
     if limit is not None and not 0 < limit <= rated:
         raise BadInputError(f"--thrust-limit: {show(limit, 'N')} is not between 0 and the rated {show(rated, 'N')}")
-    for name, number, unit in (
-        ("--stroke", stroke, "m"),
-        ("--tolerance", tolerance, "m"),
-        ("--settling-time", aimed, "s"),
-        ("--slew", slew, "N"),
-    ):
-        if not number > 0:
-            raise BadInputError(f"{name}: {show(number, unit)} is not above 0; give more")
     left = rated - RESERVE * machine.friction.coulomb_force - abs(machine.drive.offset)
     if limit is not None and limit <= machine.friction.coulomb_force:
         raise BadInputError(
@@ -240,7 +231,7 @@ def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory) -> di
     }
 
 
-def _plain_wanted(machine: Machine, wanted: Wanted, options: argparse.Namespace) -> dict[str, Any]:
+def _plain_wanted(machine: Machine, wanted: Wanted, options: TrajectoryOptions) -> dict[str, Any]:
     return {
         "settling_time_s": wanted.settling_time,
         "stroke_m": wanted.stroke,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -12,11 +11,12 @@ from design.controller import assemble
 from design.deadbeat import synthesise
 from models.ensemble import load_ensemble
 from models.machine import Machine, load
-from studies.command import Progress
+from studies.study import Progress
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.comparison import Contestant, outcomes, row_of
 from studies.trajectory_optimisation.designs import Wanted, bare, history_aware, motion_of
 from studies.trajectory_optimisation.judge import Aim, judge, sequence
+from studies.trajectory_optimisation.options import TrajectoryOptions
 
 QUICK: Final = 6  # members of a quick run
 
@@ -25,7 +25,7 @@ def on_members(
     machine: Machine,
     wanted: Wanted,
     aim: Aim,
-    options: argparse.Namespace,
+    options: TrajectoryOptions,
     schemes: Sequence[Contestant],
     count: int,
     progress: Progress,

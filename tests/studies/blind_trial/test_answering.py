@@ -17,7 +17,7 @@ import pytest
 
 from studies.blind_trial.answering import Conditions, answer_all, answer_case, read_answers, write_answers
 from studies.blind_trial.packs import open_key, read_pack
-from studies.command import BadInputError
+from studies.options import BadInputError
 from tests.studies.blind_trial.conftest import Packer
 from tests.studies.blind_trial.stand_in import SLOW
 

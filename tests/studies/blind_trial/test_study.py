@@ -128,7 +128,7 @@ def test_the_time_of_fewer_cases_of_more_cores_or_of_a_given_pack_is_not_checked
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--cases", "0"), "less than 1"),
+        (("--cases", "0"), "must be a whole number from 1 on"),
         (("--machine", "models/machines/emps.toml"), "--machine: a trial runs on the nominal.json of its pack"),
         (("--cases", "two"), "--cases"),
         (("--pack", "nowhere"), "is no folder"),

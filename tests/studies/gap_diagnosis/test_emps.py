@@ -5,7 +5,6 @@ The record has no licence and is no part of the project: without it beside the p
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from dataclasses import replace
@@ -23,6 +22,7 @@ from models.machine import load
 from models.records.record import Record
 from studies.command import DONE, main
 from studies.gap_diagnosis.__main__ import STUDY
+from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import loaded
 
 ROOT = Path(__file__).parents[3]
@@ -40,7 +40,7 @@ def data() -> Path:
 
 @pytest.fixture(scope="module")
 def record(data: Path) -> Record:
-    given = argparse.Namespace(record=[data], column=[])
+    given = DiagnosisOptions(record=(data,))
     (one,) = loaded(load(MACHINE), given)
     assert isinstance(one.content, Record)
     return one.content

@@ -17,13 +17,14 @@ from models.machine_file import to_toml
 from models.records.files import load as load_record
 from models.records.files import read
 from models.records.record import Record
-from studies.command import BAD_INPUT, CHECK_MISSED, DONE, Progress, machine_of, main
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT_DESIGN
 from studies.gap_diagnosis.__main__ import STUDY
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.own_records import Made, made
 from studies.gap_diagnosis.records import shown_mass
 from studies.review.follows import review
+from studies.study import Progress, machine_of
 
 ROOT = Path(__file__).parents[3]
 VERDICT = {"outcome", "effects", "equivalent", "unexplained_fraction", "not_identifiable", "next_experiment"}

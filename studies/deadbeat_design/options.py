@@ -1,0 +1,44 @@
+"""What deadbeat_design can be asked beyond what all studies are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from studies.options import Options, choice, flag, quantity
+
+if TYPE_CHECKING:
+    from design.deadbeat import Objective
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadbeatOptions(Options):
+    """What the feedforward has to reach, and what its freedom is spent on."""
+
+    settling_time: float | None = quantity(
+        "s",
+        "TIME",
+        'time by which x_T* rests on the target, such as "20 ms" '
+        "(default: the machine file's specification.reference_settling_time; 20 ms for the default machine)",
+    )
+    stroke: float | None = quantity(
+        "m",
+        "LENGTH",
+        'stroke of a motion, such as "20 um" '
+        "(default: the machine file's specification.stroke; 20 um for the default machine)",
+    )
+    objective: Objective = choice(
+        "what the feedforward's freedom is spent on: least squares of the thrust's differences (default) or of "
+        "the thrust, least peak thrust, or least vibration left when a mode's frequency is off by up to 5 %%",
+        ("thrust_difference", "thrust", "peak_thrust", "mode_robustness"),
+    )
+    thrust_limit: float | None = quantity(
+        "N",
+        "FORCE",
+        'largest |u_ff|, such as "120 N" '
+        "(default: the rated thrust less T_fc, which friction may need; 133.5 N for the default machine)",
+    )
+    overshoot: float | None = quantity(
+        "1", "RATIO", 'largest overshoot of x_T* over the stroke, such as "0.05"', at_least=0
+    )
+    monotone: bool = flag("x_T* must not move backwards")

@@ -1,0 +1,40 @@
+"""What identify_machine can be asked beyond what all studies are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from studies.options import Options, paths, quantity, text, texts, whole
+
+KINDS: Final = ("auto", "response", "excitation", "hysteresis", "motion", "dynamics")
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentificationOptions(Options):
+    """The records and how they are read."""
+
+    record: tuple[Path, ...] = paths(
+        "RECORD",
+        ".csv, .csv.gz, .mat or .parquet; what each shows is recognised. Without any, records of simulated tables "
+        "are identified, so that the stated uncertainties can be judged (round trip)",
+    )
+    kinds: str | None = text(
+        "KIND,...",
+        f"what the records are, in their order, instead of being recognised: {', '.join(KINDS)}",
+    )
+    column: tuple[str, ...] = texts(
+        "SIGNAL=ENTRY",
+        'how the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
+        "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
+    )
+    pass_band: float | None = quantity(
+        "Hz",
+        "FREQUENCY",
+        'of the low-pass for friction, such as "40 Hz" (default: 20 Hz for hysteresis, else 40 Hz)',
+        above=0,
+    )
+    tables: int = whole(
+        "N", "simulated tables of the round trip, at least 1 (default: 50; 3 with --quick)", 1, default=50
+    )

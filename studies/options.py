@@ -1,0 +1,213 @@
+"""What a study is asked, as data: each study has one frozen dataclass of `Options`, its fields declared here.
+
+From a declaration follow the option of the command line with its help, the check of a value from Python, and the
+conversion of text with a unit to SI. Kept light, as `--help` comes through here: units are read only if there are any.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import numbers
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    from models.machine import Machine
+
+
+class BadInputError(ValueError):
+    """Input that a study can't use; the message is one line: what is wrong, where, and what to do."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a field is asked for: the keywords of `add_argument`, and what of a value is accepted.
+
+    accepted: from the option's name, as messages have it, and a value (text as typed, or SI from Python) to the value
+    of the field. Raises BadInputError.
+    """
+
+    keywords: Mapping[str, Any]
+    accepted: Callable[[str, Any], Any]
+    positional: bool = False
+
+
+def _field(initial: Any, accepted: Callable[[str, Any], Any], /, **keywords: Any) -> Any:
+    return dataclasses.field(default=initial, metadata={"option": Option(keywords, accepted)})
+
+
+def _named(name: str, option: Option) -> str:
+    """The option as it is typed."""
+    return name.upper() if option.positional else f"--{name.replace('_', '-')}"
+
+
+def _read_path(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty; give a path")
+    return Path(text)
+
+
+def _path(_: str, value: Any) -> Any:
+    """Text as a path; a path, a machine from Python, or None as it is."""
+    return Path(value) if isinstance(value, str) else value
+
+
+def _listed(value: Any, kind: Callable[[Any], Any]) -> tuple[Any, ...]:
+    """One item, or several of them, as a tuple."""
+    items = [value] if isinstance(value, str | Path) else value
+    return tuple(kind(item) for item in items)
+
+
+def quantity(
+    unit: str,
+    metavar: str,
+    meaning: str,
+    *,
+    default: float | None = None,
+    text: str | None = None,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+) -> Any:
+    """A field in the SI unit `unit` ("1": dimensionless), given as text with a unit or as an SI number.
+
+    `text` is the default as one would type it. above, at_least, below: the range, in SI.
+    """
+
+    def accepted(name: str, value: Any) -> float | None:
+        if value is None:
+            return None
+        from models.quantity import Declaration, QuantityError, check, parse
+
+        if isinstance(value, bool) or not isinstance(value, str | numbers.Real):
+            raise BadInputError(f"{name}: {value!r} must be a number in {unit}, or text with a unit")
+        try:
+            number = parse(value, unit) if isinstance(value, str) else float(value)
+            if not math.isfinite(number):
+                raise QuantityError(f"{value!r} is not a finite number")
+            check(number, Declaration(unit, meaning, above, at_least, below))
+        except QuantityError as error:
+            raise BadInputError(f"{name}: {error}") from error
+        return number
+
+    return _field(default, accepted, metavar=metavar, help=meaning, default=text)
+
+
+def whole(metavar: str, meaning: str, low: int, high: int | None = None, *, default: int | None = None) -> Any:
+    """A field that is a whole number [1] from `low` on, or to `high`."""
+    span = f"from {low} on" if high is None else f"from {low} to {high}"
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or not _within(int(text)):
+            raise argparse.ArgumentTypeError(f"{text!r} must be a whole number {span}")
+        return int(text)
+
+    def accepted(name: str, value: Any) -> int | None:
+        if value is None and default is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral) or not _within(int(value)):
+            raise BadInputError(f"{name}: {value!r} must be a whole number {span}")
+        return int(value)
+
+    def _within(number: int) -> bool:
+        return number >= low and (high is None or number <= high)
+
+    return _field(default, accepted, metavar=metavar, help=meaning, type=read, default=default)
+
+
+def choice(meaning: str, known: Sequence[str]) -> Any:
+    """A field that is one of the `known` words; by default the first."""
+
+    def accepted(name: str, value: Any) -> str:
+        if value not in known:
+            raise BadInputError(f"{name}: {value!r} is unknown; choose one of {', '.join(known)}")
+        return str(value)
+
+    return _field(known[0], accepted, choices=tuple(known), help=meaning, default=known[0])
+
+
+def flag(meaning: str) -> Any:
+    """A field that is True where the option is given."""
+
+    def accepted(name: str, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise BadInputError(f"{name}: {value!r} must be True or False")
+        return value
+
+    return _field(False, accepted, action="store_true", help=meaning)
+
+
+def text(metavar: str, meaning: str) -> Any:
+    """A field that is text, or None."""
+    return _field(None, lambda _, value: value, metavar=metavar, help=meaning)
+
+
+def texts(metavar: str, meaning: str) -> Any:
+    """A field that is a tuple of texts; the option may be repeated."""
+    return _field((), lambda _, value: _listed(value, str), metavar=metavar, help=meaning, action="append", default=[])
+
+
+def path(metavar: str, meaning: str) -> Any:
+    """A field that is the path of a file or folder, or None."""
+    return _field(None, _path, metavar=metavar, help=meaning, type=_read_path)
+
+
+def paths(metavar: str, meaning: str) -> Any:
+    """A field that is a tuple of paths: what the command line takes without an option's name."""
+    return dataclasses.field(
+        default=(),
+        metadata={
+            "option": Option(
+                {"nargs": "*", "type": Path, "metavar": metavar, "help": meaning},
+                lambda _, value: _listed(value, Path),
+                positional=True,
+            )
+        },
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What every study is asked, and the base of what one is asked beyond; quantities in SI.
+
+    Values are checked, and text with a unit is converted, when an instance is made. Raises BadInputError.
+    """
+
+    machine: Path | Machine | None = path(
+        "FILE", "machine file, or a pack's nominal.json (default: models/machines/linear_motor_table.toml)"
+    )
+    controller: Path | None = path("FILE", "controller.json to take the PID from (default: the machine's)")
+    output: Path | None = path("FOLDER", "where results go (default: reports/out/{study})")
+    quick: bool = flag("coarser curves, for a smoke test; the report says so")
+    seed: int = whole("N", "of all that is random (default: 0)", 0, default=0)
+    no_report: bool = flag("write no report, only results.json and the like")
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            option: Option = field.metadata["option"]
+            value = option.accepted(_named(field.name, option), getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
+
+    def usual_machine(self) -> Path | None:
+        """The machine file that the other options lead to where `machine` is not given; None: the default one."""
+        return None
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse, with its complaints as BadInputError: one line, exit status 2."""
+
+    def error(self, message: str) -> NoReturn:
+        raise BadInputError(f"{message}; see python -m {self.prog} --help")
+
+
+def add_options(parser: argparse.ArgumentParser, options: type[Options], study: str) -> None:
+    """Adds an option for each field: first those that are the study's alone, then those of all."""
+    common = {field.name for field in dataclasses.fields(Options)}
+    for field in sorted(dataclasses.fields(options), key=lambda field: field.name in common):
+        option: Option = field.metadata["option"]
+        keywords = {**option.keywords, "help": option.keywords["help"].replace("{study}", study)}
+        parser.add_argument(field.name if option.positional else _named(field.name, option), **keywords)

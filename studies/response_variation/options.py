@@ -1,0 +1,24 @@
+"""What response_variation can be asked beyond what all studies are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from studies.options import Options, flag, path, whole
+
+
+@dataclass(frozen=True, kw_only=True)
+class VariationOptions(Options):
+    """The set of tables, kept or found anew."""
+
+    ensemble: Path | None = path(
+        "FILE",
+        "the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; only the machine itself "
+        "where --machine is given)",
+    )
+    search: bool = flag(
+        "find the set anew, seeded by --seed, in a minute or two; ensemble.toml and most_central.toml are written "
+        "beside the results"
+    )
+    members: int = whole("N", "tables that --search keeps, 2 to 160 (default: 60)", 2, 160, default=60)

@@ -1,0 +1,160 @@
+"""A study: one question, what it is asked, and its answer. From Python, a study is called like a function."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from studies.options import BadInputError, Options
+
+if TYPE_CHECKING:
+    from models.machine import Machine
+    from reports.report import Report
+
+
+@dataclass(frozen=True)
+class Check:
+    """A statement of the study that holds or not: `value` against `limit` (SI), by `sense` ("<=" or ">=")."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float
+    source: str
+    sense: str = "<="
+
+    @property
+    def holds(self) -> bool:
+        """Whether the statement is true; a value that is not a number does not hold."""
+        return self.value <= self.limit if self.sense == "<=" else self.value >= self.limit
+
+
+@dataclass(frozen=True, repr=False)
+class Answer:
+    """What a study found: plain results (SI numbers, units in their names), checks, files for others: JSON or text."""
+
+    results: Mapping[str, Any]
+    checks: tuple[Check, ...]
+    files: Mapping[str, Any] = field(default_factory=dict)
+    summary: Sequence[tuple[str, str]] = ()
+
+    def __repr__(self) -> str:
+        hold = sum(bool(check.holds) for check in self.checks)
+        return f"Answer({hold} of {len(self.checks)} checks hold; results: {', '.join(sorted(self.results))})"
+
+
+@dataclass(frozen=True, repr=False)
+class Study:
+    """One question, answered by the package studies.NAME: `compute` of its compute.py answers it, `tell` of its
+    report.py says how the answer is told; both are imported only when called. `options`: what it can be asked.
+    """
+
+    name: str
+    question: str
+    options: type[Options] = Options
+
+    def __repr__(self) -> str:
+        return f"{self.name}: {self.question}"
+
+    def __call__(
+        self,
+        machine: Machine | Path | str | None = None,
+        *,
+        progress: Callable[[float, str], None] | None = None,
+        **options: Any,
+    ) -> Answer:
+        """The answer for a machine, or its file (None: the default one); nothing is written.
+
+        options: those of `--help`, with underscores, as SI numbers or as text with a unit. progress is told the share
+        of the work that is done, 0 .. 1, and what comes next. Raises BadInputError for what the study can't use.
+        """
+        asked = self.options(**{**options, "machine": machine})
+        return self.compute(machine_for(asked)[0], asked, progress or (lambda _share, _text: None))
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        """What a notebook completes: the study's options and their defaults."""
+        own = [one for one in dataclasses.fields(self.options) if one.name not in {"machine", "output", "no_report"}]
+        either, word = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
+        return inspect.Signature(
+            [
+                inspect.Parameter("machine", either, default=None),
+                *(inspect.Parameter(one.name, word, default=one.default) for one in own),
+                inspect.Parameter("progress", word, default=None),
+            ]
+        )
+
+    def compute(self, machine: Machine, options: Options, progress: Callable[[float, str], None]) -> Answer:
+        """Answers the question for a machine. Raises BadInputError."""
+        answer: Answer = import_module(f"studies.{self.name}.compute").compute(machine, options, progress)
+        return answer
+
+    def report(self, results: Mapping[str, Any]) -> Report:
+        """How the content of results.json is told."""
+        report: Report = import_module(f"studies.{self.name}.report").tell(results)
+        return report
+
+
+class Progress:
+    """Says on stderr what is being done, how far it is and, for work over five seconds, how long it still takes."""
+
+    def __init__(self, stream: Any = None) -> None:
+        self._stream = stream or sys.stderr
+        self._begin = time.monotonic()
+
+    def __call__(self, share: float, text: str) -> None:
+        """`share` (0 .. 1) of the work is done; `text` is what comes next."""
+        elapsed = time.monotonic() - self._begin
+        left = elapsed * (1 / share - 1) if share > 0.02 else 0.0
+        rest = f", about {left:.0f} s left" if elapsed + left > 5 and left > 1 else ""
+        print(f"[{share:4.0%} after {elapsed:.1f} s{rest}] {text}", file=self._stream, flush=True)
+
+
+def machine_for(options: Options) -> tuple[Machine, Path | None]:
+    """The machine that the options ask for, with the PID of --controller, and its file if it is from one.
+
+    Raises BadInputError.
+    """
+    from models.machine import DEFAULT, Machine
+
+    if isinstance(options.machine, Machine):
+        machine, path = options.machine, None
+    else:
+        path = options.machine or options.usual_machine() or DEFAULT
+        machine = machine_of(path)
+    return (machine if options.controller is None else _with_pid(machine, options.controller)), path
+
+
+def machine_of(path: Path) -> Machine:
+    """The machine in a machine file, or in the nominal.json of a pack. Raises BadInputError."""
+    from models import machine
+    from models import nominal_file as nominal
+
+    try:
+        return nominal.load(path) if path.suffix == ".json" else machine.load(path)
+    except machine.MachineError as error:
+        raise BadInputError(str(error)) from error
+
+
+def _with_pid(machine: Machine, path: Path) -> Machine:
+    """The machine with the PID of a controller file. Raises BadInputError for one that can't be used."""
+    from models.controller import ControllerError, load
+    from models.machine import with_pid
+
+    try:
+        controller = load(path)
+    except ControllerError as error:
+        raise BadInputError(f"--controller {error}") from error
+    if controller.sample_time != machine.sample_time:
+        raise BadInputError(
+            f"--controller {path}: runs at {controller.sample_time:g} s and the machine at {machine.sample_time:g} s; "
+            "design it for this machine's sample time"
+        )
+    return with_pid(machine, controller.pid, f"controller file {path.name}")

@@ -1,0 +1,53 @@
+"""What trajectory_optimisation can be asked beyond what all studies are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from studies.options import Options, choice, quantity, whole
+
+if TYPE_CHECKING:
+    from design.trajectory.history_aware import Objective
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryOptions(Options):
+    """What the motions have to reach, and what their freedom is spent on."""
+
+    settling_time: float | None = quantity(
+        "s",
+        "TIME",
+        'time by which the table, not x_T* alone, is to rest on the target, such as "20 ms"; one that the thrust '
+        "does not allow is lengthened to the shortest that it does "
+        "(default: the machine file's specification.reference_settling_time; 20 ms for the default machine)",
+        above=0,
+    )
+    stroke: float | None = quantity(
+        "m",
+        "LENGTH",
+        'stroke of a motion, such as "20 um" '
+        "(default: the machine file's specification.stroke; 20 um for the default machine)",
+        above=0,
+    )
+    tolerance: float = quantity(
+        "m", "LENGTH", 'the finer settling accuracy (default: "0.5 um")', default=0.5e-6, text="0.5 um", above=0
+    )
+    thrust_limit: float | None = quantity(
+        "N",
+        "FORCE",
+        'largest thrust that a trajectory may ask for, friction included, such as "140 N" '
+        "(default: the rated thrust less 0.7 T_fc, which feedback and tables with more friction may need; "
+        "138.5 N for the default machine)",
+    )
+    slew: float | None = quantity("N", "FORCE", 'largest change of the thrust in a sample, such as "60 N"', above=0)
+    objective: Objective = choice(
+        "of the history-aware trajectory: least sensitivity to errors of friction, mass and modes (default), "
+        "least peak thrust, least squares of the thrust or of its differences",
+        ("sensitivity", "peak_thrust", "energy", "thrust_difference"),
+    )
+    common_objective: str = choice(
+        "of the trajectory for all histories: least largest error (default) or least sum of squared errors",
+        ("worst_error", "dispersion"),
+    )
+    tables: int | None = whole("N", "perturbed tables to judge on (default: 200; quick: 12)", 1)
