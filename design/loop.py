@@ -77,7 +77,7 @@ class Assessment:
 
 def pid_model(pid: PID, sample_time: float) -> control.StateSpace:
     """C(z) from e [m] to u_fb [N]; states: I[k-1], unless k_i = 0, and what d[k] owes to the past; sample_time [s]."""
-    keep = pid.derivative_filter / (pid.derivative_filter + sample_time)
+    keep = pid.pole(sample_time)
     slope = (1 - keep) / sample_time
     a = np.diag([1.0, keep])
     b = np.array([[pid.ki * sample_time], [(keep - 1) * slope]])
@@ -124,7 +124,7 @@ def frequency_response(system: control.StateSpace, omega: ArrayLike) -> Complex:
 def pid_response(pid: PID, sample_time: float, omega: ArrayLike) -> Complex:
     """C(exp(j omega T_s)) (n,) [N/m], in closed form, for omega (n,) [rad/s]."""
     back = np.exp(-1j * np.asarray(omega, float) * sample_time)
-    keep = pid.derivative_filter / (pid.derivative_filter + sample_time)
+    keep = pid.pole(sample_time)
     derivative = (1 - keep) / sample_time * (1 - back) / (1 - keep * back)
     return np.asarray(pid.kp + pid.ki * sample_time / (1 - back) + pid.kd * derivative, complex)
 

@@ -25,7 +25,7 @@ from diagnosis.model.parallel import beside
 from diagnosis.model.parameters import Parameters, bounded, initial_state
 from diagnosis.model.residual import STARTING, Candidate
 from diagnosis.which.scan import Columns, Finding, Freed, freed, scan
-from models.controller import Controller, References
+from models.controller import References
 from models.effects.catalogue import in_order
 from models.machine import Machine, to_json
 from models.records.record import Record
@@ -68,11 +68,8 @@ class Null:
 def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Record:
     """The record that a candidate would have made of the same references, from the same start, with other noise."""
     machine, layout = candidate.machine, candidate.layout
-    scale = machine.scale
-    noisy = replace(scale, noise=scale.noise or 0.3 * scale.resolution)
     control, origin = machine.control, float(record.reference[0])
     lead = round(SETTLING / record.sample_time)
-    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
     ahead = np.zeros(lead)
     # what contacts that are bent at the start pull, an integral holds; without one it would be an offset for ever
     start = initial_state(layout, candidate.theta, index) if control.pid.ki > 0 else None
@@ -82,8 +79,8 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
         np.zeros(lead + record.reference.size),
     )
     run = simulate(
-        replace(machine, scale=noisy, effects=candidate.effects),
-        controller,
+        replace(machine, scale=machine.scale.noisy(), effects=candidate.effects),
+        machine.feedback_only(),
         np.concatenate([ahead, record.target - origin]),
         given=given,
         seed=seed,

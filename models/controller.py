@@ -38,6 +38,10 @@ class PID:
     kd: float = value("N s/m", "derivative gain", at_least=0)
     derivative_filter: float = value("s", "time constant tau of the derivative's filter", at_least=0)
 
+    def pole(self, sample_time: float) -> float:
+        """The pole a = tau / (tau + T_s) [1] of the derivative's filter at a sample time [s]; 0 without a filter."""
+        return self.derivative_filter / (self.derivative_filter + sample_time)
+
 
 @dataclass(frozen=True)
 class Controller:

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
-from models.controller import PID
+from models.controller import PID, Controller
 from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.catalogue import Sizes
@@ -26,6 +26,7 @@ from models.records.columns import Columns
 
 SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
 BY_NAME: Final = ("priors", "effects")  # parts of a machine of which each has a name and a table of its own
+UNSTATED: Final = 0.3  # steps of a scale's resolution: the noise of a scale whose file states none; assumed
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
 Part = TypeVar("Part")
@@ -52,6 +53,15 @@ class Scale:
 
     resolution: float = value("m", "resolution", at_least=0)
     noise: float = value("m", "noise before rounding, one standard deviation", at_least=0)
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the noise before rounding [m]; assumed to be UNSTATED steps where none is stated."""
+        return self.noise or UNSTATED * self.resolution
+
+    def noisy(self) -> Scale:
+        """The scale with its noise stated."""
+        return dataclasses.replace(self, noise=self.deviation)
 
 
 @dataclass(frozen=True)
@@ -168,6 +178,15 @@ class Machine:
     def sample_time(self) -> float:
         """T_s [s]."""
         return self.control.sample_time
+
+    def feedback_only(self, reference_delay: int | None = None) -> Controller:
+        """The PID in place without a feedforward of its own: u_M is u_fb and what is given to the simulator.
+
+        N_ff = 1 and D_ff = 0, so x_T* = r. reference_delay [samples]: that of the PID in place if None.
+        """
+        control = self.control
+        delay = control.reference_delay if reference_delay is None else reference_delay
+        return Controller(self.sample_time, control.pid, delay, (1.0,), (0.0,))
 
     @property
     def kinds(self) -> Mapping[str, type[Effect]]:

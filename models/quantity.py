@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 from functools import cache
 from typing import Any, Final
@@ -88,6 +89,12 @@ def check(number: float, declared: Declaration) -> None:
         raise QuantityError(f"{show(number, declared.unit)} must be at least {show(declared.at_least, declared.unit)}")
     if declared.below is not None and not number < declared.below:
         raise QuantityError(f"{show(number, declared.unit)} must be below {show(declared.below, declared.unit)}")
+
+
+def listed(words: Iterable[str], last: str = "and") -> str:
+    """Words as one reads them out, the last two joined by `last`: "a", "a and b", "a, b and c"; no unit [-]."""
+    *before, end = [*words] or [""]
+    return f"{', '.join(before)} {last} {end}" if before else end
 
 
 def show(number: float, unit: str, digits: int = 4) -> str:

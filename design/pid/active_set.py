@@ -181,7 +181,7 @@ def _solve(
 
 def _scaled(problem: Problem, pid: PID) -> Array:
     scale, ts = problem.scale, problem.sample_time
-    keep = pid.derivative_filter / (pid.derivative_filter + ts)
+    keep = pid.pole(ts)
     gains = [a / b if b else 0.0 for a, b in ((pid.kp, scale.kp), (pid.ki, scale.ki), (pid.kd, scale.kd))]
     value = achieved(problem.members, pid, problem.goal) * scale.kp
     return np.array([*gains, keep, 0.0 if problem.goal.objective == "integral" else value])

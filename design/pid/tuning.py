@@ -104,7 +104,7 @@ def pose(
     )
     keep = (0.0, LONGEST_FILTER)
     if derivative_filter is not None:
-        keep = (derivative_filter / (derivative_filter + ts),) * 2
+        keep = (replace(scale, derivative_filter=derivative_filter).pole(ts),) * 2
     band = [slot for omega, p in check for slot in _slots_in_band(omega, p, goal)]
     return Problem(
         tuple(members),

@@ -80,7 +80,7 @@ def lift(plant: Plant, sample_time: float, samples: int, pid: PID | None, refere
             command[k] = thrust[k]
             if pid is not None:
                 before, error = error, reference[max(k - reference_delay, 0)] - position[k]
-                keep = pid.derivative_filter / (pid.derivative_filter + sample_time)
+                keep = pid.pole(sample_time)
                 integral = integral + pid.ki * sample_time * error
                 slope = keep * slope + (1 - keep) * (error - before) / sample_time
                 command[k] = command[k] + pid.kp * error + integral + pid.kd * slope

@@ -172,7 +172,7 @@ def _sampled(plant: Plant, feedback: Feedback) -> _Sampled:
     phi, gamma = transition(continuous.A, continuous.B, ts)
     phi_part, gamma_part = transition(continuous.A, continuous.B, ts - rest)
     output = np.asarray(continuous.C)
-    keep = pid.derivative_filter / (pid.derivative_filter + ts)
+    keep = pid.pole(ts)
     zeros = pid.kp * np.array([1.0, -1.0 - keep, keep]) + pid.ki * ts * np.array([1.0, -keep, 0.0])
     return _Sampled(
         phi=phi,

@@ -21,8 +21,8 @@ from diagnosis.model.kalman import JITTER
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import WALK, Candidate, look, nominal_slopes, smooth
 from diagnosis.where.sentences import words
-from models.controller import Controller
 from models.machine import Machine
+from models.quantity import listed
 from models.records.record import Record
 from models.simulation.simulator import simulate
 
@@ -93,8 +93,7 @@ def _what(asked: Sequence[str]) -> str:
 
 
 def _named(names: Sequence[str]) -> str:
-    shown = [name.replace("_", " ") for name in names]
-    return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+    return listed(name.replace("_", " ") for name in names)
 
 
 def along(coordinate: str | None, machine: Machine) -> Proposal:
@@ -149,11 +148,8 @@ def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: in
 def virtual(machine: Machine, planned: Schedule, seed: int = 0, jitter: float = JITTER) -> tuple[Fit, Record]:
     """The record that the nominal machine would make of a schedule, and the linearisation along it, weighed by a white
     force of deviation `jitter` [N]; nothing is fitted. Forces in [N]."""
-    scale = machine.scale
-    noisy = replace(machine, effects=(), scale=replace(scale, noise=scale.noise or 0.3 * scale.resolution))
-    control = machine.control
-    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
-    record = simulate(noisy, controller, planned.target, given=planned.given, seed=seed).record
+    noisy = replace(machine, effects=(), scale=machine.scale.noisy())
+    record = simulate(noisy, machine.feedback_only(), planned.target, given=planned.given, seed=seed).record
     layout = parameters(noisy, 1)
     candidate = Candidate(layout, np.zeros(layout.count), jitter=jitter)
     paths = smooth(candidate, [record])

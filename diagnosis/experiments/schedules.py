@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from models.controller import References
 from models.machine import Machine
+from models.quantity import listed
 
 Array = NDArray[np.float64]
 
@@ -284,8 +285,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
 
 def _list(numbers: Sequence[float], factor: float) -> str:
     """Numbers times a factor, as text."""
-    shown = [f"{factor * number:g}" for number in dict.fromkeys(numbers)]
-    return ", ".join(shown[:-1]) + f" and {shown[-1]}" if len(shown) > 1 else shown[0]
+    return listed(f"{factor * number:g}" for number in dict.fromkeys(numbers))
 
 
 def to_csv(planned: Schedule, sample_time: float) -> str:

@@ -114,10 +114,9 @@ def seeing(candidate: Candidate, sample_time: float, walk: float) -> Predictor:
 
 
 def noise(machine: Machine) -> float:
-    """Deviation [m] of the reading: the scale's noise, a third of a step where none is stated, and its rounding."""
+    """Deviation [m] of the reading: the scale's noise and its rounding."""
     scale = machine.scale
-    stated = scale.noise or 0.3 * scale.resolution
-    return max(float(np.hypot(stated, scale.resolution / np.sqrt(12))), 1e-10)
+    return max(float(np.hypot(scale.deviation, scale.resolution / np.sqrt(12))), 1e-10)
 
 
 def held(record: Record) -> float:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from diagnosis.model.residual import STARTING
 from models.controller import PID
 from models.machine import Machine
+from models.quantity import listed
 from models.records.checks import quantisation, replay
 from models.records.record import Record
 
@@ -137,9 +138,7 @@ def _parts(record: Record, pid: PID, delay: int) -> tuple[str, list[Array]]:
         "derivative": replace(pid, kp=0.0, ki=0.0),
     }
     there = {name: replay(bare, one, delay) for name, one in alone.items() if one.kp + one.ki + one.kd > 0}
-    names = list(there)
-    listed = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-    return f"the {listed} part", list(there.values())
+    return f"the {listed(there)} part", list(there.values())
 
 
 def _scaled(record: Record, made: Array, words: str, columns: list[Array]) -> tuple[str, float]:
@@ -148,6 +147,4 @@ def _scaled(record: Record, made: Array, words: str, columns: list[Array]) -> tu
     basis = np.column_stack([*columns, np.ones(made.size)])[STARTING:]
     factors = np.linalg.lstsq(basis, (record.command - rest)[STARTING:], rcond=None)[0][:-1]
     again = rest + sum(factor * column for factor, column in zip(factors, columns, strict=True))
-    shown = [f"{factor:.4g}" for factor in factors]
-    listed = " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
-    return f"{words} times {listed}", _rms(record, again)
+    return f"{words} times {listed(f'{factor:.4g}' for factor in factors)}", _rms(record, again)

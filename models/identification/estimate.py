@@ -9,6 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.quantity import listed
+
 Array = NDArray[np.float64]
 
 ALIKE: Final = 0.95  # correlation from which on two parameters can hardly be told apart
@@ -59,7 +61,7 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
     for group in _alike(np.abs(estimate.correlation) > ALIKE):
         names = [estimate.names[i] for i in group]
         said.append(
-            f"This record hardly tells {', '.join(names[:-1])} and {names[-1]} from each other (correlations beyond "
+            f"This record hardly tells {listed(names)} from each other (correlations beyond "
             f"{ALIKE:g}): only combinations of them are known well."
         )
     return tuple(said)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from models.controller import Controller, References
+from models.controller import References
 from models.friction import elements
 from models.identification.estimate import STRONG, Estimate
 from models.identification.force_fit import DAMPING, SURE
@@ -37,7 +37,6 @@ Array = NDArray[np.float64]
 ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
 FAR: Final = 0.98  # of the longest way from the start: from there on friction has forgotten what it can forget
-UNSTATED: Final = 0.3  # of a scale's step: the noise of a scale whose file states none
 DRAWS: Final = 60  # of the noise, for the covariance
 PARTS: Final = (("mass", "1"), ("friction level", "1"), ("presliding length", "1"), ("dead time", "s"), (DAMPING, "s"))
 STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 1e-5])  # of the numerical derivatives, in the order of PARTS
@@ -163,8 +162,7 @@ class _Solution:
 
 def _near(job: _Job, theta: Array, filter_: Array) -> _Near:
     left, slopes = _linearised(job, theta)
-    scale = job.machine.scale
-    noisy = replace(job.machine, scale=replace(scale, noise=scale.noise or UNSTATED * scale.resolution))
+    noisy = replace(job.machine, scale=job.machine.scale.noisy())
     clean = _simulated(job.record, job.still, theta)
     runs = [_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, DRAWS + 1)]
     parts = (left, slopes, np.column_stack(runs), _unsure(job, theta))
@@ -268,11 +266,11 @@ def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:
 def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) -> Array:
     """u (n,) [N] of the loop over the record's reference and feedforward, from rest with friction unstrained."""
     changed = _changed(machine, theta)
-    control = machine.control
-    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
     origin = record.reference[0]
     given = References(record.reference - origin, record.feedforward, np.zeros(record.feedforward.size))
-    return simulate(changed, controller, record.target - origin, given=given, substeps=6, seed=seed).record.command
+    return simulate(
+        changed, machine.feedback_only(), record.target - origin, given=given, substeps=6, seed=seed
+    ).record.command
 
 
 def _autoregression(signal: Array) -> Array:

@@ -137,7 +137,7 @@ def _waiting(record: Record, reference_delay: int) -> Array:
 
 def _slope(signal: Array, pid: PID, ts: float) -> Array:
     """d (n,) [m/s] of the PID over a signal (n,) [m]; from d = 0."""
-    keep = pid.derivative_filter / (pid.derivative_filter + ts)
+    keep = pid.pole(ts)
     return np.asarray(lfilter([1.0, -1.0], [ts / (1 - keep), -keep * ts / (1 - keep)], signal), float)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from models.quantity import show
+from models.quantity import listed, show
 from studies.wording import effect, fitted
 
 Results = Mapping[str, Any]
@@ -24,23 +24,19 @@ def sentences(results: Results) -> dict[str, str]:
     }
 
 
-def listed(names: Sequence[str], last: str = "and") -> str:
+def effects_listed(names: Sequence[str], last: str = "and") -> str:
     """Names in words, the last two joined by `last`."""
-    return _joined([effect(name) for name in names], last)
-
-
-def _joined(shown: Sequence[str], last: str = "and") -> str:
-    return f" {last} ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+    return listed([effect(name) for name in names], last)
 
 
 def _outcome(verdict: Results) -> str:
-    alike = f"; in part it looks like {listed(verdict['partly'])}" if verdict["partly"] else ""
+    alike = f"; in part it looks like {effects_listed(verdict['partly'])}" if verdict["partly"] else ""
     return {
-        "attributed": f"Attributed to {listed(verdict['effects'])}",
-        "ambiguous": f"Either {listed(_rivals(verdict), 'or')}",
+        "attributed": f"Attributed to {effects_listed(verdict['effects'])}",
+        "ambiguous": f"Either {effects_listed(_rivals(verdict), 'or')}",
         "none_of_these": f"No effect that was looked for explains it{alike}",
         "nothing_to_explain": "Nothing to explain",
-        "parameters": f"Nominal values are off: {listed(verdict['effects'])}",
+        "parameters": f"Nominal values are off: {effects_listed(verdict['effects'])}",
     }[verdict["outcome"]]
 
 
@@ -63,7 +59,9 @@ def _which(results: Results) -> str:
     if outcome == "nothing_to_explain":
         return "The machine file explains the records as it is: no effect is missing, as far as they can show."
     if outcome == "parameters":
-        return f"Nominal values are off, {listed(names)}; re-fitted within their tolerances, no effect is missing."
+        return (
+            f"Nominal values are off, {effects_listed(names)}; re-fitted within their tolerances, no effect is missing."
+        )
     if outcome == "none_of_these":
         told = (
             "No effect that was looked for, alone or with others, explains it within its prior range: something else "
@@ -74,7 +72,7 @@ def _which(results: Results) -> str:
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
             told += (
-                f". In part it looks like {_joined(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown "
+                f". In part it looks like {listed(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown "
                 f"force are left of {show(before, 'N', 3)}"
             )
         told += _rough(results["white_force_N"])
@@ -85,8 +83,8 @@ def _which(results: Results) -> str:
     shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
         alike = f"{_others(verdict)}{_rough(results['white_force_N'])}"
-        return f"It is {_joined(shown)}, or else what these records cannot tell from it: {alike}."
-    return f"It is {_joined(shown)}{_rough(results['white_force_N'])}."
+        return f"It is {listed(shown)}, or else what these records cannot tell from it: {alike}."
+    return f"It is {listed(shown)}{_rough(results['white_force_N'])}."
 
 
 def _rough(force: Results) -> str:
@@ -100,7 +98,9 @@ def _rough(force: Results) -> str:
 
 def _others(verdict: Results) -> str:
     """The rivals of those that are in the model."""
-    return listed([name for name in _rivals(verdict) if name not in verdict["effects"]] or _rivals(verdict), "or")
+    return effects_listed(
+        [name for name in _rivals(verdict) if name not in verdict["effects"]] or _rivals(verdict), "or"
+    )
 
 
 def _parameters(row: Results | None) -> str:

@@ -31,8 +31,7 @@ class Made:
 
 def made(machine: Machine, seed: int, *, quick: bool) -> Made:
     """Records of a table like the machine; quick: short ones."""
-    scale = machine.scale
-    known = replace(machine, effects=(), scale=replace(scale, noise=scale.noise or 0.3 * scale.resolution))
+    known = replace(machine, effects=(), scale=machine.scale.noisy())
     effect = known.kinds[FrictionRelaxation.name].typical()
     schedules = _schedules(known, quick=quick)
     layout = parameters(known, len(schedules))

@@ -9,7 +9,7 @@ from typing import Any
 
 from reports.report import Figure, Report
 from studies.gap_diagnosis import figures
-from studies.gap_diagnosis.answer import listed
+from studies.gap_diagnosis.answer import effects_listed
 from studies.wording import filters, fitted
 
 Results = Mapping[str, Any]
@@ -30,7 +30,11 @@ def tell(whole: Results) -> Report:
     ]
     if results["next"] is not None:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
-    extra: dict[str, Callable[..., Any]] = {"listed": listed, "share": _share, "sized": partial(fitted, digits=4)}
+    extra: dict[str, Callable[..., Any]] = {
+        "listed": effects_listed,
+        "share": _share,
+        "sized": partial(fitted, digits=4),
+    }
     title = f"Diagnosis: {whole['machine']['name']}"
     question = "Where does the real machine leave the model, which effect causes it, how far does the gap shrink?"
     tables = {name: keys for name, keys in TABLES.items() if name != "values" or _fitted(results)}

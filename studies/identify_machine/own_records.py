@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.controller import default_controller
-from models.controller import Controller, References
+from models.controller import References
 from models.friction import elements
 from models.machine import Machine
 from models.records.record import Record, feeding_sequence
@@ -30,9 +30,8 @@ AMPLITUDE: Final = 0.08  # of the rated thrust, over the square root of the line
 
 
 def noisy(machine: Machine) -> Machine:
-    """The machine with noise on its scale, 0.3 of a step, if its file states none."""
-    scale = machine.scale
-    return machine if scale.noise > 0 else replace(machine, scale=replace(scale, noise=0.3 * scale.resolution))
+    """The machine with noise on its scale, also where its file states none."""
+    return replace(machine, scale=machine.scale.noisy())
 
 
 def another(machine: Machine, seed: int) -> Machine:
@@ -100,7 +99,5 @@ def motions(machine: Machine, seed: int, nominal: Machine | None = None) -> Reco
 
 def run(machine: Machine, reference: Array, force: Array, seed: int) -> Record:
     """The loop over a reference (n,) [m] with a force (n,) [N] on its feedforward."""
-    control = machine.control
-    controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
     given = References(reference, force, np.zeros(force.size))
-    return simulate(machine, controller, reference, given=given, seed=seed).record
+    return simulate(machine, machine.feedback_only(), reference, given=given, seed=seed).record

@@ -20,7 +20,7 @@ from diagnosis.experiments.schedules import Schedule, strokes
 from models.controller import Controller, References, references
 from models.friction import follow
 from models.machine import Machine
-from models.quantity import show
+from models.quantity import listed, show
 from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.paper_gap import observables
@@ -182,5 +182,4 @@ def _slow(machine: Machine, controller: Controller) -> Plan:
 
 def _listed(numbers: Sequence[float], factor: float) -> str:
     """Numbers times a factor, as text."""
-    shown = [f"{factor * number:g}" for number in numbers]
-    return ", ".join(shown[:-1]) + f" and {shown[-1]}"
+    return listed(f"{factor * number:g}" for number in numbers)

@@ -14,7 +14,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
-from models.quantity import show
+from models.quantity import listed, show
 from reports import style
 from reports.report import Figure, Report
 from studies.wording import effect, filters, quantity
@@ -114,8 +114,7 @@ def _steps(values: Sequence[float]) -> str:
 
 def _together(names: Sequence[str]) -> str:
     """Names as an enumeration."""
-    said = [effect(name) for name in names]
-    return said[0] if len(said) == 1 else ", ".join(said[:-1]) + f" and {said[-1]}" if said else "none"
+    return listed(effect(name) for name in names) or "none"
 
 
 def _clouds(whole: Results) -> Drawing:

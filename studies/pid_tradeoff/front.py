@@ -174,7 +174,7 @@ def between_samples(
     ts = machine.sample_time
     plant = sampled(machine.plant, ts / parts, slope)
     force = float(branch(machine.friction, machine.specification.stroke))
-    keep = pid.derivative_filter / (pid.derivative_filter + ts)
+    keep = pid.pole(ts)
     state, integral, derivative, previous, command = np.zeros(plant.nstates), 0.0, 0.0, 0.0, 0.0
     count = round(duration / ts) * parts
     path = np.empty(count)

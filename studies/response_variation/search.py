@@ -170,7 +170,7 @@ def largest_sensitivity(machine: Machine) -> float:
     """The largest Ms [1] of the loop with P_l, P_e1 and P_e2, on a grid up to the Nyquist frequency [Hz]."""
     pid, ts, facts = machine.control.pid, machine.sample_time, machine.presliding
     z = np.exp(2j * math.pi * np.geomspace(1.0, 0.499 / ts, 400) * ts)
-    a = pid.derivative_filter / (pid.derivative_filter + ts)
+    a = pid.pole(ts)
     c = pid.kp + pid.ki * ts / (1 - 1 / z) + pid.kd * (1 - a) / (1 - a / z) * (1 - 1 / z) / ts
     peaks = [
         np.max(1 / np.abs(1 + c * transfer(sampled(machine.plant, ts, slope), z)))
@@ -217,7 +217,7 @@ def _plausible(base: Machine, theta: Array) -> bool:
 def _stable(machine: Machine) -> bool:
     """Whether the sampled loop with P_l, P_e1 and P_e2 is stable: by the poles of the closed loop."""
     pid, ts, facts = machine.control.pid, machine.sample_time, machine.presliding
-    a = pid.derivative_filter / (pid.derivative_filter + ts)
+    a = pid.pole(ts)
     # The PID's states are the integral and the derivative's filter, driven by e[k] and e[k-1].
     for slope in (0.0, facts.stiffness_1, facts.stiffness_2):
         model = sampled(machine.plant, ts, slope)

@@ -280,7 +280,7 @@ def feedback(machine: Machine, first: int, look: float) -> Feedback:
 
 def bare(machine: Machine) -> Controller:
     """The machine's PID, for references that are given."""
-    return Controller(machine.sample_time, machine.control.pid, waiting(machine), (1.0,), (0.0,))
+    return machine.feedback_only(waiting(machine))
 
 
 def common_controller(machine: Machine, found: CommonTrajectory) -> Controller:

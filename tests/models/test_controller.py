@@ -31,6 +31,8 @@ def test_the_pid_is_its_transfer_function() -> None:
         previous = e
         command.append(u)
     assert np.array(command) == pytest.approx(expected, rel=1e-10)
+    assert GAINS.pole(TS) == a
+    assert PID(1.0, 0.0, 0.0, 0.0).pole(TS) == 0.0
 
 
 def test_references_are_the_filters_responses_and_keep_the_friction_history() -> None:

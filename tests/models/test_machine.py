@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from models.controller import references
 from models.friction import branch
-from models.machine import DEFAULT, SOURCES, MachineError, Tolerance, load, parameters, to_json
+from models.machine import DEFAULT, SOURCES, MachineError, Scale, Tolerance, load, parameters, to_json
 from models.machine_file import to_toml
 
 TEXT = DEFAULT.read_text(encoding="utf-8")
@@ -178,3 +180,23 @@ def test_a_missing_value_is_said_with_its_meaning_and_unit(tmp_path: Path) -> No
 def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
     with pytest.raises(MachineError, match="can't be read"):
         load(tmp_path / "nowhere.toml")
+
+
+def test_a_scale_without_stated_noise_is_assumed_to_have_some() -> None:
+    silent, stated = Scale(1e-7, 0.0), Scale(1e-7, 2e-8)
+    assert silent.deviation == pytest.approx(3e-8)
+    assert silent.noisy() == Scale(1e-7, silent.deviation)
+    assert stated.deviation == 2e-8
+    assert stated.noisy() == stated
+
+
+def test_feedback_alone_follows_its_target_with_the_pid_in_place() -> None:
+    machine = load()
+    alone = machine.feedback_only()
+    target = np.linspace(0.0, 1e-5, 50)
+    known = references(alone, target)
+    assert known.position == pytest.approx(target)
+    assert not np.any(known.feedforward)
+    assert not np.any(known.compensation)
+    assert (alone.pid, alone.reference_delay) == (machine.control.pid, machine.control.reference_delay)
+    assert machine.feedback_only(7).reference_delay == 7

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.quantity import QuantityError, json_name, parse, show
+from models.quantity import QuantityError, json_name, listed, parse, show
 
 
 @pytest.mark.parametrize(
@@ -73,3 +73,11 @@ def test_names_in_json_carry_the_unit() -> None:
     names = [json_name("kp", "N/m"), json_name("ki", "N/(m s)"), json_name("kd", "N s/m"), json_name("gain", "1/kg")]
     assert names == ["kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "gain_per_kg"]
     assert json_name("damping", "1") == "damping"
+
+
+@pytest.mark.parametrize(
+    ("words", "text"), [([], ""), (["a"], "a"), (["a", "b"], "a and b"), (["a", "b", "c"], "a, b and c")]
+)
+def test_words_are_joined_as_one_reads_them_out(words: list[str], text: str) -> None:
+    assert listed(words) == text
+    assert listed(iter(words), "or") == text.replace(" and ", " or ")
