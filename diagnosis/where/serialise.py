@@ -28,7 +28,8 @@ COURSES: Final = 3  # kinds of motions whose force is kept
 
 
 def to_json(found: Where) -> dict[str, Any]:
-    """The keys of interfaces.md ("where"), and under "details" all shares with their intervals; SI."""
+    """Shares by name, the statements with their topics, and under "details" all shares with their intervals; SI."""
+    stated = statements(found)
     return {
         "by_motion": {name: float(share) for name, share in _pairs(found.by_motion)},
         "by_phase": {name: float(share) for name, share in _pairs(found.by_phase)},
@@ -41,7 +42,8 @@ def to_json(found: Where) -> dict[str, Any]:
             for low, high, share in zip((0.0, *WAVES), (*WAVES, None), found.by_wave.share, strict=True)
         ],
         "by_coordinate": {one.name: one.share for one in found.by_coordinate},
-        "statements": [one.text for one in statements(found)],
+        "statements": [one.text for one in stated],
+        "topics": [one.topic.value for one in stated],
         "details": _details(found),
     }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.wording import effect, fitted
 
@@ -46,11 +47,15 @@ def _rivals(verdict: Results) -> Sequence[str]:
 
 
 def _where(where: Results) -> str:
-    """What does not replay, the size of the force, and on what it depends or else where it lies."""
-    told = [text for text in where["statements"] if "did not make" in text]
-    size, *rest = [text for text in where["statements"] if text not in told]
-    depends = [text for text in rest if " explains " in text and not text.startswith("No ")]
-    return " ".join([*told[:1], size, *(depends or rest)[:1]])
+    """The record that the controller does not replay, the size of the force, and on what it depends or else where it
+    lies."""
+    stated = list(zip(where["topics"], where["statements"], strict=True))
+
+    def on(topic: Topic) -> list[str]:
+        return [text for about, text in stated if about == topic]
+
+    rest = [text for about, text in stated if about not in {Topic.CONTROLLER, Topic.UNCHECKED, Topic.SIZE}]
+    return " ".join([*on(Topic.CONTROLLER)[:1], *on(Topic.SIZE), *(on(Topic.COORDINATE) or rest)[:1]])
 
 
 def _which(results: Results) -> str:
