@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from design.trajectory.history_aware import build as build_trajectory
     from design.trajectory.history_aware import solve as solve_trajectory
     from diagnosis.diagnose import Diagnosis, diagnose
+    from diagnosis.improved import improved_machine
     from models.controller import PID, Controller
     from models.controller import load as load_controller
     from models.friction import Friction
@@ -71,6 +72,7 @@ _WHERE: Final = {
     "frequency_response": "models.plant",
     "friction_branch": "models.friction:branch",
     "friction_elements": "models.friction:elements",
+    "improved_machine": "diagnosis.improved",
     "load_controller": "models.controller:load",
     "load_machine": "models.machine:load",
     "plot": "reports.plot",

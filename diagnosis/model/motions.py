@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.quantity import show
+from models.records.checks import RecordError
 from models.records.record import Record, cut
 
 Array = NDArray[np.float64]
@@ -22,6 +23,7 @@ Integers = NDArray[np.int64]
 
 LONGEST: Final = 1.5  # s; longer motions are cut into pieces, so that one of them does not outweigh the others
 SHORTEST: Final = 0.02  # s
+FEWEST: Final = 6  # motions that a diagnosis needs: some are left out of a fit, to judge it by them
 SAME: Final = 2e-7  # [m] by which references of equal motions may differ
 SAME_FORCE: Final = 1e-3  # of its largest value by which their feedforward may differ
 
@@ -74,6 +76,16 @@ def pieces(records: Sequence[Record]) -> tuple[Piece, ...]:
             for a, b in pairwise(edges):
                 found.append(_piece(record, number, int(a), int(b)))
     return tuple(found)
+
+
+def check_count(records: Sequence[Record]) -> None:
+    """Raises RecordError for records with too few motions to leave some out and judge a fit by them."""
+    count = len(pieces(records))
+    if count < FEWEST:
+        raise RecordError(
+            f"{count} motion{'s are' if count > 1 else ' is'} too few, some have to be left out to judge what the "
+            f"others show; give {FEWEST} or more"
+        )
 
 
 def _piece(record: Record, number: int, start: int, stop: int) -> Piece:

@@ -5,7 +5,7 @@ Symbols: n samples; T_s the sample time [s]; u the command [N], x the position [
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -23,6 +23,13 @@ UNEVEN: Final = 0.01  # of the sample time: rounding of a time column is below, 
 THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its inverse
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
 SATURATED: Final = 3  # samples in a row at the extreme of the command
+SHORTEST: Final = 1000  # samples that a diagnosis needs, of all records together
+SAME_TIME: Final = 1e-3  # relative difference between a record's sample time and the machine's that is tolerated
+STILL: Final = 5.0  # steps of the scale: a position that stays within them does not count as moving
+SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which they are of two machines
+ROLLING: Final = 5e-3  # m/s: above this speed an axis has left the presliding region
+FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
+INERTIA: Final = 0.8  # share of the smoothed command's variance that inertia must explain for a mass to be read off
 
 
 class RecordError(ValueError):
@@ -99,6 +106,57 @@ def findings(
     if pid is not None and {"reference", "command"} <= given:
         sentences += _shift(record, pid, reference_delay)
     return tuple(sentences)
+
+
+def check_sample_time(record: Record, sample_time: float) -> None:
+    """Raises RecordError for a record that was not sampled at the rate [s] of the machine's controller."""
+    if abs(record.sample_time / sample_time - 1) > SAME_TIME:
+        raise RecordError(
+            f"is sampled every {show(record.sample_time, 's')}, and the machine's controller runs every "
+            f"{show(sample_time, 's')}; give the machine file of this record, or a record of this machine"
+        )
+
+
+def check_movement(records: Sequence[Record]) -> None:
+    """Raises RecordError for records that are too short together, or in none of which anything moves."""
+    samples = sum(record.position.size for record in records)
+    if samples < SHORTEST:
+        raise RecordError(
+            f"{samples} samples are too short for a diagnosis; give {SHORTEST} or more, with several motions"
+        )
+    if not any(_moves(record) for record in records):
+        raise RecordError(
+            "nothing moves; a diagnosis needs motions, such as the references in the suite.csv that gap_diagnosis "
+            "writes where it is given no record"
+        )
+
+
+def _moves(record: Record) -> bool:
+    step = quantisation(record.position) or 1e-9
+    return bool(np.ptp(record.position) > STILL * step and (np.ptp(record.reference) > 0 or np.ptp(record.command) > 0))
+
+
+def check_one_machine(records: Sequence[Record], names: Sequence[str]) -> None:
+    """Raises RecordError where the records' scales have other steps, or their commands move another mass.
+
+    names: what the message calls each record.
+    """
+    steps = [
+        (step, name) for record, name in zip(records, names, strict=True) if (step := quantisation(record.position))
+    ]
+    for step, name in steps[1:]:
+        if not 0.99 < step / steps[0][0] < 1.01:
+            raise RecordError(
+                f"{steps[0][1]} and {name} are of two machines: their scales have steps of "
+                f"{show(steps[0][0], 'm')} and {show(step, 'm')}; diagnose each with its own machine file"
+            )
+    masses = [(mass, name) for record, name in zip(records, names, strict=True) if (mass := rolling_mass(record))]
+    for mass, name in masses[1:]:
+        if not 1 / SAME_MASS < mass / masses[0][0] < SAME_MASS:
+            raise RecordError(
+                f"{masses[0][1]} and {name} are of two machines: their commands move {show(masses[0][0], 'kg', 3)} and "
+                f"{show(mass, 'kg', 3)}; diagnose each with its own machine file"
+            )
 
 
 def quantisation(signal: Array) -> float:
@@ -214,18 +272,40 @@ def _scale(record: Record, given: set[str], mass: float | None) -> None:
 
 
 def _apparent_mass(record: Record) -> tuple[float, float]:
-    """(mass [kg], share of the command's variance explained) of u = m a + c sign(v) + b, smoothed over 20 samples."""
-    width = np.hanning(22)[1:-1] / np.sum(np.hanning(22))
-    x, u = (np.convolve(signal, width, "valid") for signal in (record.position, record.command))
-    speed = np.gradient(x, record.sample_time)
-    columns = np.column_stack([np.gradient(speed, record.sample_time), np.sign(speed), np.ones(x.size)])[20:-20]
-    u = u[20:-20]
-    if u.size < 20 or np.std(u) == 0:
+    """(mass [kg], share of the command's variance explained [1]) by inertia and friction, smoothed over 20 samples."""
+    speed, acceleration, force = _smoothed(record, 20)
+    inside = slice(20, -20)
+    if force[inside].size < 20 or np.std(force[inside]) == 0:
         return 0.0, 0.0
+    mass, left = _fitted_mass(speed[inside], acceleration[inside], force[inside])
+    return mass, 1 - float(np.var(left) / np.var(force[inside]))
+
+
+def rolling_mass(record: Record) -> float | None:
+    """The mass [kg] that a record shows while the axis rolls, smoothed over 40 samples; None if friction hides it."""
+    speed, acceleration, force = _smoothed(record, 40)
+    rolls = np.abs(speed) > max(ROLLING, 0.05 * float(np.max(np.abs(speed))))
+    if np.count_nonzero(rolls) < FEWEST_ROLLING:
+        return None
+    mass, left = _fitted_mass(speed[rolls], acceleration[rolls], force[rolls])
+    inertia, rest = float(np.var(mass * acceleration[rolls])), float(np.var(left))
+    return mass if inertia > INERTIA * (inertia + rest) else None
+
+
+def _smoothed(record: Record, samples: int) -> tuple[Array, Array, Array]:
+    """(speed [m/s], acceleration [m/s2], command [N]) of a record, smoothed by a Hann window of so many samples."""
+    window = np.hanning(samples + 2)[1:-1]
+    x, u = (np.convolve(signal, window / window.sum(), "valid") for signal in (record.position, record.command))
+    speed = np.gradient(x, record.sample_time)
+    return speed, np.gradient(speed, record.sample_time), u
+
+
+def _fitted_mass(speed: Array, acceleration: Array, force: Array) -> tuple[float, Array]:
+    """(m [kg], residual (n,) [N]) of u = m a + c sign(v) + b by least squares."""
+    columns = np.column_stack([acceleration, np.sign(speed), np.ones(force.size)])
     scale = np.maximum(np.max(np.abs(columns), axis=0), 1e-300)
-    weights = np.linalg.lstsq(columns / scale, u, rcond=None)[0]
-    fitted = (columns / scale) @ weights
-    return float(weights[0] / scale[0]), 1 - float(np.var(u - fitted) / np.var(u))
+    weights = np.linalg.lstsq(columns / scale, force, rcond=None)[0]
+    return float(weights[0] / scale[0]), np.asarray(force - (columns / scale) @ weights)
 
 
 def _saturation(record: Record, limit: float | None) -> Iterator[str]:

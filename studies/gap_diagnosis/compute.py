@@ -11,6 +11,7 @@ from diagnosis.diagnose import Diagnosis, baseline
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import suite, to_csv
+from diagnosis.improved import improved_machine
 from diagnosis.model.kalman import JITTER
 from diagnosis.model.motions import Piece
 from diagnosis.where.serialise import pictures
@@ -21,7 +22,6 @@ from models.machine_file import to_toml
 from models.records.record import Record
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
-from studies.gap_diagnosis.improved import improved
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded
 from studies.study import Answer, Check, Progress
@@ -51,7 +51,7 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
 
     begun = baseline(given.machine, given.records, progress=say, cache=CACHE)
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
-    better = improved(found, [str(one["name"]) for one in given.shown])
+    better = improved_machine(found, "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown))
     adopted = [effect.name for effect in better.effects]
     results = {**_results(found, beside, given, quick=options.quick), "adopted": adopted}
     files = {"improved.toml": to_toml(better)}

@@ -9,10 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from models.effects.motor import DacQuantisation
 from models.machine import DEFAULT
 from studies.command import CHECK_MISSED, DONE, main
-from studies.gap_diagnosis.improved import _effects
 
 EFFECTS = """
 [effects.viscous_friction]
@@ -53,15 +51,3 @@ def test_a_study_takes_it(name: str, options: list[str], improved: Path, tmp_pat
         "gain_asymmetry": {"asymmetry": 0.01},
     }
     assert "[effects.viscous_friction]" in (tmp_path / "machine.toml").read_text(encoding="utf-8")
-
-
-def test_an_identified_size_carries_its_deviation_and_a_switch_says_what_it_is() -> None:
-    effect = DacQuantisation(0.05, 1)
-    found = dict(_effects([effect], [effect], [{"step": 1e-3}], (), "a.csv"))
-    said = {name.rpartition(".")[2]: (one.kind, one.detail) for name, one in found.items()}
-    assert said == {
-        "step": ("identified", "gap_diagnosis of a.csv; standard deviation 0.001 N"),
-        "rise": ("identified", "gap_diagnosis of a.csv; the better of two laws"),
-    }
-    given = dict(_effects([effect], [effect], [{"step": 1e-3}], {"dac_quantisation"}, "a.csv"))
-    assert [name.rpartition(".")[2] for name in given] == ["step"]  # whose law the machine file gave

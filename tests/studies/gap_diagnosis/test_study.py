@@ -22,7 +22,6 @@ from studies.deadbeat_design.__main__ import STUDY as DEADBEAT_DESIGN
 from studies.gap_diagnosis.__main__ import STUDY
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.own_records import Made, made
-from studies.gap_diagnosis.records import shown_mass
 from studies.review.follows import review
 from studies.study import Progress, machine_of
 
@@ -100,6 +99,23 @@ def test_the_effect_that_was_put_in_is_named_or_it_is_said_that_it_is_not(quick:
 def test_the_answer_is_made_of_the_results(results: dict[str, Any]) -> None:
     assert sentences(results) == results["answer"]
     assert all(text.endswith(".") for part, text in results["answer"].items() if part != "outcome")
+
+
+@pytest.mark.parametrize(
+    ("topics", "chosen"),
+    [
+        (["size", "energy", "coordinate", "floor"], [0, 2]),
+        (["controller", "size", "energy", "no_coordinate", "side"], [0, 1, 2]),
+        (["unchecked", "size", "coordinate"], [1, 2]),
+        (["size", "floor"], [0, 1]),
+    ],
+)
+def test_the_first_page_chooses_what_was_found_by_its_topic(
+    topics: list[str], chosen: list[int], results: dict[str, Any]
+) -> None:
+    texts = [f"Sentence {i}." for i in range(len(topics))]
+    where = {**results["where"], "topics": topics, "statements": texts}
+    assert sentences({**results, "where": where})["where"] == " ".join(texts[i] for i in chosen)
 
 
 @pytest.mark.parametrize(
@@ -325,14 +341,6 @@ def test_a_frequency_response_is_no_record(tmp_path: Path, capsys: pytest.Captur
     path.write_text("frequency_Hz,magnitude_m_per_N,phase_deg\n" + "\n".join(rows) + "\n", encoding="utf-8")
     assert main(STUDY, [str(path), "--output", str(tmp_path / "out")]) == BAD_INPUT
     assert "is a frequency response" in error_of(capsys)
-
-
-def test_the_mass_that_a_record_shows_is_that_of_the_table(own: Made) -> None:
-    mass = shown_mass(own.records[0])
-    assert mass is not None
-    assert mass == pytest.approx(1 / own.machine.plant.modes[0].gain, rel=0.15)
-    short = own.records[0].part(0, 4000)
-    assert shown_mass(short) is None, "friction hides the mass in strokes of micrometres"
 
 
 def test_a_nominal_json_is_a_machine(tmp_path: Path) -> None:

@@ -1,0 +1,67 @@
+"""What a record shows of the machine that made it: whether it moved, its mass, whether two are of one machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.records.checks import (
+    RecordError,
+    check_movement,
+    check_one_machine,
+    check_sample_time,
+    rolling_mass,
+)
+from models.records.record import Record
+
+TS = 5e-4
+MASS, FRICTION, OFFSET = 20.0, 3.0, 0.5
+
+
+def moving(amplitude: float = 0.02, mass: float = MASS, step: float = 0.0) -> Record:
+    """Two seconds of 3 Hz sinusoidal motion [m] of a mass [kg] with Coulomb friction; step: of the scale [m]."""
+    phase = 2 * np.pi * 3.0 * TS * np.arange(4000)
+    x, v = amplitude * np.sin(phase), amplitude * 2 * np.pi * 3.0 * np.cos(phase)
+    command = -mass * (2 * np.pi * 3.0) ** 2 * x + FRICTION * np.sign(v) + OFFSET
+    read = np.round(x / step) * step if step else x
+    return Record(TS, x, x, np.zeros_like(x), command, read)
+
+
+def test_a_rolling_record_shows_its_mass_beside_friction_and_offset() -> None:
+    assert rolling_mass(moving()) == pytest.approx(MASS, rel=0.01)
+
+
+def test_motions_of_micrometres_show_no_mass() -> None:
+    assert rolling_mass(moving(20e-6)) is None, "the axis never leaves the presliding region"
+    crawling = moving(0.02, mass=1e-3)
+    assert rolling_mass(crawling) is None, "friction is nearly all of its command"
+
+
+STILL = replace(moving(), position=np.full(4000, 1e-5))
+
+
+@pytest.mark.parametrize(
+    ("check", "records", "says"),
+    [
+        (check_movement, [moving().part(0, 600)], "600 samples are too short"),
+        (check_movement, [STILL], "nothing moves"),
+        (lambda records: check_sample_time(records[0], 1e-3), [moving()], "is sampled every 500 µs"),
+        (lambda records: check_one_machine(records, "ab"), [moving(), moving(mass=2 * MASS)], "a and b are of two"),
+        (lambda records: check_one_machine(records, "ab"), [moving(step=1e-4), moving(step=2e-4)], "their scales"),
+    ],
+)
+def test_what_can_not_be_diagnosed_is_said(
+    check: Callable[[Sequence[Record]], None], records: Sequence[Record], says: str
+) -> None:
+    with pytest.raises(RecordError, match=says):
+        check(records)
+
+
+def test_records_of_one_machine_pass() -> None:
+    records = [moving(), moving(0.03, mass=1.1 * MASS)]
+    check_movement(records)
+    check_one_machine(records, "ab")
+    check_sample_time(records[0], TS)
