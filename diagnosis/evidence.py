@@ -13,7 +13,7 @@ from diagnosis.experiments.confusability import to_json as confusion
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
 from diagnosis.model.parallel import beside
 from diagnosis.where.coordinates import SURE
-from diagnosis.where.locate import Where, where
+from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import LEAST
 from diagnosis.where.serialise import to_json as place
 
@@ -62,7 +62,7 @@ def examined(
 
 
 def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
-    lies = where(found.nominal, found.records, found.pieces, seed=seed, spike=found.null.spike)
+    lies = locate(found.nominal, found.records, found.pieces, seed=seed, spike=found.null.spike)
     return lies, confusability(found.nominal, found.records, disabled)
 
 

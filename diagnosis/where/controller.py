@@ -1,10 +1,9 @@
-"""Whether the controller that is stated made the record: its law, replayed on the logged error, gives the command back.
+"""Whether the stated controller made the record: its law, replayed on the logged error, must reproduce the command.
 
-The state of the integral and of the derivative's filter before the first sample is in no record: a constant and the
-first STARTING samples are free. What is then left is rounding, or the law is another one: a sample more or less of
-delay, another unit, another gain or filter, swapped columns. A log that has the reading rounded, or the command through
-a converter, leaves noise that no other law explains; the reading's own rounding says how much may pass for that.
-n samples.
+The states of the integral and of the derivative's filter before the first sample are unknown, so that a constant and
+the first STARTING samples are free. What then remains is rounding, or the law is different: another delay, unit, gain
+or filter, or swapped columns. A log in which the reading was rounded, or the command quantised by a converter, leaves
+noise that no other law explains; the resolution of the reading says how large that may be. n samples.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-TOLERANCE: Final = 1e-4  # of the command's deviation, for rounding of what is logged
-LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted
-FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # of the derivative filter's time
-LOGGED: Final = 2.0  # of what the rounding of a logged reading makes of the command: noise of the log
-EXTREME: Final = 6.0  # deviations that noise of the log has at most
+TOLERANCE: Final = 1e-4  # tolerance for rounding in the log, relative to the command's standard deviation
+LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
+FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # factors of the derivative filter's time
+LOGGED: Final = 2.0  # ratio to the command's noise from a rounded reading, up to which the rest is noise of the log
+EXTREME: Final = 6.0  # largest value of that noise, in standard deviations
 
 
 @dataclass(frozen=True)
 class Replayed:
-    """How far the replayed command is from the logged one: largest and root mean square [N], the tolerance [N] it is
-    held to, the first sample that departs, and the best of the changes that were tried, with what it leaves [N].
+    """How far the replayed command is from the logged one: largest and rms difference [N], the tolerance [N], the first
+    sample beyond it (departs), and the best of the changes that were tried (remedy) with the rms that remains [N].
 
     checked: False for a record that has no reference to replay on.
     """
@@ -50,7 +49,7 @@ class Replayed:
 
     @property
     def replays(self) -> bool:
-        """Whether the stated law made the record, or there is no telling."""
+        """Whether the stated law made the record, or that cannot be checked."""
         return not self.checked or self.departs is None
 
 
@@ -77,13 +76,13 @@ def replayed(machine: Machine, record: Record) -> Replayed:
 
 
 def _resolution(machine: Machine, record: Record) -> float:
-    """What a thousandth of the scale's step, lost where positions are written, makes of the command [N]."""
+    """Effect on the command [N] of losing a thousandth of the scale's resolution where positions are written."""
     pid = machine.control.pid
     return 1e-3 * machine.scale.resolution * (pid.kp + pid.kd / (pid.derivative_filter + record.sample_time))
 
 
 def _rounded(machine: Machine, record: Record) -> float:
-    """Deviation [N] of the command replayed on readings that were rounded to the scale's step after it was made."""
+    """Standard deviation [N] of the replay's error where the readings were rounded after the controller used them."""
     impulse, nothing = np.zeros(STARTING), np.zeros(STARTING)
     impulse[0] = 1.0
     bare = Record(record.sample_time, nothing, nothing, nothing, nothing, impulse)
@@ -92,7 +91,7 @@ def _rounded(machine: Machine, record: Record) -> float:
 
 
 def _left(record: Record, made: Array) -> Array:
-    """Logged less replayed command (n - STARTING,), its middle taken off; [N]."""
+    """Logged less replayed command (n - STARTING,) [N], its median removed."""
     left = (record.command - made)[STARTING:]
     return left - np.median(left)
 
@@ -102,7 +101,7 @@ def _rms(record: Record, made: Array) -> float:
 
 
 def _remedies(record: Record, pid: PID, delay: int) -> Iterator[tuple[str, float]]:
-    """Changes of the law in words, each with what it leaves (root mean square) [N]."""
+    """Changes of the law in words, each with the rms difference [N] that remains."""
     made = replay(record, pid, delay)
     for shift in range(-LONGEST, LONGEST + 1):
         if shift:
@@ -130,7 +129,7 @@ def _remedies(record: Record, pid: PID, delay: int) -> Iterator[tuple[str, float
 
 
 def _parts(record: Record, pid: PID, delay: int) -> tuple[str, list[Array]]:
-    """What each of the PID's parts that has a gain makes (n,) [N], and what they are called."""
+    """The names of the PID's parts that have a gain, and the command (n,) [N] of each."""
     bare = replace(record, feedforward=np.zeros_like(record.feedforward))
     alone = {
         "proportional": replace(pid, ki=0.0, kd=0.0),
@@ -142,7 +141,7 @@ def _parts(record: Record, pid: PID, delay: int) -> tuple[str, list[Array]]:
 
 
 def _scaled(record: Record, made: Array, words: str, columns: list[Array]) -> tuple[str, float]:
-    """The parts (n,) [N] of what is made, each times the factor that fits the logged command best."""
+    """The replayed command with each of its parts (n,) [N] times the factor that fits the logged command best."""
     rest = made - sum(columns)
     basis = np.column_stack([*columns, np.ones(made.size)])[STARTING:]
     factors = np.linalg.lstsq(basis, (record.command - rest)[STARTING:], rcond=None)[0][:-1]

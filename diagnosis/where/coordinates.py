@@ -1,10 +1,9 @@
-"""On what the unknown force depends: one coordinate after another, each by a curve that is judged on other motions.
+"""On what the unknown force depends: each coordinate by itself, through a curve that is cross-validated over motions.
 
-A curve is a sum of hat functions over the coordinate (straight lines between knots), once as it is and once times the
-direction of the last motion; fitted on some motions, it is judged on those left out. That a coordinate explains as much
-by chance is tested by turning the sign of the force in whole motions at random: no curve survives that, while all that
-happens within a motion stays as it is. (To exchange motions instead would leave a force that all motions share where it
-is, because motions are alike.)
+A curve is a sum of hat functions over the coordinate (piecewise linear between knots), once plain and once times the
+direction of the last motion; it is fitted on some motions and evaluated on the others. The p-value comes from a
+randomisation test that flips the sign of the force in whole motions: no curve survives that, while everything within a
+motion stays as it is. (Permuting motions instead would keep a force that all motions share, because motions are alike.)
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
-from diagnosis.where.energy import PHASES, Samples, drawn, interval
+from diagnosis.where.energy import PHASES, Samples, bootstrap_counts, bootstrap_interval, centred
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -26,33 +25,34 @@ Integers = NDArray[np.int64]
 
 FOLDS: Final = 10
 KNOTS: Final = 10
-FEW_KNOTS: Final = 6  # where curves over all coordinates are fitted together
-FLIPS: Final = 199  # of signs: the smallest p-value is 0.005
-RIDGE: Final = 1e-3  # of the mean energy of a column
-RIDGES: Final = (1e-3, 1e-2, 0.1, 1.0)  # of which the best is taken where many curves are fitted together
-SLOWEST: Final = 1e-4  # m/s, below which the table counts as at rest
-PITCHES: Final = (3e-3, 7e-2)  # m, between which a period of the force over position is looked for
+FEW_KNOTS: Final = 6  # knots where curves over all coordinates are fitted at once
+FLIPS: Final = 199  # random sign flips, so that the smallest p-value is 0.005
+RIDGE: Final = 1e-3  # ridge parameter, relative to the mean energy of a column
+RIDGES: Final = (1e-3, 1e-2, 0.1, 1.0)  # ridge parameters of which the best is taken for all curves at once
+SLOWEST: Final = 1e-4  # m/s: below this speed the table counts as at rest
+PITCHES: Final = (3e-3, 7e-2)  # m: the range in which a period of the force over position is searched
 SMOOTH: Final = 5  # samples over which an acceleration is averaged
 SURE: Final = 0.02  # p-value below which a dependence is stated
-RESTED: Final = 1.0  # s of rest before a record: longer than any healing that it could show
+RESTED: Final = 1.0  # s of rest assumed before a record: longer than any recovery that it could show
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A coordinate's values (n,) at all samples; its unit; whether its curve has knots by a logarithm, and whether it
-    may turn with the direction of motion."""
+    """A coordinate's values (n,) at all samples and its unit; whether the knots of its curve are spaced
+    logarithmically (by asinh), and whether the curve may change sign with the direction of motion."""
 
     name: str
     unit: str
     values: Array
-    bent: bool = False
-    turns: bool = True
+    logarithmic: bool = False
+    directional: bool = True
 
 
 @dataclass(frozen=True)
 class Explained:
-    """How much of a signal's variance a coordinate explains on motions left out: share [1], its interval, the p-value,
-    the share of the part that turns with the direction, and the curve at its knots (SI and N): as it is, turning."""
+    """How much of a signal's variance a coordinate explains on held-out motions: share [1], its interval, the p-value,
+    the share of the part that changes sign with the direction (turning), and at the curve's knots (SI) its plain part
+    and its directional part (turned) [N]; pitch [m]: the period, of a periodic curve."""
 
     name: str
     unit: str
@@ -67,13 +67,28 @@ class Explained:
     pitch: float | None = None
 
 
+@dataclass(frozen=True)
+class Dependence:
+    """On what the unknown force depends.
+
+    coordinates: what each explains, the largest share first. ceiling: the share [1] that curves over all of them
+    explain at once, with its interval: an upper limit for any effect that they can describe. parity: how much is an
+    even and an odd function of the speed. scatter: on what the size of the innovations depends.
+    """
+
+    coordinates: tuple[Explained, ...]
+    ceiling: tuple[float, float, float]
+    parity: tuple[Explained, Explained]
+    scatter: tuple[Explained, ...]
+
+
 def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tuple[Coordinate, ...]:
-    """The coordinates at all samples of all records [SI]; those of which the records have one value are left out."""
+    """The coordinates at all samples of all records [SI], without those that are constant in these records."""
     paths = [one.path for one in fitted.paths]
     position = np.concatenate([path.at_samples for path in paths])
     speed = np.concatenate([path.speed[:, 0] for path in paths])
     kernel = np.full(SMOOTH, 1 / SMOOTH)
-    bend = [np.convolve(np.gradient(path.speed[:, 0], path.sample_time), kernel, "same") for path in paths]
+    acceleration = [np.convolve(np.gradient(path.speed[:, 0], path.sample_time), kernel, "same") for path in paths]
     thrust = np.concatenate([seen.acts.thrust.mean(axis=1) for seen in fitted.seen])
     begins = np.concatenate([[0], np.cumsum([record.position.size for record in records])])
     parts = [slice(a, b) for a, b in itertools.pairwise(begins)]
@@ -83,20 +98,20 @@ def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tup
     gone = np.concatenate([_since_reversal(position[part], samples.direction[part]) for part in parts])
     every = (
         Coordinate("time", "s", time),
-        Coordinate("time_in_motion", "s", since, bent=True),
-        Coordinate("dwell", "s", dwell, bent=True),
+        Coordinate("time_in_motion", "s", since, logarithmic=True),
+        Coordinate("dwell", "s", dwell, logarithmic=True),
         Coordinate("position", "m", position),
-        Coordinate("velocity", "m/s", speed, bent=True, turns=False),
-        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > SLOWEST), turns=False),
-        Coordinate("acceleration", "m/s2", np.concatenate(bend), bent=True, turns=False),
-        Coordinate("command", "N", thrust, bent=True, turns=False),
-        Coordinate("since_reversal", "m", gone, bent=True),
+        Coordinate("velocity", "m/s", speed, logarithmic=True, directional=False),
+        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > SLOWEST), directional=False),
+        Coordinate("acceleration", "m/s2", np.concatenate(acceleration), logarithmic=True, directional=False),
+        Coordinate("command", "N", thrust, logarithmic=True, directional=False),
+        Coordinate("since_reversal", "m", gone, logarithmic=True),
     )
     return tuple(one for one in every if np.ptp(one.values[samples.counts]) > 0)
 
 
 def _clock(samples: Samples, part: slice, sample_time: float) -> tuple[Array, Array]:
-    """(time since the last motion began, rest before it) [s] at the samples of one record."""
+    """(time since the last motion began, duration of the rest before it) [s] at the samples of one record."""
     moving = samples.phase[part] < PHASES.index("settle")
     n = moving.size
     first = moving & ~np.concatenate([[False], moving[:-1]])
@@ -109,21 +124,21 @@ def _clock(samples: Samples, part: slice, sample_time: float) -> tuple[Array, Ar
 
 
 def _since_reversal(position: Array, direction: Array) -> Array:
-    """Distance (n,) [m] from where the direction turned last."""
+    """Distance (n,) [m] from the last reversal."""
     turned = np.concatenate([[True], np.diff(direction) != 0])
     return np.abs(position - position[np.maximum.accumulate(np.where(turned, np.arange(position.size), 0))])
 
 
-def hats(coordinate: Coordinate, used: NDArray[np.bool_], most: int = KNOTS) -> tuple[Array, Array]:
-    """(hat functions (n, K) [1], their knots (K,) in the coordinate's unit), over the range of the samples used; at
-    most so many."""
+def hat_functions(coordinate: Coordinate, used: NDArray[np.bool_], most: int = KNOTS) -> tuple[Array, Array]:
+    """(hat functions (n, K) [1], their knots (K,) in the coordinate's unit) over the range of the samples used; K is at
+    most `most`."""
     values = coordinate.values
     small = np.abs(values[used & (values != 0)])
-    scale = float(np.quantile(small, 0.1)) if coordinate.bent and small.size else 0.0
-    bent = np.arcsinh(values / scale) if scale > 0 else values
-    levels = np.unique(bent[used])
+    scale = float(np.quantile(small, 0.1)) if coordinate.logarithmic and small.size else 0.0
+    warped = np.arcsinh(values / scale) if scale > 0 else values
+    levels = np.unique(warped[used])
     knots = levels if levels.size <= most else np.linspace(levels[0], levels[-1], most)
-    place = np.clip(np.interp(bent, knots, np.arange(knots.size)), 0, knots.size - 1)
+    place = np.clip(np.interp(warped, knots, np.arange(knots.size)), 0, knots.size - 1)
     low = np.minimum(place.astype(int), max(knots.size - 2, 0))
     basis = np.zeros((values.size, knots.size))
     rows = np.arange(values.size)
@@ -133,50 +148,49 @@ def hats(coordinate: Coordinate, used: NDArray[np.bool_], most: int = KNOTS) -> 
 
 
 def explain(signal: Array, coordinate: Coordinate, samples: Samples, seed: int = 0) -> Explained:
-    """How much of a signal (n,), its mean taken off, the coordinate explains [1]."""
-    plain, knots = hats(coordinate, samples.counts)
+    """How much of a signal (n,), its mean removed, the coordinate explains [1]."""
+    plain, knots = hat_functions(coordinate, samples.counts)
     count, z = plain.shape[1], centred(signal, samples)
-    columns = np.hstack([plain, plain * samples.direction[:, None]]) if coordinate.turns else plain
+    columns = np.hstack([plain, plain * samples.direction[:, None]]) if coordinate.directional else plain
     grams, slopes = by_motion(columns * samples.counts[:, None], z, samples.motion)
     fold = folds(grams.shape[0], seed)
     gains, weights = held_out(grams, slopes, fold)
-    chance = flipped(grams, slopes, fold, seed)
+    chance = sign_flip_null(grams, slopes, fold, seed)
     turned = slice(count, None)
-    turning = held_out(grams[:, turned, turned], slopes[:, turned], fold)[0] if coordinate.turns else np.zeros(1)
-    found = judged(coordinate, gains, chance, turning, energies(z, samples), seed)
+    turning = held_out(grams[:, turned, turned], slopes[:, turned], fold)[0] if coordinate.directional else np.zeros(1)
+    found = explained(coordinate, gains, chance, turning, energies(z, samples), seed)
     return replace(found, knots=knots, curve=weights[:count], turned=weights[turned])
 
 
-def together(signal: Array, known: Sequence[Coordinate], samples: Samples, seed: int = 0) -> tuple[float, float, float]:
-    """(share [1] of a signal's variance (n,) that curves over all coordinates explain together on motions left out, its
-    interval): what a flexible model can close, which names nothing."""
+def explain_by_all(
+    signal: Array, known: Sequence[Coordinate], samples: Samples, seed: int = 0
+) -> tuple[float, float, float]:
+    """(share [1] of a signal's variance (n,) that curves over all coordinates explain at once on held-out motions, low
+    and high end of its interval): what a flexible model can close, although it names no cause."""
     parts = []
     for one in known:
-        plain, _ = hats(one, samples.counts, FEW_KNOTS)
-        parts += [plain, plain * samples.direction[:, None]] if one.turns else [plain]
+        plain, _ = hat_functions(one, samples.counts, FEW_KNOTS)
+        parts += [plain, plain * samples.direction[:, None]] if one.directional else [plain]
     z = centred(signal, samples)
     grams, slopes = by_motion(np.hstack(parts) * samples.counts[:, None], z, samples.motion)
     fold, nothing = folds(grams.shape[0], seed), np.zeros(1)
     gains = max((held_out(grams, slopes, fold, ridge)[0] for ridge in RIDGES), key=lambda gains: float(gains.sum()))
-    found = judged(Coordinate("together", "1", z), gains, nothing, nothing, energies(z, samples), seed)
+    found = explained(Coordinate("together", "1", z), gains, nothing, nothing, energies(z, samples), seed)
     return found.share, found.low, found.high
 
 
-def centred(signal: Array, samples: Samples) -> Array:
-    """A signal (n,) less its mean over the samples that count, 0 where they do not; in its unit [SI]."""
-    return np.asarray(np.where(samples.counts, signal - np.mean(signal[samples.counts]), 0.0))
-
-
 def energies(signal: Array, samples: Samples) -> Array:
-    """Sums (motions,) of a signal's square, in [its unit squared]."""
+    """Sum over each motion (motions,) of a signal's square [its unit squared]."""
     return np.asarray(np.bincount(samples.motion, signal**2, int(samples.motion.max()) + 1))
 
 
-def judged(coordinate: Coordinate, gains: Array, chance: Array, turning: Array, energy: Array, seed: int) -> Explained:
-    """The shares of what is gained in each motion (motions,), beside what is gained by chance (FLIPS,); [1]."""
+def explained(
+    coordinate: Coordinate, gains: Array, chance: Array, turning: Array, energy: Array, seed: int
+) -> Explained:
+    """The shares [1] of the gain in each motion (motions,), with the p-value against the gains by chance (FLIPS,)."""
     whole = max(float(energy.sum()), 1e-300)
-    many = drawn(gains.size, seed) @ np.column_stack([gains, energy])
-    low, high = interval(many[:, 0] / np.maximum(many[:, 1], 1e-300))
+    many = bootstrap_counts(gains.size, seed) @ np.column_stack([gains, energy])
+    low, high = bootstrap_interval(many[:, 0] / np.maximum(many[:, 1], 1e-300))
     p = float((1 + np.count_nonzero(chance >= gains.sum())) / (1 + FLIPS))
     share, turn = (max(float(part.sum()) / whole, 0.0) for part in (gains, turning))
     nothing = np.zeros(0)
@@ -186,8 +200,8 @@ def judged(coordinate: Coordinate, gains: Array, chance: Array, turning: Array, 
 
 
 def explain_pitch(signal: Array, position: Coordinate, samples: Samples, seed: int = 0) -> Explained | None:
-    """How much of a signal (n,) is periodic over the position [m], with a period that is found on the other motions;
-    None where the table moved too little for any of PITCHES."""
+    """How much of a signal (n,) is periodic over the position [m], with a period that is estimated on the other
+    motions; None where the travel is too short for any of PITCHES."""
     place, used = position.values, samples.counts
     extent = float(np.ptp(place[used]))
     if extent < 1.5 * PITCHES[0]:
@@ -198,33 +212,35 @@ def explain_pitch(signal: Array, position: Coordinate, samples: Samples, seed: i
     signs = np.random.default_rng(seed + 1).choice([-1.0, 1.0], (FLIPS, fold.size))
     for number in range(int(fold.max()) + 1):
         out = fold == number
-        grams, slopes = by_motion(_waves(found_pitch(z, place, samples, ~out), place, samples), z, samples.motion)
+        grams, slopes = by_motion(
+            _harmonics(strongest_period(z, place, samples, ~out), place, samples), z, samples.motion
+        )
         gains[out] = _left_out(grams, slopes, out)
         turning[out] = _left_out(grams[:, 3:, 3:], slopes[:, 3:], out)
         inside, by = grams[out].sum(axis=0), signs[:, out] @ slopes[out]
         weights = np.linalg.solve(_ridged(grams[~out].sum(axis=0)), (signs[:, ~out] @ slopes[~out]).T).T
         chance += 2 * np.sum(weights * by, axis=1) - np.einsum("fi,ij,fj->f", weights, inside, weights)
-    pitch = found_pitch(z, place, samples, np.ones(fold.size, bool))
-    found = judged(Coordinate("pitch", "m", place), gains, chance, turning, energies(z, samples), seed)
+    pitch = strongest_period(z, place, samples, np.ones(fold.size, bool))
+    found = explained(Coordinate("pitch", "m", place), gains, chance, turning, energies(z, samples), seed)
     return replace(found, pitch=pitch)
 
 
-def _waves(pitch: float, place: Array, samples: Samples) -> Array:
-    """Columns (n, 6): 1, cosine, sine of the place, and these times the direction of the last motion."""
+def _harmonics(pitch: float, place: Array, samples: Samples) -> Array:
+    """Columns (n, 6): 1, cosine, sine of the position, and these times the direction of the last motion."""
     angle = 2 * np.pi * place / pitch
     plain = np.column_stack([np.ones(place.size), np.cos(angle), np.sin(angle)]) * samples.counts[:, None]
     return np.hstack([plain, plain * samples.direction[:, None]])
 
 
-def found_pitch(signal: Array, place: Array, samples: Samples, among: NDArray[np.bool_]) -> float:
-    """The period [m] at which `periodogram` is largest, over the motions (motions,) that count."""
+def strongest_period(signal: Array, place: Array, samples: Samples, among: NDArray[np.bool_]) -> float:
+    """The period [m] at which `periodogram` is largest, over the motions (motions,) chosen."""
     inverse, gain = periodogram(signal, place, samples, among)
     return float(1 / inverse[int(np.argmax(gain))])
 
 
 def periodogram(signal: Array, place: Array, samples: Samples, among: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """(1 / period (F,) [1/m] within PITCHES, what sines of the place (n,) [m] take off the signal's sum of squares (F,)
-    [its unit squared]), as they are or turning with the direction, whichever is more; the signal (n,) is centred."""
+    """(1 / period (F,) [1/m] within PITCHES, reduction of the signal's sum of squares (F,) [its unit squared] by sines
+    of the position (n,) [m]), plain or times the direction, whichever is more; the signal (n,) is centred."""
     used = samples.counts & among[samples.motion]
     extent, width = float(np.ptp(place[used])), PITCHES[0] / 8
     bins = np.floor((place[used] - place[used].min()) / width).astype(int)
@@ -244,12 +260,12 @@ def periodogram(signal: Array, place: Array, samples: Samples, among: NDArray[np
 
 
 def parity(signal: Array, speed: Coordinate, samples: Samples, seed: int = 0) -> tuple[Explained, Explained]:
-    """How much of a signal (n,) while the table moves is an even, how much an odd function of its speed [m/s]."""
+    """How much of a signal (n,) is an even, and how much an odd function of the speed [m/s], while the table moves."""
     moving = replace(samples, counts=samples.counts & (np.abs(speed.values) > SLOWEST))
-    size = replace(speed, name="even", values=np.abs(speed.values), turns=False)
+    size = replace(speed, name="even", values=np.abs(speed.values), directional=False)
     if np.count_nonzero(moving.counts) < 10 * KNOTS:
         nothing = np.zeros(1)
-        none = judged(size, nothing, nothing, nothing, nothing, seed)
+        none = explained(size, nothing, nothing, nothing, nothing, seed)
         return none, replace(none, name="odd")
     sign = np.sign(speed.values)
     turned = explain(centred(signal, moving) * sign, replace(size, name="odd"), moving, seed)
@@ -257,13 +273,13 @@ def parity(signal: Array, speed: Coordinate, samples: Samples, seed: int = 0) ->
 
 
 def folds(motions: int, seed: int) -> Integers:
-    """The fold (motions,) in which each motion is left out."""
+    """The fold (motions,) in which each motion is held out."""
     return np.asarray(np.random.default_rng(seed).permutation(motions) % min(FOLDS, motions), np.int64)
 
 
 def by_motion(columns: Array, signal: Array, motion: Integers) -> tuple[Array, Array]:
-    """Gram matrices (motions, K, K) of columns (n, K) and their products (motions, K) with a signal (n,); [units of
-    both multiplied]."""
+    """Gram matrices (motions, K, K) of columns (n, K), and the columns' products (motions, K) with a signal (n,), per
+    motion; [units of both multiplied]."""
     ends = np.concatenate([np.flatnonzero(np.diff(motion, prepend=-1)), [motion.size]])
     count, k = int(motion.max()) + 1, columns.shape[1]
     grams, slopes = np.zeros((count, k, k)), np.zeros((count, k))
@@ -275,8 +291,8 @@ def by_motion(columns: Array, signal: Array, motion: Integers) -> tuple[Array, A
 
 
 def held_out(grams: Array, slopes: Array, fold: Integers, ridge: float = RIDGE) -> tuple[Array, Array]:
-    """(reduction of the squared signal in each motion (motions,) by weights from the other folds, weights (K,) from
-    all); [square of the signal's unit; the signal's unit]."""
+    """(reduction of the squared signal in each motion (motions,) by weights fitted on the other folds, weights (K,)
+    fitted on all); [square of the signal's unit; the signal's unit]."""
     gains = np.zeros(slopes.shape[0])
     for number in range(int(fold.max()) + 1):
         gains[fold == number] = _left_out(grams, slopes, fold == number, ridge)
@@ -284,7 +300,7 @@ def held_out(grams: Array, slopes: Array, fold: Integers, ridge: float = RIDGE) 
 
 
 def _left_out(grams: Array, slopes: Array, out: NDArray[np.bool_], ridge: float = RIDGE) -> Array:
-    """What weights from the motions not `out` gain in those that are."""
+    """What weights fitted on the motions not `out` gain in those that are."""
     weights = np.linalg.solve(_ridged(grams[~out].sum(axis=0), ridge), slopes[~out].sum(axis=0))
     return np.asarray(2 * slopes[out] @ weights - np.einsum("i,mij,j->m", weights, grams[out], weights))
 
@@ -293,8 +309,8 @@ def _ridged(gram: Array, ridge: float = RIDGE) -> Array:
     return np.asarray(gram + (ridge * np.trace(gram) / gram.shape[0] + 1e-300) * np.eye(gram.shape[0]))
 
 
-def flipped(grams: Array, slopes: Array, fold: Integers, seed: int) -> Array:
-    """`held_out`'s total (FLIPS,) with the signal's sign turned in motions at random; [square of the signal's unit]."""
+def sign_flip_null(grams: Array, slopes: Array, fold: Integers, seed: int) -> Array:
+    """`held_out`'s total (FLIPS,) with the signal's sign flipped in random motions; [square of the signal's unit]."""
     signs = np.random.default_rng(seed + 1).choice([-1.0, 1.0], (FLIPS, slopes.shape[0]))
     gram, slope, total = grams.sum(axis=0), signs @ slopes, np.zeros(FLIPS)
     for number in range(int(fold.max()) + 1):

@@ -1,7 +1,7 @@
-"""Where the unknown force's energy lies: which motions, which phase of a motion, which frequencies, which wavelengths.
+"""Where the unknown force's energy lies: in which motions, phases of a motion, frequencies and wavelengths.
 
-Energy is the square of the force over time, less what the scale's noise alone would give; a share is of its sum. The
-intervals come from drawing whole motions anew (bootstrap), because neighbouring samples are not independent.
+Energy is the sum of the force's square over the samples, less what the scale's noise alone would give; shares are of
+the total. Confidence intervals come from a bootstrap over whole motions, because neighbouring samples are correlated.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 PHASES: Final = ("start", "accelerate", "cruise", "decelerate", "settle", "dwell", "excitation")
-BEGINNING: Final = 0.1  # of the time for which a reference moves: its start
-EVEN: Final = 0.05  # of a motion's largest acceleration, below which its speed counts as constant
-LOOK: Final = 10e-3  # s, within which a reference that moves goes further than it may rest unsteadily
+BEGINNING: Final = 0.1  # fraction of a motion that is its start
+EVEN: Final = 0.05  # fraction of a motion's largest acceleration below which its speed counts as constant
+LOOK: Final = 10e-3  # s: the reference moves where it changes within this time by more than STEADY
 STEADY: Final = 2e-8  # m
-DRAWS: Final = 400  # of the bootstrap
+DRAWS: Final = 400  # bootstrap samples
 INTERVAL: Final = (0.025, 0.975)
 BANDS: Final = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # Hz; the last one ends at half the sampling frequency
-WAVES: Final = (1e-5, 1e-4, 1e-3, 1e-2)  # m, between wavelengths
+WAVELENGTHS: Final = (1e-5, 1e-4, 1e-3, 1e-2)  # m, between wavelengths
 
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares (K,) [1] of the energy by name, their intervals low, high (K,), each name's share of the time (K,), and
-    the force's deviation there (K,) [N], noise included."""
+    """Shares (K,) [1] of the energy by name, the ends of their intervals low, high (K,), each name's share of the time
+    (K,), and the force's standard deviation there (K,) [N], noise included."""
 
     names: tuple[str, ...]
     share: Array
@@ -50,9 +50,21 @@ class Shares:
 
 
 @dataclass(frozen=True)
+class EnergyShares:
+    """The energy's shares by kind of motion, by phase, by both (named "kind | phase"), by frequency band, and by
+    wavelength over position."""
+
+    motion: Shares
+    phase: Shares
+    motion_and_phase: Shares
+    band: Shares
+    wavelength: Shares
+
+
+@dataclass(frozen=True)
 class Samples:
-    """What is known of every sample of all records (n,): its motion, its phase (index of PHASES), its kind of motion
-    (index of `kinds`), the sign of the last motion, whether it counts."""
+    """Labels of every sample of all records (n,): its motion, its phase (index of PHASES), its kind of motion (index of
+    `kinds`), the sign of the last motion, and whether it counts."""
 
     motion: Integers
     phase: Integers
@@ -62,11 +74,11 @@ class Samples:
     counts: NDArray[np.bool_]
 
 
-def labelled(
+def label_samples(
     records: Sequence[Record], pieces: Sequence[Piece], motion: Integers, counts: Array, settling: float
 ) -> Samples:
-    """The samples of all records; motion (n,): see motions.numbered; counts (n,); settling [s] behind a reference's
-    halt belongs to the motion, what follows is a dwell."""
+    """Labels for the samples of all records; motion (n,): see motions.numbered; counts (n,): weights, 0 for samples
+    that do not count; settling [s]: the time after the reference's halt that is settling, before the dwell."""
     kinds = tuple(dict.fromkeys(piece.kind for piece in pieces))
     of_piece = np.array([kinds.index(piece.kind) for piece in pieces])
     shaken = np.array([piece.kind.excited for piece in pieces])
@@ -79,7 +91,7 @@ def labelled(
 
 
 def _phases(record: Record, settling: float) -> tuple[Integers, Array]:
-    """(phase (n,), sign of the last motion (n,)) of one record, by its reference, or by its position without one."""
+    """(phase (n,), sign of the last motion (n,)) of one record from its reference, else from its position."""
     ts, course, n = record.sample_time, record.reference, record.position.size
     if np.ptp(course) == 0:
         course = record.position
@@ -89,7 +101,7 @@ def _phases(record: Record, settling: float) -> tuple[Integers, Array]:
     moves = np.abs(gone) > max(STEADY, _steps(record, course))
     phase, speed = np.full(n, PHASES.index("dwell")), np.gradient(course, ts)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
-    for first, last in edges.reshape(-1, 2):  # the look reaches beyond the motion's ends
+    for first, last in edges.reshape(-1, 2):  # LOOK widens a motion at both ends
         start, stop = (int(first) + wide if first > 0 else 0), (int(last) - wide if last < n else n)
         if stop - start < 3:
             continue
@@ -102,7 +114,7 @@ def _phases(record: Record, settling: float) -> tuple[Integers, Array]:
 
 
 def _steps(record: Record, course: Array) -> float:
-    """A position measured at rest is unsteady by its noise: six deviations of what neighbouring samples differ [m]."""
+    """Threshold [m] for a measured position, which is noisy at rest: six deviations of its sample-to-sample change."""
     return 6 * float(np.std(np.diff(course))) if course is record.position else 0.0
 
 
@@ -116,14 +128,19 @@ def _within(speed: Array) -> Integers:
     return phase
 
 
-def drawn(motions: int, seed: int) -> Array:
-    """How often each motion is drawn in each of DRAWS bootstraps: (DRAWS, motions) [1]."""
+def centred(signal: Array, samples: Samples) -> Array:
+    """A signal (n,) less its mean over the samples that count, 0 where they do not; in its unit [SI]."""
+    return np.asarray(np.where(samples.counts, signal - np.mean(signal[samples.counts]), 0.0))
+
+
+def bootstrap_counts(motions: int, seed: int) -> Array:
+    """How often each motion is drawn in each bootstrap sample: (DRAWS, motions) [1]."""
     generator = np.random.default_rng(seed)
     return generator.multinomial(motions, np.full(motions, 1 / motions), DRAWS).astype(float)
 
 
-def interval(values: Array) -> tuple[float, float]:
-    """The interval of bootstrapped values (DRAWS,), in their unit [1]."""
+def bootstrap_interval(values: Array) -> tuple[float, float]:
+    """The 95 % interval of bootstrapped values (DRAWS,), in their unit [1]."""
     low, high = np.quantile(values, INTERVAL)
     return float(low), float(high)
 
@@ -131,7 +148,7 @@ def interval(values: Array) -> tuple[float, float]:
 def shares(
     square: Array, noise: float, label: Integers, names: Sequence[str], samples: Samples, seed: int = 0
 ) -> Shares:
-    """Shares of the energy by label (n,): the force's square (n,) [N2] less `noise` [N2], the scale's part of it."""
+    """Shares of the energy by label (n,): the force's square (n,) [N2] less `noise` [N2], its variance due to noise."""
     count, used, motions = len(names), samples.counts & (label >= 0), int(samples.motion.max()) + 1
     place = samples.motion[used] * count + label[used]
     energy = np.asarray(np.bincount(place, square[used] - noise, motions * count), float).reshape(motions, count)
@@ -141,14 +158,14 @@ def shares(
 
 def _shared(names: Sequence[str], energy: Array, time: Integers, noise: float | Array, whole: int, seed: int) -> Shares:
     """Shares of net energies (motions, K) [N2 samples] in `time` (K,) of `whole` [samples]; noise [N2] a sample."""
-    low, high = np.quantile(_of_sums(drawn(energy.shape[0], seed) @ energy), INTERVAL, axis=0)
+    low, high = np.quantile(_of_sums(bootstrap_counts(energy.shape[0], seed) @ energy), INTERVAL, axis=0)
     share, spent = _of_sums(energy.sum(axis=0)[None])[0], np.maximum(time, 1)
     deviation = np.sqrt(np.maximum(energy.sum(axis=0) / spent + noise, 0.0))
     return Shares(tuple(names), share, np.minimum(low, share), np.maximum(high, share), time / whole, deviation)
 
 
 def _of_sums(energy: Array) -> Array:
-    """Shares (b, K) of energies (b, K); all zero where nothing is above the noise."""
+    """Shares (b, K) of energies (b, K); all are zero where nothing exceeds the noise."""
     above = np.maximum(energy, 0.0)
     whole = above.sum(axis=1, keepdims=True)
     return np.asarray(np.divide(above, whole, out=np.zeros_like(above), where=whole > 0))
@@ -157,8 +174,8 @@ def _of_sums(energy: Array) -> Array:
 def by_band(
     force: Sequence[Array], response: Array, noise: float, sample_time: float, samples: Samples, seed: int = 0
 ) -> Shares:
-    """Shares by frequency, between BANDS [Hz]; force (n,) [N] of each record; response: what one reading of 1 m makes
-    of the force [N], for what noise [m] gives in each band."""
+    """Shares by frequency, between BANDS [Hz]; force (n,) [N] of each record. The noise [m] of the scale is taken off
+    each band through `response`, the smoothed force [N] that one reading of 1 m causes."""
     spans, motions = bands(sample_time), int(samples.motion.max()) + 1
     energy, floors = np.empty((motions, len(spans))), np.empty(len(spans))
     for i, (low, high) in enumerate(spans):
@@ -184,27 +201,28 @@ def _band(signal: Array, low: float, high: float, sample_time: float) -> Array:
     return np.asarray(np.fft.irfft(spectrum, signal.size))
 
 
-def by_wave(force: Array, position: Array, noise: float, samples: Samples, seed: int = 0) -> Shares:
-    """Shares by wavelength over position, between WAVES [m], of the force (n,) [N] while the table moves at position
-    (n,) [m]; noise [N]: deviation of one sample. A wave longer than its motion counts as of the motion's length."""
-    edges = [0.0, *WAVES, np.inf]
-    spans = [f"of {show(low, 'm')} to {show(high, 'm')}" for low, high in itertools.pairwise(WAVES)]
-    names = [f"shorter than {show(WAVES[0], 'm')}", *spans, f"longer than {show(WAVES[-1], 'm')}"]
+def by_wavelength(force: Array, position: Array, noise: float, samples: Samples, seed: int = 0) -> Shares:
+    """Shares by wavelength over position, between WAVELENGTHS [m], of the force (n,) [N] while the table moves, at its
+    position (n,) [m]; noise [N]: standard deviation of one sample. A wave longer than the motion counts as being as
+    long as the motion."""
+    edges = [0.0, *WAVELENGTHS, np.inf]
+    spans = [f"of {show(low, 'm')} to {show(high, 'm')}" for low, high in itertools.pairwise(WAVELENGTHS)]
+    names = [f"shorter than {show(WAVELENGTHS[0], 'm')}", *spans, f"longer than {show(WAVELENGTHS[-1], 'm')}"]
     moving = samples.counts & (samples.phase < PHASES.index("settle"))
     energy = np.zeros((int(samples.motion.max()) + 1, len(names)))
     for i in range(len(energy)):
         here = (samples.motion == i) & moving
         if np.count_nonzero(here) > 8 and np.ptp(position[here]) > 0:
-            energy[i] = _waves(position[here], force[here], noise, edges)
+            energy[i] = _by_wavelength(position[here], force[here], noise, edges)
     time = int(np.count_nonzero(moving))
     return _shared(names, energy, np.full(len(names), time), 0.0, max(time, 1), seed)
 
 
-def _waves(position: Array, force: Array, noise: float, edges: Sequence[float]) -> Array:
-    """Net energy (K,) [N2 samples] of a force (n,) [N] over one way (n,) [m], by wavelength."""
+def _by_wavelength(position: Array, force: Array, noise: float, edges: Sequence[float]) -> Array:
+    """Net energy (K,) [N2 samples] of a force (n,) [N] over the path of one motion (n,) [m], by wavelength."""
     count, order = force.size, np.argsort(position)
     along = np.interp(np.linspace(position.min(), position.max(), count), position[order], force[order])
     sides = np.where(np.arange(count // 2 + 1) > 0, 2.0, 1.0)
     power = sides * (np.abs(np.fft.rfft(along)) ** 2 / count - noise**2)
-    length = np.ptp(position) / np.maximum(np.arange(power.size), 1)  # the mean counts as of the way's length
+    length = np.ptp(position) / np.maximum(np.arange(power.size), 1)  # the mean counts as one wave
     return np.array([np.sum(power[(length >= low) & (length < high)]) for low, high in itertools.pairwise(edges)])

@@ -1,9 +1,9 @@
-"""The unknown force in a record: what a smoother adds to the fitted model's forces, with its band, and what repeats.
+"""The unknown force in a record: what a Kalman smoother adds to the fitted model's forces, and its noise floor.
 
-Two settings see different things: a slow force keeps drifts that a fast one swallows as noise, a fast one follows what
-happens within milliseconds. Between them is the likeliest setting: how far the force walks a sample as the innovations
-show it, which is what a stochastic grey-box model estimates as its diffusion (Kristensen, Madsen and Jorgensen 2004).
-n samples.
+The force is a random walk. Its standard deviation per sample is a setting: with a slow walk the estimate shows drifts
+with little noise, with a fast one it follows what happens within milliseconds. Between both is the likeliest walk,
+which maximises the likelihood of the innovations, as a stochastic grey-box model estimates its diffusion (Kristensen,
+Madsen and Jorgensen 2004). n samples.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import JITTER, SUBSTEPS, Predictor, discretised, innovations, smoothed
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.residual import AGAIN, STARTING, Candidate, modal, noise, seeing
+from diagnosis.where.energy import Samples, centred
 from models.plant import Plant
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-SLOW: Final = 4e-3  # [N a sample] of the unknown force's walk
-FAST: Final = 0.3  # [N a sample]
-WALKS: Final = tuple(np.geomspace(2e-3, 2.0, 13))  # [N a sample], of which the likeliest is taken
-REACH: Final = 4000  # samples over which the smoother answers to one reading
-DOUBLINGS: Final = 40  # of the samples that the smoother's recursion runs over
+SLOW: Final = 4e-3  # N per sample, of the unknown force's random walk
+FAST: Final = 0.3  # N per sample
+WALKS: Final = tuple(np.geomspace(2e-3, 2.0, 13))  # N per sample: the likeliest of them is taken
+REACH: Final = 4000  # samples to either side over which the smoother's response to one reading is computed
+DOUBLINGS: Final = 40  # of the horizon in the smoother's covariance recursion: 2^40 samples are as good as infinite
 
 
 @dataclass(frozen=True)
 class Force:
-    """The unknown force d (n,) [N] of each record, for a walk [N a sample]; deviation [N] of it as the smoother states
-    it, steady; noise [N]: what of d's deviation the scale's noise alone would give."""
+    """The unknown force d (n,) [N] of each record for one random walk [N per sample]; deviation [N]: its posterior
+    standard deviation, in steady state; noise [N]: the standard deviation that the scale's noise alone would give d."""
 
     walk: float
     values: tuple[Array, ...]
@@ -45,10 +46,11 @@ class Force:
 
 @dataclass(frozen=True)
 class Floor:
-    """What no deterministic effect can close, as deviations: force [N], position [m], whitened innovations [1].
+    """The noise floor, which no deterministic effect can lower, as standard deviations: force [N], position [m],
+    whitened innovations [1].
 
-    source: "repeats" (within groups of equal motions, `groups` of them with `motions` together) or "innovations", where
-    nothing repeats. repeats: share of the force's variance that equal motions have in common [1], None without any.
+    source: "repeats" (the scatter within `groups` groups of equal motions, `motions` in total) or "innovations", where
+    no motions are equal. repeats: share of the force's variance that equal motions have in common [1], else None.
     """
 
     source: str
@@ -60,8 +62,32 @@ class Floor:
     repeats: float | None
 
 
+@dataclass(frozen=True)
+class UnknownForce:
+    """The force that the fitted model lacks: with a slow, a fast and the likeliest random walk. noise [N]: the standard
+    deviation that the likeliest one has where nothing is missing. floor: what does not repeat."""
+
+    slow: Force
+    fast: Force
+    likely: Force
+    noise: float
+    floor: Floor
+
+    def centred(self, samples: Samples) -> Array:
+        """The likeliest force (n,) [N] of all records, one after another, its mean over what counts removed."""
+        return centred(np.concatenate(self.likely.values), samples)
+
+
+def unknown_force(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> UnknownForce:
+    """The force [N] that the fitted model lacks in the records, whose motions are the pieces."""
+    slow, fast = smoothed_force(fitted, records, SLOW), smoothed_force(fitted, records, FAST)
+    likely = smoothed_force(fitted, records, likeliest_walk(fitted, records))
+    noise = noise_deviation(fitted.candidate, records[0].sample_time, likely)
+    return UnknownForce(slow, fast, likely, noise, noise_floor(fitted, records, pieces, likely))
+
+
 def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
-    """The record's reading (n,) [m] less what the fit's effects add to it."""
+    """The record's reading (n,) [m] less what the fitted effects add to it."""
     seen = fitted.seen[index]
     reading = record.position - seen.acts.reading
     for effect in fitted.candidate.effects:
@@ -70,23 +96,21 @@ def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
     return np.asarray(reading)
 
 
-def unknown(fitted: Fit, records: Sequence[Record], walk: float) -> Force:
-    """The unknown force for a walk [N a sample], in newtons of thrust."""
+def smoothed_force(fitted: Fit, records: Sequence[Record], walk: float) -> Force:
+    """The unknown force for a random walk [N per sample], in newtons of thrust."""
     machine, model = fitted.candidate.machine, seeing(fitted.candidate, records[0].sample_time, walk)
-    place, values = 2 * len(machine.plant.modes), []  # of the force among the states
+    place, values = 2 * len(machine.plant.modes), []  # the force's index among the states
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
         values.append(smoothed(model, fitted.seen[i].force, reading, _start(model, reading))[:, place])
     deviation = steady_deviation(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine))
-    part = noise(machine) * float(np.linalg.norm(answer(fitted.candidate, records[0].sample_time, walk)[0]))
+    part = noise(machine) * float(np.linalg.norm(smoother_response(fitted.candidate, records[0].sample_time, walk)[0]))
     return Force(walk, tuple(values), deviation, part)
 
 
-def answer(candidate: Candidate, sample_time: float, walk: float) -> tuple[Array, Array]:
-    """What one reading of 1 m in the middle makes of the smoothed force [N] and position [m]: (2 REACH + 1,) each.
-
-    Without the candidate's random forces.
-    """
+def smoother_response(candidate: Candidate, sample_time: float, walk: float) -> tuple[Array, Array]:
+    """Impulse response of the smoother: (force [N], position [m]), (2 REACH + 1,) each, to one reading of 1 m in the
+    middle, without the candidate's random forces."""
     model = seeing(replace(candidate, shaken=()), sample_time, walk)
     reading = np.zeros(2 * REACH + 1)
     reading[REACH] = 1.0
@@ -94,14 +118,14 @@ def answer(candidate: Candidate, sample_time: float, walk: float) -> tuple[Array
     return states[:, model.C.size - 1], states @ model.C
 
 
-def likeliest(fitted: Fit, records: Sequence[Record]) -> float:
-    """The walk [N a sample] of WALKS under which the readings are the most probable."""
-    chance = [sum(_chances(fitted, records, walk)) for walk in WALKS]
-    return float(WALKS[int(np.argmax(chance))])
+def likeliest_walk(fitted: Fit, records: Sequence[Record]) -> float:
+    """The random walk [N per sample] of WALKS with the largest likelihood of the readings."""
+    likelihoods = [sum(_log_likelihoods(fitted, records, walk)) for walk in WALKS]
+    return float(WALKS[int(np.argmax(likelihoods))])
 
 
-def _chances(fitted: Fit, records: Sequence[Record], walk: float) -> Iterator[float]:
-    """Logarithm of each record's likelihood, but for a constant."""
+def _log_likelihoods(fitted: Fit, records: Sequence[Record], walk: float) -> Iterator[float]:
+    """Logarithm of each record's likelihood, up to a constant."""
     model = seeing(fitted.candidate, records[0].sample_time, walk)
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
@@ -116,7 +140,11 @@ def _start(model: Predictor, reading: Array) -> Array:
 
 
 def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float) -> float:
-    """Deviation [N] of the smoothed force far from a record's ends: P = P+ + G (P - P-) G', steady."""
+    """Posterior standard deviation [N] of the smoothed force far from a record's ends.
+
+    Steady state of the Rauch-Tung-Striebel smoother, P = P+ + G (P - P-) G', with P- and P+ the covariances before and
+    after a reading and G the smoother's gain.
+    """
     a, _, c = discretised(plant, sample_time)
     held = a[:, -1].copy()
     held[-1] = 0.0
@@ -132,30 +160,30 @@ def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: fl
     return float(np.sqrt(max(smooth[-1, -1], 0.0)))
 
 
-def unseen(candidate: Candidate, sample_time: float, force: Force) -> float:
-    """Deviation [N] that d has where nothing is unknown: from the scale's noise, and from what noise leaves of the
-    position at which the friction is evaluated, while all contacts stick."""
+def noise_deviation(candidate: Candidate, sample_time: float, force: Force) -> float:
+    """Standard deviation [N] of d where the model is complete: from the scale's noise directly, and from the error that
+    it leaves in the position at which the friction is evaluated, with all contacts sticking."""
     machine = candidate.machine
-    position = noise(machine) * np.linalg.norm(answer(candidate, sample_time, AGAIN[-1])[1])
+    position = noise(machine) * np.linalg.norm(smoother_response(candidate, sample_time, AGAIN[-1])[1])
     return float(np.hypot(force.noise, sum(machine.friction.stiffness) * position))
 
 
-def floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], force: Force) -> Floor:
-    """The floor from what does not repeat between equal motions, or, where none are equal, from the innovations."""
+def noise_floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], force: Force) -> Floor:
+    """The noise floor from the scatter between equal motions or, where none are equal, from the innovations."""
     groups = repeated(pieces, records)
     if not groups:
         return _from_innovations(fitted, records)
     position = [record.position - record.reference for record in records]
     split = np.cumsum([record.position.size for record in records])[:-1]
     signals = (force.values, position, np.split(fitted.innovations, split))
-    size, place, left = (rms(scatter(groups, pieces, signal)) for signal in signals)
-    spread = _about_the_mean(groups, pieces, force.values)
-    repeats = float(np.clip(1 - size**2 / spread, 0.0, 1.0)) if spread > 0 else 0.0
-    return Floor("repeats", size, place, left, len(groups), sum(len(group) for group in groups), repeats)
+    size, place, innovation = (rms(scatter(groups, pieces, signal)) for signal in signals)
+    variance = _variance(groups, pieces, force.values)
+    repeats = float(np.clip(1 - size**2 / variance, 0.0, 1.0)) if variance > 0 else 0.0
+    return Floor("repeats", size, place, innovation, len(groups), sum(len(group) for group in groups), repeats)
 
 
 def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
-    """A fast unknown force takes up whatever else there is: what it leaves is the scale's noise."""
+    """A fast unknown force absorbs everything else, so that what it leaves of the readings is the scale's noise."""
     candidate, ts = fitted.candidate, records[0].sample_time
     model = seeing(candidate, ts, FAST)
     left = []
@@ -163,11 +191,11 @@ def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
         reading = explained_reading(fitted, record, i)
         left.append(innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:])
     size = float(np.sqrt(np.mean(np.concatenate(left) ** 2))) / model.deviation
-    force = size * unseen(candidate, ts, unknown(fitted, records, SLOW))
+    force = size * noise_deviation(candidate, ts, smoothed_force(fitted, records, SLOW))
     return Floor("innovations", force, size * noise(candidate.machine), size, 0, 0, None)
 
 
-def _about_the_mean(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> float:
-    """Variance of a signal over all motions that repeat; [square of the signal's unit]."""
+def _variance(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> float:
+    """Variance of a signal over all motions that repeat [square of the signal's unit]."""
     every = [signals[pieces[i].record][pieces[i].start : pieces[i].stop] for group in groups for i in group]
     return float(np.var(np.concatenate(every)))

@@ -1,4 +1,4 @@
-"""What `where` found, in sentences: computed, the one that says the most first."""
+"""What was located, in sentences: each is computed from the numbers, the one that says the most comes first."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Final
 from diagnosis.where.coordinates import SURE, Explained
 from diagnosis.where.energy import Shares
 from diagnosis.where.locate import Where
-from diagnosis.where.side import Side, verdict
+from diagnosis.where.side import Side, force_or_reading
 from models.quantity import show
 
-LEAST: Final = 0.02  # share below which it is not worth a sentence
-CERTAIN: Final = 0.2  # lower end of a share's interval, from which on it is stated where few motions make p large
-SLOW_CLOCK: Final = 0.5  # weight of the time since the record began, which goes along with whatever changes slowly
-MORE: Final = 1.3  # times its share of the time, from which on a part stands out
+LEAST: Final = 0.02  # share below which a finding is not worth a sentence
+CERTAIN: Final = 0.2  # lower end of a share's interval from which on it is stated even if few motions make p large
+SLOW_CLOCK: Final = 0.5  # weight of the time since the record began, which correlates with whatever changes slowly
+MORE: Final = 1.3  # ratio of a part's share of the energy to its share of the time from which on it stands out
 COORDINATES: Final = {
     "time": "The time since the record began",
     "time_in_motion": "The time since the motion began",
@@ -67,16 +67,16 @@ class Statement:
     weight: float = 0.0
 
 
-def statements(found: Where) -> tuple[Statement, ...]:
+def statements(where: Where) -> tuple[Statement, ...]:
     """The controller where it does not replay, the size, the findings in the order of their weights, and the rest."""
-    first = [*_controller(found), _size(found)]
-    last = [*_drive(found), _floor(found)]
-    if found.is_noise:
-        side = [] if verdict(found.sides) == "neither" else [_side(found)]
-        return (*first, *_spike(found), *side, *last)
-    findings = [one for part in (_energy, _coordinates, _parity, _scatter) for one in part(found)]
+    first = [*_controller(where), _size(where)]
+    last = [*_drive(where), _floor(where)]
+    if where.is_noise:
+        side = [] if force_or_reading(where.sides) == "neither" else [_side(where)]
+        return (*first, *_spike(where), *side, *last)
+    findings = [one for part in (_energy, _coordinates, _parity, _scatter) for one in part(where)]
     findings.sort(key=lambda one: -one.weight)
-    return (*first, *findings, *_spike(found), _side(found), *last)
+    return (*first, *findings, *_spike(where), _side(where), *last)
 
 
 def percent(share: float) -> str:
@@ -88,9 +88,9 @@ def _interval(low: float, high: float) -> str:
     return f"{percent(low)} to {percent(high)}"
 
 
-def _controller(found: Where) -> Iterator[Statement]:
-    for i, one in enumerate(found.controller):
-        record = f"record {i + 1}" if len(found.controller) > 1 else "the record"
+def _controller(where: Where) -> Iterator[Statement]:
+    for i, one in enumerate(where.controller):
+        record = f"record {i + 1}" if len(where.controller) > 1 else "the record"
         if not one.checked:
             text = f"Whether the stated controller made {record} can't be checked: it has no reference."
             yield Statement(Topic.UNCHECKED, text)
@@ -105,18 +105,18 @@ def _controller(found: Where) -> Iterator[Statement]:
             )
 
 
-def _drive(found: Where) -> Iterator[Statement]:
-    if found.followed is not None:
+def _drive(where: Where) -> Iterator[Statement]:
+    if where.beyond_rating is not None:
         yield Statement(
             Topic.DRIVE,
-            f"The drive followed commands of up to {show(found.followed, 'N', 3)}, more than the rated thrust of the "
-            "machine file.",
+            f"The drive followed commands of up to {show(where.beyond_rating, 'N', 3)}, more than the rated thrust of "
+            "the machine file.",
         )
 
 
-def _size(found: Where) -> Statement:
-    size, least = found.deviation, found.unseen
-    if found.is_noise:
+def _size(where: Where) -> Statement:
+    size, least = where.deviation, where.unknown.noise
+    if where.is_noise:
         return Statement(
             Topic.SIZE,
             f"What is left as an unknown force, {show(size, 'N', 2)} (rms), is no more than the scale's noise leaves "
@@ -129,18 +129,18 @@ def _size(found: Where) -> Statement:
     )
 
 
-def _spike(found: Where) -> Iterator[Statement]:
-    if found.spike:
+def _spike(where: Where) -> Iterator[Statement]:
+    if where.spike:
         yield Statement(
             Topic.SPIKE,
-            f"Single samples stand out: the reading at {found.spike.sample * found.sample_time:.4g} s of record "
-            f"{found.spike.record + 1} is {found.spike.deviations:.0f} deviations of noise off, as where a reading was "
+            f"Single samples stand out: the reading at {where.spike.sample * where.sample_time:.4g} s of record "
+            f"{where.spike.record + 1} is {where.spike.deviations:.0f} deviations of noise off, as where a reading was "
             "lost or held, or something struck the table.",
         )
 
 
-def _floor(found: Where) -> Statement:
-    floor = found.floor
+def _floor(where: Where) -> Statement:
+    floor = where.unknown.floor
     if floor.repeats is None:
         return Statement(
             Topic.FLOOR,
@@ -155,12 +155,12 @@ def _floor(found: Where) -> Statement:
         Topic.FLOOR,
         f"Between equal motions ({groups}) {repeats}. What does not, {show(floor.force, 'N', 2)} and "
         f"{show(floor.position, 'm', 2)} of position, is variance; the scale's noise would leave "
-        f"{show(found.unseen, 'N', 2)}.",
+        f"{show(where.unknown.noise, 'N', 2)}.",
     )
 
 
 def _standing_out(shares: Shares) -> int | None:
-    """The part whose share is furthest beyond its share of the time, if it is by much."""
+    """The part whose share of the energy most exceeds its share of the time, if it does so clearly."""
     i = max(range(len(shares.names)), key=lambda i: float(shares.share[i] - shares.time[i]))
     return i if shares.share[i] > max(MORE * shares.time[i], LEAST) else None
 
@@ -172,26 +172,26 @@ def _part(shares: Shares, i: int, name: str) -> Statement:
     return Statement(Topic.ENERGY, text, low - time)
 
 
-def _energy(found: Where) -> Iterator[Statement]:
-    motion, phase = _standing_out(found.by_motion), _standing_out(found.by_phase)
+def _energy(where: Where) -> Iterator[Statement]:
+    motion, phase = _standing_out(where.energy.motion), _standing_out(where.energy.phase)
     if motion is not None:
-        yield _part(found.by_motion, motion, f"in {found.by_motion.names[motion]}")
-    if phase is not None and found.by_phase.names[phase] != "excitation":  # a kind of motion says the same
-        yield _part(found.by_phase, phase, PHASES[found.by_phase.names[phase]])
-    for shares, where in ((found.by_band, "at"), (found.by_wave, "while moving, in waves")):
+        yield _part(where.energy.motion, motion, f"in {where.energy.motion.names[motion]}")
+    if phase is not None and where.energy.phase.names[phase] != "excitation":  # a kind of motion says the same
+        yield _part(where.energy.phase, phase, PHASES[where.energy.phase.names[phase]])
+    for shares, verb in ((where.energy.band, "at"), (where.energy.wavelength, "while moving, in waves")):
         i = shares.ranked()[0]
         if shares.low[i] > LEAST:
             span = _interval(float(shares.low[i]), float(shares.high[i]))
-            text = f"{percent(float(shares.share[i]))} ({span}) of its energy lies {where} {shares.names[i]}."
+            text = f"{percent(float(shares.share[i]))} ({span}) of its energy lies {verb} {shares.names[i]}."
             yield Statement(Topic.ENERGY, text, float(shares.low[i]) - 0.5)
 
 
-def _coordinates(found: Where) -> Iterator[Statement]:
-    stated = [one for one in found.by_coordinate if one.share > LEAST and (one.p < SURE or one.low > CERTAIN)]
+def _coordinates(where: Where) -> Iterator[Statement]:
+    stated = [one for one in where.dependence.coordinates if one.share > LEAST and (one.p < SURE or one.low > CERTAIN)]
     for one in stated:
         yield Statement(Topic.COORDINATE, _explains(one), one.low * (SLOW_CLOCK if one.name == "time" else 1.0))
     if not stated:
-        best = found.by_coordinate[0]
+        best = where.dependence.coordinates[0]
         yield Statement(
             Topic.NO_COORDINATE,
             f"No single coordinate explains it on motions left out: the best, {words(best.name)}, explains "
@@ -210,8 +210,8 @@ def _explains(one: Explained) -> str:
     )
 
 
-def _parity(found: Where) -> Iterator[Statement]:
-    even, odd = found.parity
+def _parity(where: Where) -> Iterator[Statement]:
+    even, odd = where.dependence.parity
     if max(even.share, odd.share) > LEAST and min(even.p, odd.p) < SURE:
         yield Statement(
             Topic.PARITY,
@@ -221,8 +221,8 @@ def _parity(found: Where) -> Iterator[Statement]:
         )
 
 
-def _scatter(found: Where) -> Iterator[Statement]:
-    for one in found.scatter[:1]:
+def _scatter(where: Where) -> Iterator[Statement]:
+    for one in where.dependence.scatter[:1]:
         if one.p < SURE and one.share > LEAST:
             yield Statement(
                 Topic.SCATTER,
@@ -232,15 +232,15 @@ def _scatter(found: Where) -> Iterator[Statement]:
             )
 
 
-def _side(found: Where) -> Statement:
-    force = max(found.sides, key=lambda one: one.force)
-    reading = max(found.sides, key=lambda one: one.reading)
+def _side(where: Where) -> Statement:
+    force = max(where.sides, key=lambda one: one.force)
+    reading = max(where.sides, key=lambda one: one.reading)
     start = {
         "force": "It acts as a force, not in the scale",
         "scale": "It is in the scale's reading, not a force",
         "either": "A force and an error of the scale explain it about equally",
         "neither": "Neither a force nor an error of the scale over one coordinate explains it",
-    }[verdict(found.sides)]
+    }[force_or_reading(where.sides)]
     return Statement(
         Topic.SIDE,
         f"{start}: on motions left out, curves over {_over(force)} as a force take {force.force:.0f} off chi-square, "
@@ -249,7 +249,7 @@ def _side(found: Where) -> Statement:
 
 
 def _over(side: Side) -> str:
-    """What a curve is over, within a sentence."""
+    """The variable of a curve, within a sentence."""
     return f"the position modulo {show(side.pitch, 'm', 4)}" if side.pitch else words(side.coordinate)
 
 

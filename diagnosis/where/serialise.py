@@ -1,4 +1,4 @@
-"""`where`'s answer as results.json holds it: the shares that others rely on, and what the figures are drawn from."""
+"""What was located as results.json holds it: the agreed keys, and the data of the figures."""
 
 from __future__ import annotations
 
@@ -12,39 +12,41 @@ from scipy.signal import welch
 from diagnosis.model.motions import MotionKind, Piece, repeated
 from diagnosis.model.residual import Candidate, noise
 from diagnosis.where.coordinates import PITCHES, Explained, periodogram
-from diagnosis.where.energy import PHASES, WAVES, Shares, bands
-from diagnosis.where.force import FAST, answer
+from diagnosis.where.energy import PHASES, WAVELENGTHS, Shares, bands
+from diagnosis.where.force import FAST, smoother_response
 from diagnosis.where.locate import Where
 from diagnosis.where.sentences import statements
-from diagnosis.where.side import verdict
+from diagnosis.where.side import force_or_reading
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-POINTS: Final = 600  # of a force over a whole record
-COURSE: Final = 300  # of a force over one motion
-LINES: Final = 80  # of a spectrum
-COURSES: Final = 3  # kinds of motions whose force is kept
+POINTS: Final = 600  # points of the force over a whole record
+COURSE: Final = 300  # points of the force over one motion
+LINES: Final = 80  # lines of a spectrum
+COURSES: Final = 3  # kinds of motion whose force is kept
 
 
-def to_json(found: Where) -> dict[str, Any]:
+def to_json(where: Where) -> dict[str, Any]:
     """Shares by name, the statements with their topics, and under "details" all shares with their intervals; SI."""
-    stated = statements(found)
+    stated = statements(where)
     return {
-        "by_motion": {name: float(share) for name, share in _pairs(found.by_motion)},
-        "by_phase": {name: float(share) for name, share in _pairs(found.by_phase)},
+        "by_motion": {name: float(share) for name, share in _pairs(where.energy.motion)},
+        "by_phase": {name: float(share) for name, share in _pairs(where.energy.phase)},
         "by_band_Hz": [
             [low, high, float(share)]
-            for (low, high), share in zip(bands(found.sample_time), found.by_band.share, strict=True)
+            for (low, high), share in zip(bands(where.sample_time), where.energy.band.share, strict=True)
         ],
         "by_wavelength_m": [
             [low, high, float(share)]
-            for low, high, share in zip((0.0, *WAVES), (*WAVES, None), found.by_wave.share, strict=True)
+            for low, high, share in zip(
+                (0.0, *WAVELENGTHS), (*WAVELENGTHS, None), where.energy.wavelength.share, strict=True
+            )
         ],
-        "by_coordinate": {one.name: one.share for one in found.by_coordinate},
+        "by_coordinate": {one.name: one.share for one in where.dependence.coordinates},
         "statements": [one.text for one in stated],
         "topics": [one.topic.value for one in stated],
-        "details": _details(found),
+        "details": _details(where),
     }
 
 
@@ -52,30 +54,30 @@ def _pairs(shares: Shares) -> list[tuple[str, float]]:
     return [(shares.names[i], float(shares.share[i])) for i in shares.ranked()]
 
 
-def _details(found: Where) -> dict[str, Any]:
+def _details(where: Where) -> dict[str, Any]:
     return {
-        "force_rms_N": found.deviation,
-        "noise_rms_N": found.unseen,
-        "walk_N_per_sample": found.likely.walk,
-        "side": verdict(found.sides),
+        "force_rms_N": where.deviation,
+        "noise_rms_N": where.unknown.noise,
+        "walk_N_per_sample": where.unknown.likely.walk,
+        "side": force_or_reading(where.sides),
         "sides": [
             {"coordinate": one.coordinate, "force": one.force, "reading": one.reading, "pitch_m": one.pitch}
-            for one in found.sides
+            for one in where.sides
         ],
         "floor": {
-            "source": found.floor.source,
-            "force_N": found.floor.force,
-            "position_m": found.floor.position,
-            "innovations": found.floor.innovations,
-            "groups": found.floor.groups,
-            "motions": found.floor.motions,
-            "repeats": found.floor.repeats,
+            "source": where.unknown.floor.source,
+            "force_N": where.unknown.floor.force,
+            "position_m": where.unknown.floor.position,
+            "innovations": where.unknown.floor.innovations,
+            "groups": where.unknown.floor.groups,
+            "motions": where.unknown.floor.motions,
+            "repeats": where.unknown.floor.repeats,
         },
         "ceiling": {
-            "share": found.together[0],
-            "low": found.together[1],
-            "high": found.together[2],
-            "force_N": found.deviation * float(np.sqrt(max(1 - found.together[0], 0.0))),
+            "share": where.dependence.ceiling[0],
+            "low": where.dependence.ceiling[1],
+            "high": where.dependence.ceiling[2],
+            "force_N": where.deviation * float(np.sqrt(max(1 - where.dependence.ceiling[0], 0.0))),
         },
         "controller": [
             {
@@ -88,24 +90,24 @@ def _details(found: Where) -> dict[str, Any]:
                 "would_fit": one.remedy,
                 "would_leave_N": one.remains,
             }
-            for one in found.controller
+            for one in where.controller
         ],
         "maps": {
-            "motion": _shares(found.by_motion),
-            "phase": _shares(found.by_phase),
-            "band": _shares(found.by_band),
-            "wavelength": _shares(found.by_wave),
+            "motion": _shares(where.energy.motion),
+            "phase": _shares(where.energy.phase),
+            "band": _shares(where.energy.band),
+            "wavelength": _shares(where.energy.wavelength),
         },
         "motion_by_phase": {
-            "motions": [str(kind) for kind in found.samples.kinds],
+            "motions": [str(kind) for kind in where.samples.kinds],
             "phases": list(PHASES),
-            "share": found.motions_by_phase.share.reshape(-1, len(PHASES)).tolist(),
-            "rms_N": found.motions_by_phase.deviation.reshape(-1, len(PHASES)).tolist(),
-            "time": found.motions_by_phase.time.reshape(-1, len(PHASES)).tolist(),
+            "share": where.energy.motion_and_phase.share.reshape(-1, len(PHASES)).tolist(),
+            "rms_N": where.energy.motion_and_phase.deviation.reshape(-1, len(PHASES)).tolist(),
+            "time": where.energy.motion_and_phase.time.reshape(-1, len(PHASES)).tolist(),
         },
-        "coordinates": [_explained(one) for one in found.by_coordinate],
-        "parity": {"even": _explained(found.parity[0]), "odd": _explained(found.parity[1])},
-        "scatter": [_explained(one) for one in found.scatter],
+        "coordinates": [_explained(one) for one in where.dependence.coordinates],
+        "parity": {"even": _explained(where.dependence.parity[0]), "odd": _explained(where.dependence.parity[1])},
+        "scatter": [_explained(one) for one in where.dependence.scatter],
     }
 
 
@@ -139,21 +141,21 @@ def _explained(one: Explained) -> dict[str, Any]:
     }
 
 
-def pictures(found: Where, candidate: Candidate, records: Sequence[Record], pieces: Sequence[Piece]) -> dict[str, Any]:
-    """The unknown force that a candidate leaves: over time with its band, over the motions that hold most of it, and
-    its spectra; SI."""
+def pictures(where: Where, candidate: Candidate, records: Sequence[Record], pieces: Sequence[Piece]) -> dict[str, Any]:
+    """The unknown force that a candidate leaves: over time with its band, over the kinds of motion with the largest
+    energy, and its spectra; SI."""
     return {
-        "force": [_over_time(found, record, i) for i, record in enumerate(records)],
-        "courses": _courses(found, records, pieces),
-        "spectrum": _spectrum(found, candidate, records),
-        "periods": _periods(found),
+        "force": [_over_time(where, record, i) for i, record in enumerate(records)],
+        "courses": _courses(where, records, pieces),
+        "spectrum": _spectrum(where, candidate, records),
+        "periods": _periods(where),
     }
 
 
-def _over_time(found: Where, record: Record, index: int) -> dict[str, Any]:
-    """Mean of the slow force over equal spans of one record, and the fast one's extremes within them."""
+def _over_time(where: Where, record: Record, index: int) -> dict[str, Any]:
+    """Mean of the slow force over equal spans of one record, and the extremes of the fast one within them."""
     edges = np.linspace(0, record.position.size, min(POINTS, record.position.size) + 1).astype(int)[:-1]
-    slow, fast = found.slow.values[index], found.fast.values[index]
+    slow, fast = where.unknown.slow.values[index], where.unknown.fast.values[index]
     count = np.diff(np.append(edges, record.position.size))
     return {
         "time_s": ((edges + 0.5 * count) * record.sample_time).tolist(),
@@ -161,23 +163,23 @@ def _over_time(found: Where, record: Record, index: int) -> dict[str, Any]:
         "fast_low_N": np.minimum.reduceat(fast, edges).tolist(),
         "fast_high_N": np.maximum.reduceat(fast, edges).tolist(),
         "reference_m": record.reference[edges].tolist(),
-        "slow_deviation_N": found.slow.deviation,
-        "fast_deviation_N": found.fast.deviation,
+        "slow_deviation_N": where.unknown.slow.deviation,
+        "fast_deviation_N": where.unknown.fast.deviation,
     }
 
 
-def _courses(found: Where, records: Sequence[Record], pieces: Sequence[Piece]) -> list[dict[str, Any]]:
-    """The likely force over the kinds of motion that hold most of it: mean and deviation over equal motions."""
+def _courses(where: Where, records: Sequence[Record], pieces: Sequence[Piece]) -> list[dict[str, Any]]:
+    """The likeliest force over the kinds of motion with the largest energy: mean and deviation over equal motions."""
     groups = list(repeated(pieces, records)) or [(i,) for i in range(len(pieces))]
     energy = []
     for group in groups:
-        members = [_part(found.likely.values, pieces[i]) for i in group]
+        members = [_part(where.unknown.likely.values, pieces[i]) for i in group]
         energy.append(float(np.mean([np.sum(one**2) for one in members])))
     kept: dict[MotionKind, dict[str, Any]] = {}
     for i in np.argsort(energy)[::-1]:
         piece, group = pieces[groups[i][0]], groups[i]
         if piece.kind not in kept and len(kept) < COURSES:
-            kept[piece.kind] = _course(found, records, [pieces[j] for j in group])
+            kept[piece.kind] = _course(where, records, [pieces[j] for j in group])
     return list(kept.values())
 
 
@@ -185,8 +187,8 @@ def _part(values: Sequence[Array], piece: Piece) -> Array:
     return values[piece.record][piece.start : piece.stop]
 
 
-def _course(found: Where, records: Sequence[Record], group: Sequence[Piece]) -> dict[str, Any]:
-    members = np.array([_part(found.likely.values, piece) for piece in group])
+def _course(where: Where, records: Sequence[Record], group: Sequence[Piece]) -> dict[str, Any]:
+    members = np.array([_part(where.unknown.likely.values, piece) for piece in group])
     ts, first = records[0].sample_time, group[0]
     step = max(members.shape[1] // COURSE, 1)
     scatter = members.std(axis=0, ddof=1) if len(group) > 1 else np.zeros(members.shape[1])
@@ -197,20 +199,20 @@ def _course(found: Where, records: Sequence[Record], group: Sequence[Piece]) -> 
         "time_s": (np.arange(members.shape[1]) * ts)[::step].tolist(),
         "force_N": members.mean(axis=0)[::step].tolist(),
         "scatter_N": scatter[::step].tolist(),
-        "deviation_N": found.likely.deviation,
+        "deviation_N": where.unknown.likely.deviation,
         "reference_m": (reference - reference[0])[::step].tolist(),
     }
 
 
-def _spectrum(found: Where, candidate: Candidate, records: Sequence[Record]) -> dict[str, Any]:
-    """Power density of the fast force, and of what the scale's noise makes of it, over frequency."""
+def _spectrum(where: Where, candidate: Candidate, records: Sequence[Record]) -> dict[str, Any]:
+    """Power spectral density of the fast force, and of the part of it that the scale's noise causes."""
     ts = records[0].sample_time
     length = min(8192, *(record.position.size for record in records))
-    parts = [welch(values, 1 / ts, nperseg=length, detrend="linear") for values in found.fast.values]
+    parts = [welch(values, 1 / ts, nperseg=length, detrend="linear") for values in where.unknown.fast.values]
     frequency = parts[0][0][1:]
     sizes = np.array([record.position.size for record in records], float)
     power = np.average([part[1][1:] for part in parts], axis=0, weights=sizes)
-    response = answer(candidate, ts, FAST)[0]
+    response = smoother_response(candidate, ts, FAST)[0]
     floor = 2 * ts * noise(candidate.machine) ** 2 * np.abs(np.fft.rfft(response)) ** 2
     there = np.interp(frequency, np.fft.rfftfreq(response.size, ts), floor)
     edges = np.unique(np.geomspace(1, frequency.size, LINES).astype(int) - 1)
@@ -222,12 +224,12 @@ def _spectrum(found: Where, candidate: Candidate, records: Sequence[Record]) -> 
     }
 
 
-def _periods(found: Where) -> dict[str, Any] | None:
-    """Share of the force's variance that sines of the place take, over their period; None where there is no way."""
-    place = next((one for one in found.coordinates if one.name == "position"), None)
-    if place is None or float(np.ptp(place.values[found.samples.counts])) < 1.5 * PITCHES[0]:
+def _periods(where: Where) -> dict[str, Any] | None:
+    """Share of the force's variance that sines of the position explain, over their period; None without travel."""
+    place = next((one for one in where.coordinates if one.name == "position"), None)
+    if place is None or float(np.ptp(place.values[where.samples.counts])) < 1.5 * PITCHES[0]:
         return None
-    every = np.ones(int(found.samples.motion.max()) + 1, bool)
-    inverse, gain = periodogram(found.force, place.values, found.samples, every)
-    whole = max(float(np.sum(found.force**2)), 1e-300)
+    every = np.ones(int(where.samples.motion.max()) + 1, bool)
+    inverse, gain = periodogram(where.force, place.values, where.samples, every)
+    whole = max(float(np.sum(where.force**2)), 1e-300)
     return {"period_m": (1 / inverse).tolist(), "share": (gain / whole).tolist()}

@@ -1,8 +1,8 @@
-"""Force side or scale side: whether what is left looks like a force on the table or like an error of its reading.
+"""Force or reading: whether the residual looks like a force on the table or like an error of the position scale.
 
-A force and an addition to the reading leave different marks in the innovations: a reading's error does not move the
-table, but the friction is evaluated at another place. Curves over the same coordinate, once as force and once as
-reading, are compared by what they take off the innovations' chi-square on motions left out.
+Both leave different marks in the innovations: an error of the reading does not move the table, but it shifts the
+position at which the model evaluates the friction. Curves over the same coordinate, once as a force and once as an
+addition to the reading, are compared by how much they lower the chi-square of the innovations on held-out motions.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from diagnosis.model.fit import Fit, weights
 from diagnosis.model.kalman import Predictor, adjoint, responses
 from diagnosis.model.parameters import initial_state
 from diagnosis.model.residual import shifted
-from diagnosis.where.coordinates import Coordinate, by_motion, folds, hats, held_out
+from diagnosis.where.coordinates import Coordinate, by_motion, folds, hat_functions, held_out
 from diagnosis.where.energy import Samples
 from diagnosis.which.scan import Freed
 from models.records.record import Record
@@ -26,16 +26,16 @@ from models.simulation.effect_kernel import replay
 
 Array = NDArray[np.float64]
 
-PROBE: Final = 2e-8  # m, by which a reading is changed to see what it does, friction included
-FINE: Final = (3e-6, 5e-5)  # m, between which a period of the scale's error is looked for
-CLEAR: Final = 25.0  # chi-square on motions left out, below which neither side explains anything
-APART: Final = 1.5  # times as much that one side has to explain
+PROBE: Final = 2e-8  # m: step of the finite difference with respect to a reading, friction included
+FINE: Final = (3e-6, 5e-5)  # m: the range in which a period of the scale's error is searched
+CLEAR: Final = 25.0  # held-out chi-square below which neither side explains anything
+APART: Final = 1.5  # ratio of chi-squares from which on one side is preferred
 
 
 @dataclass(frozen=True)
 class Side:
-    """What curves over one coordinate gain of chi-square on motions left out [1], as a force and as a reading; pitch
-    [m]: of the fine period."""
+    """Held-out gain in chi-square [1] of curves over one coordinate, as a force and as an addition to the reading;
+    pitch [m]: the period, of a fine periodic error."""
 
     coordinate: str
     force: float
@@ -46,11 +46,11 @@ class Side:
 def sides(
     fitted: Fit, records: Sequence[Record], own: Freed, chosen: Sequence[Coordinate], samples: Samples, seed: int = 0
 ) -> tuple[Side, ...]:
-    """The chosen coordinates as force and, those of time and place, as reading; and a fine period of the place."""
+    """The chosen coordinates as a force and, for time and position, as a reading; and a fine period of the position."""
     found = []
     for coordinate in chosen:
-        basis, _ = hats(coordinate, samples.counts)
-        turned = np.hstack([basis, basis * samples.direction[:, None]]) if coordinate.turns else basis
+        basis, _ = hat_functions(coordinate, samples.counts)
+        turned = np.hstack([basis, basis * samples.direction[:, None]]) if coordinate.directional else basis
         force = _gain(_as_force(fitted, records, turned), own, records, samples, seed)
         may = coordinate.name in {"time", "position"}
         reading = _gain(_as_reading(fitted, records, basis), own, records, samples, seed) if may else 0.0
@@ -61,7 +61,7 @@ def sides(
     return tuple(found)
 
 
-def verdict(found: Sequence[Side]) -> str:
+def force_or_reading(found: Sequence[Side]) -> str:
     """ "force", "scale", "either" or "neither"."""
     force, reading = (max((getattr(one, part) for one in found), default=0.0) for part in ("force", "reading"))
     if max(force, reading) < CLEAR:
@@ -72,7 +72,7 @@ def verdict(found: Sequence[Side]) -> str:
 
 
 def _gain(columns: Array, own: Freed, records: Sequence[Record], samples: Samples, seed: int) -> float:
-    """Chi-square that columns (n, k) take off the innovations on motions left out."""
+    """Held-out gain in chi-square of the innovations by columns (n, k)."""
     whole = own(columns * weights(records)[:, None])
     grams, slopes = by_motion(whole, own.e, samples.motion)
     gains, _ = held_out(grams, -slopes, folds(grams.shape[0], seed))
@@ -84,7 +84,7 @@ def _model(fitted: Fit, records: Sequence[Record]) -> Predictor:
 
 
 def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
-    """Whitened innovations' change (n, k) by forces of 1 N times the basis (n, k)."""
+    """Change of the whitened innovations (n, k) by forces of 1 N times the basis (n, k)."""
     model = _model(fitted, records)
     parts, begin = [], 0
     for i, record in enumerate(records):
@@ -96,7 +96,7 @@ def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
 
 
 def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
-    """The change (n, k) by additions of PROBE times the basis (n, k) to the reading."""
+    """Change of the whitened innovations (n, k) by additions of PROBE times the basis (n, k) to the reading."""
     model = _model(fitted, records)
     parts, begin = [], 0
     for i, record in enumerate(records):
@@ -108,7 +108,7 @@ def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
 
 
 def _friction_change(fitted: Fit, record: Record, index: int, added: Array) -> Array:
-    """The force (n, M) [N] by which the friction differs if the reading is off by `added` (n,) [m]."""
+    """Change of the friction (n, M) [N] where the reading is off by `added` (n,) [m]."""
     if not np.any(added):
         return np.zeros_like(fitted.seen[index].force)
     candidate, machine, seen = fitted.candidate, fitted.candidate.machine, fitted.paths[index]
@@ -124,8 +124,8 @@ def _friction_change(fitted: Fit, record: Record, index: int, added: Array) -> A
 
 
 def _fine(fitted: Fit, records: Sequence[Record], own: Freed, place: Coordinate, samples: Samples, seed: int) -> Side:
-    """Sines of the place at the period at which the reading's error agrees most, as force and as reading; less what a
-    search over so many periods gains by chance."""
+    """Sines of the position at the period that agrees best with an error of the reading, as a force and as a reading;
+    less what a search over so many periods gains by chance."""
     pitch, tried = _fine_pitch(fitted, records, own)
     angle = 2 * np.pi * place.values / pitch
     basis = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -136,7 +136,7 @@ def _fine(fitted: Fit, records: Sequence[Record], own: Freed, place: Coordinate,
 
 
 def _fine_pitch(fitted: Fit, records: Sequence[Record], own: Freed) -> tuple[float, int]:
-    """(period [m] within FINE, number of periods looked at) of the largest agreement with a reading's error."""
+    """(the period [m] within FINE that agrees best with an error of the reading, number of periods searched)."""
     width, begin = FINE[0] / 6, 0
     model = _model(fitted, records)
     extent = max(float(np.ptp(record.position)) for record in records)

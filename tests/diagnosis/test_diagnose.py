@@ -30,7 +30,7 @@ from diagnosis.evidence import evidence, examined
 from diagnosis.model.fit import SPIKE, at_bounds, largest
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.where.locate import where
+from diagnosis.where.locate import locate
 from diagnosis.where.sentences import Topic, statements
 from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
 from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
@@ -120,10 +120,10 @@ def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(cache: Pat
     most = largest(begun.nominal)
     assert most.sample == round(when / MACHINE.sample_time)  # of both records
     assert most.deviations > begun.null.spike >= SPIKE
-    seen = where(begun.nominal, begun.records, begun.pieces, spike=begun.null.spike)
+    seen = locate(begun.nominal, begun.records, begun.pieces, spike=begun.null.spike)
     (said,) = (one.text for one in statements(seen) if one.topic == Topic.SPIKE)
     assert said.startswith("Single samples stand out: the reading at 1.5 s of record ")
-    less = where(begun.nominal, begun.records, begun.pieces, spike=1.01 * most.deviations)
+    less = locate(begun.nominal, begun.records, begun.pieces, spike=1.01 * most.deviations)
     assert all(one.topic != Topic.SPIKE for one in statements(less))
 
 

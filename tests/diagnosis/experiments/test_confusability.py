@@ -25,7 +25,7 @@ from diagnosis.model.fit import weights
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, columns, look
-from diagnosis.where.locate import where
+from diagnosis.where.locate import locate
 from diagnosis.where.sentences import words
 from diagnosis.which.scan import by_segment, freed, judged, quadratures
 from models.controller import Controller
@@ -187,7 +187,7 @@ def test_nothing_to_tell_apart_needs_no_experiment_and_none_of_these_follows_the
 def test_every_coordinate_has_its_experiment() -> None:
     records, fit = case("cogging")
     known = pieces(records)
-    for one in where(fit, records, known).by_coordinate:
+    for one in locate(fit, records, known).dependence.coordinates:
         assert f"depends most on {words(one.name)}." in along(one.name, load()).sentence
 
 

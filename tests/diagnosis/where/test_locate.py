@@ -14,12 +14,12 @@ from diagnosis.model.kalman import JITTER, SUBSTEPS, discretised, predictor, smo
 from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
 from diagnosis.where.coordinates import Coordinate, explain
-from diagnosis.where.energy import PHASES, Samples, labelled, shares
+from diagnosis.where.energy import PHASES, Samples, label_samples, shares
 from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
-from diagnosis.where.locate import Where, where
+from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import statements
 from diagnosis.where.serialise import pictures, to_json
-from diagnosis.where.side import verdict
+from diagnosis.where.side import force_or_reading
 from models.records.record import Record
 from studies.command import to_text
 from tests.diagnosis.where.cases import case, fitted, run, schedules, table
@@ -30,7 +30,7 @@ NOISE = 4e-8
 
 def answers(name: str) -> Where:
     records, fit = case(name)
-    return where(fit, records, pieces(records))
+    return locate(fit, records, pieces(records))
 
 
 @pytest.fixture(scope="module")
@@ -86,54 +86,56 @@ def test_the_steady_deviation_is_the_sum_of_what_each_noise_does(walk: float) ->
 
 def test_nothing_wrong_leaves_no_more_than_noise() -> None:
     found = answers("")
-    assert found.deviation < 1.2 * found.unseen
-    assert verdict(found.sides) == "neither"
+    assert found.deviation < 1.2 * found.unknown.noise
+    assert force_or_reading(found.sides) == "neither"
     assert "there is no force to locate" in statements(found)[0].text
-    assert all(one.share < 0.1 for one in found.by_coordinate if one.p < 0.02)
+    assert all(one.share < 0.1 for one in found.dependence.coordinates if one.p < 0.02)
 
 
 def test_a_force_that_decays_at_rest_depends_on_the_time_since_the_start_and_turns(relaxing: Where) -> None:
     best = relaxing.coordinate
     assert best.name == "time_in_motion"
     assert best.turning > 0.5 * best.share > 0.05
-    assert verdict(relaxing.sides) == "force"
-    assert relaxing.deviation > 10 * relaxing.unseen
-    assert relaxing.floor.repeats is not None
-    assert relaxing.floor.repeats > 0.5
+    assert force_or_reading(relaxing.sides) == "force"
+    assert relaxing.deviation > 10 * relaxing.unknown.noise
+    assert relaxing.unknown.floor.repeats is not None
+    assert relaxing.unknown.floor.repeats > 0.5
 
 
 def test_what_depends_on_the_place_is_found_with_its_pitch() -> None:
     found = answers("cogging")
-    pitch = next(one for one in found.by_coordinate if one.name == "pitch")
+    pitch = next(one for one in found.dependence.coordinates if one.name == "pitch")
     assert found.coordinate.name in {"pitch", "position"}
     assert pitch.share > 0.8
     assert pitch.p < 0.02
     assert pitch.turning < 0.1
-    turning = next(one for one in answers("position_dependent_friction").by_coordinate if one.name == "position")
+    turning = next(
+        one for one in answers("position_dependent_friction").dependence.coordinates if one.name == "position"
+    )
     assert turning.turning > 0.5 * turning.share > 0.2
 
 
 def test_what_depends_on_the_speed_is_odd_in_it() -> None:
-    even, odd = answers("viscous_friction").parity
+    even, odd = answers("viscous_friction").dependence.parity
     assert odd.share > 0.9
     assert even.share < 0.1
 
 
 def test_an_error_of_the_scale_is_told_from_a_force() -> None:
     found = answers("scale_periodic_error")
-    assert verdict(found.sides) == "scale"
+    assert force_or_reading(found.sides) == "scale"
     fine = next(one for one in found.sides if one.coordinate == "fine period")
     assert fine.pitch == pytest.approx(np.sqrt(4e-6 * 4e-5), rel=0.01)
     assert fine.reading > 10 * fine.force
 
 
 def test_shares_add_up_and_lie_in_their_intervals(relaxing: Where) -> None:
-    for found in (relaxing.by_motion, relaxing.by_phase, relaxing.by_band, relaxing.by_wave):
+    for found in (relaxing.energy.motion, relaxing.energy.phase, relaxing.energy.band, relaxing.energy.wavelength):
         assert found.share.sum() == pytest.approx(1)
         assert np.all((found.low <= found.share) & (found.share <= found.high))
-    assert relaxing.by_motion.time.sum() == pytest.approx(1)
-    assert relaxing.motions_by_phase.share.reshape(-1, len(PHASES)).sum(axis=0) == pytest.approx(
-        relaxing.by_phase.share, abs=0.01
+    assert relaxing.energy.motion.time.sum() == pytest.approx(1)
+    assert relaxing.energy.motion_and_phase.share.reshape(-1, len(PHASES)).sum(axis=0) == pytest.approx(
+        relaxing.energy.phase.share, abs=0.01
     )
 
 
@@ -198,7 +200,7 @@ def test_phases_follow_the_reference() -> None:
     records = run(machine, (), schedules(machine)[1:])
     known = pieces(records)
     number = np.concatenate([np.full(piece.stop - piece.start, i) for i, piece in enumerate(known)])
-    found = labelled(records, known, number, np.ones(number.size), 0.025)
+    found = label_samples(records, known, number, np.ones(number.size), 0.025)
     speed = np.abs(np.gradient(records[0].reference))
     moving = found.phase < PHASES.index("settle")
     assert np.all(speed[moving] > 0)
@@ -219,10 +221,10 @@ def test_without_repeats_the_floor_is_of_the_innovations_and_it_is_said() -> Non
     moves = [Move(5e-6, 0.03, 0.2), Move(20e-6, 0.03, 0.4), Move(-50e-6, 0.05, 0.3), Move(2e-3, 0.2, 0.3)]
     records = run(machine, (), [schedule("no two alike", machine, moves)])
     assert not repeated(pieces(records), records)
-    found = where(fitted(machine, records), records, pieces(records))
-    assert found.floor.source == "innovations"
-    assert found.floor.repeats is None
-    assert found.floor.position < 2 * machine.scale.resolution
+    found = locate(fitted(machine, records), records, pieces(records))
+    assert found.unknown.floor.source == "innovations"
+    assert found.unknown.floor.repeats is None
+    assert found.unknown.floor.position < 2 * machine.scale.resolution
     assert "No motion repeats another" in statements(found)[-1].text
 
 
@@ -292,7 +294,7 @@ def test_another_filter_is_found(record: Record) -> None:
 def test_a_controller_that_does_not_replay_comes_first(record: Record) -> None:
     records, fit = case("")
     wrong = (records[0], replace(record, command=np.roll(record.command, 1)))
-    found = where(fit, wrong, pieces(wrong))
+    found = locate(fit, wrong, pieces(wrong))
     assert "did not make record 2" in statements(found)[0].text
     assert "1 sample late" in statements(found)[0].text
 

@@ -102,11 +102,11 @@ def test_records_beside_each_other_give_what_they_give_one_after_another(monkeyp
 
 
 def test_a_drive_that_follows_beyond_its_rating_is_said() -> None:
-    said = list(_drive(SimpleNamespace(followed=158.12)))  # type: ignore[arg-type]
+    said = list(_drive(SimpleNamespace(beyond_rating=158.12)))  # type: ignore[arg-type]
     assert [one.text for one in said] == [
         "The drive followed commands of up to 158 N, more than the rated thrust of the machine file."
     ]
-    assert not list(_drive(SimpleNamespace(followed=None)))  # type: ignore[arg-type]
+    assert not list(_drive(SimpleNamespace(beyond_rating=None)))  # type: ignore[arg-type]
 
 
 def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
