@@ -13,7 +13,7 @@ from diagnosis.model.kalman import JITTER
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.start_states import balanced, search
+from diagnosis.model.start_states import search, static_equilibrium_start
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, Provenance
@@ -32,7 +32,7 @@ CLOSE: Final = 0.05  # relative difference of white forces that are the same
 
 def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, ...] = ()) -> Fit:
     """The nominal parameters fitted, from a disturbance that forgives much to one that forgives little."""
-    candidate = Candidate(layout, balanced(layout, records), effects)
+    candidate = Candidate(layout, static_equilibrium_start(layout, records), effects)
     fitted: Fit | None = None
     for walk, iterations in STEPS:
         paths = fitted.paths if fitted else None

@@ -1,10 +1,11 @@
-"""The friction's displacement at the start of a record, searched: whether an element ever slips is no smooth question.
+"""The friction elements' displacements at the start of a record, found by a search: whether an element ever slips makes
+the cost non-smooth.
 
-An element's force depends on its start only until it first slips; elements do not act on each other. So the response to
-every start on a grid is computed once, and combinations are then compared by small algebra, theta's other entries
-adapted each time. Which combinations there are is known: the elements have seen the same moves. Displacement over limit
-is a curve from zero whose slope is 1 or -1 but where the last moves reversed (the stop operator's memory: M. Brokate,
-J. Sprekels, Hysteresis and Phase Transitions, 1996, section 2.3), so a few reversals tell all starts.
+An element's force depends on its initial displacement only until it first slips, and elements do not act on each other.
+So the response to every start on a grid is computed once, and combinations are compared through their normal equations,
+in which the other entries of theta adapt each time. Few combinations are possible, since all elements have made the
+same moves: displacement over limit is a curve from zero whose slope is 1 or -1, except where the last moves reversed
+(the memory of the stop operator: M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, 1996, section 2.3).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,27 +30,43 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-GRID: Final = 9  # starts of an element, from limit to limit
-REVERSALS: Final = 4  # of the moves before the record that are still remembered
-BEST: Final = 8  # combinations that are refined
-ROUNDS: Final = 20  # through all pairs of slopes
-SLOPES: Final = np.linspace(-1, 1, 9)  # that are tried for each step from a limit to the next
-TAIL: Final = 1000  # samples behind the last slip that still count
+GRID: Final = 9  # initial displacements of an element that are computed, from limit to limit
+REVERSALS: Final = 4  # reversals before the record that the elements may still remember
+REFINED: Final = 8  # combinations that are refined, the best ones
+ROUNDS: Final = 20  # passes through all pairs of slopes at most
+SLOPES: Final = np.linspace(-1, 1, 9)  # slopes that are tried between one limit and the next
+TAIL: Final = 1000  # samples after the last slip that still count
 
 
-def balanced(layout: Parameters, records: Sequence[Record]) -> Array:
-    """theta (P,) with nothing wrong, but starts [m] that hold each record's first commands, loaded all one way."""
+class StartCost(NamedTuple):
+    """The chi-square of a record as a quadratic function of the elements' initial displacements.
+
+    limit (N,) [m] of each element; order (N,): the elements by increasing limit; steps (N,) [m]: the differences of
+    the limits in that order; gram (GRID N, GRID N) and slope (GRID N,) [1]: the normal equations of the responses to
+    each start on the grid, of which those between two points of the grid are interpolated.
+    """
+
+    limit: Array
+    order: NDArray[np.int64]
+    steps: Array
+    gram: Array
+    slope: Array
+
+
+def static_equilibrium_start(layout: Parameters, records: Sequence[Record]) -> Array:
+    """Initial element deflections in static equilibrium with each record's first command, all deflected in one
+    direction, as theta (P,) [SI] whose other entries are nominal."""
     theta, friction = np.zeros(layout.count), layout.machine.friction
     k, limit = np.array(friction.stiffness), np.array(friction.limit)
-    rising = np.linspace(-1, 1, 2001) * limit.max()
-    force = np.clip(rising[:, None], -limit, limit) @ k
-    starts = [np.interp(held(record), force, rising) for record in records]
-    theta[layout.of("initial_friction_state")] = np.concatenate([np.clip(x, -limit, limit) for x in starts])
+    deflection = np.linspace(-1, 1, 2001) * limit.max()
+    force = np.clip(deflection[:, None], -limit, limit) @ k
+    common = [np.interp(held(record), force, deflection) for record in records]
+    theta[layout.of("initial_friction_state")] = np.concatenate([np.clip(x, -limit, limit) for x in common])
     return theta
 
 
 def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
-    """The fit's candidate with the best starts that moves before the records can have left."""
+    """The fit's candidate with the best initial displacements that moves before the records can have left."""
     candidate, layout = fitted.candidate, fitted.candidate.layout
     theta, starts = candidate.theta.copy(), layout.of("initial_friction_state").reshape(layout.records, -1)
     begin = np.cumsum([0, *(record.position.size for record in records)])
@@ -59,7 +76,8 @@ def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
 
 
 def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArray[np.int64]) -> Array:
-    """Displacements (N,) [m] for one record, whose samples begin at `begin` in the fit's arrays."""
+    """Displacements (N,) [m] for one record, whose samples begin at `begin` in the fit's arrays and whose starts stand
+    at `where` in theta."""
     candidate, layout, machine = fitted.candidate, fitted.candidate.layout, fitted.candidate.machine
     points = fitted.paths[index].path.position.ravel()
     k, limit = np.array(machine.friction.stiffness), np.array(machine.friction.limit)
@@ -78,7 +96,7 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
 
 
 def _normal(columns: Array, basis: Array, e: Array) -> tuple[Array, Array]:
-    """Gram matrix and slopes of columns (n, C), to which the basis (n, B) adapts."""
+    """Gram matrix (C, C) and slopes (C,) of columns (n, C) after the basis (n, B), with a unit prior, has adapted."""
     normal = basis.T @ basis + np.eye(basis.shape[1])
     along, onto = basis.T @ columns, basis.T @ e
     gram = columns.T @ columns - along.T @ np.linalg.solve(normal, along)
@@ -86,87 +104,85 @@ def _normal(columns: Array, basis: Array, e: Array) -> tuple[Array, Array]:
 
 
 def best_starts(limit: Array, gram: Array, slope: Array) -> Array:
-    """The displacements (N,) [m] that leave the least; gram (GRID N, GRID N), slope (GRID N,): see `_cost`."""
+    """The displacements (N,) [m] with the least chi-square; limit (N,) [m], gram, slope: see `StartCost`."""
     order = np.argsort(limit)
-    steps = np.diff(limit[order], prepend=0.0)
+    problem = StartCost(limit, order, np.diff(limit[order], prepend=0.0), gram, slope)
     patterns = np.array(list(_patterns(limit.size)))
-    costs = np.array([_cost(slopes, steps, order, limit, gram, slope) for slopes in patterns])
-    least, chosen = np.inf, patterns[0]
-    for i in np.argsort(costs, kind="stable")[:BEST]:
-        refined = patterns[i].copy()
-        cost = _refine(refined, SLOPES, steps, order, limit, gram, slope, ROUNDS)
+    costs = np.array([_cost(slopes, problem) for slopes in patterns])
+    least, best = np.inf, patterns[0]
+    for i in np.argsort(costs, kind="stable")[:REFINED]:
+        slopes = patterns[i].copy()
+        cost = _refine(slopes, problem)
         if cost < least:
-            least, chosen = cost, refined
-    return _starts(chosen, steps, order)
+            least, best = cost, slopes
+    return _displacements(best, problem)
 
 
 def _patterns(count: int) -> list[Array]:
-    """Slopes (N,) of 1 and -1 of displacement over limit, with few reversals."""
-    found = []
+    """The curves of displacement over limit with slopes (N,) of 1 and -1 and few reversals."""
+    patterns = []
     for reversals in range(min(REVERSALS, count - 1) + 1):
         for places in itertools.combinations(range(1, count), reversals):
             turned = np.zeros(count)
             turned[list(places)] = 1
             slopes = 1.0 - 2.0 * (np.cumsum(turned) % 2)
-            found += [slopes, -slopes]
-    return found
+            patterns += [slopes, -slopes]
+    return patterns
 
 
 @compiled
-def _starts(slopes: Array, steps: Array, order: NDArray[np.int64]) -> Array:
-    """Displacements (N,) [m] from slopes (N,) over limits that are `steps` apart."""
-    z, at = np.empty(slopes.size), 0.0
+def _displacements(slopes: Array, problem: StartCost) -> Array:
+    """Displacements (N,) [m] whose curve over the limit has the slopes (N,) [1]."""
+    displacements, at = np.empty(slopes.size), 0.0
     for i in range(slopes.size):
-        at += slopes[i] * steps[i]
-        z[order[i]] = at
-    return z
+        at += slopes[i] * problem.steps[i]
+        displacements[problem.order[i]] = at
+    return displacements
 
 
 @compiled
-def _cost(slopes: Array, steps: Array, order: NDArray[np.int64], limit: Array, gram: Array, slope: Array) -> float:
-    """Chi-square beside staying; columns between those of the grid by interpolation."""
-    count = limit.size
-    z = _starts(slopes, steps, order)
-    place, part = np.empty(2 * count, np.int64), np.empty(2 * count)
+def _cost(slopes: Array, problem: StartCost) -> float:
+    """Change in chi-square against the present start; responses between points of the grid are interpolated."""
+    count = problem.limit.size
+    displacements = _displacements(slopes, problem)
+    column, weight = np.empty(2 * count, np.int64), np.empty(2 * count)
     for i in range(count):
-        at = (z[i] / limit[i] + 1.0) / 2.0 * (GRID - 1)
+        at = (displacements[i] / problem.limit[i] + 1.0) / 2.0 * (GRID - 1)
         low = min(max(int(at), 0), GRID - 2)
-        place[2 * i], place[2 * i + 1] = low * count + i, (low + 1) * count + i
-        part[2 * i], part[2 * i + 1] = 1.0 - (at - low), at - low
+        column[2 * i], column[2 * i + 1] = low * count + i, (low + 1) * count + i
+        weight[2 * i], weight[2 * i + 1] = 1.0 - (at - low), at - low
     total = 0.0
     for a in range(2 * count):
-        row = 2.0 * slope[place[a]]
+        row = 2.0 * problem.slope[column[a]]
         for b in range(2 * count):
-            row += part[b] * gram[place[a], place[b]]
-        total += part[a] * row
+            row += weight[b] * problem.gram[column[a], column[b]]
+        total += weight[a] * row
     return total
 
 
 @compiled
-def _refine(
-    slopes: Array,
-    values: Array,
-    steps: Array,
-    order: NDArray[np.int64],
-    limit: Array,
-    gram: Array,
-    slope: Array,
-    rounds: int,
-) -> float:
-    """Exchanges two slopes at a time, in place, until nothing is gained; the cost."""
-    best = _cost(slopes, steps, order, limit, gram, slope)
-    for _ in range(rounds):
-        before = best
+def _refine(slopes: Array, problem: StartCost) -> float:
+    """Improves two slopes (N,) at a time, in place, until no pair gains; the cost."""
+    cost = _cost(slopes, problem)
+    for _ in range(ROUNDS):
+        before = cost
         for i in range(slopes.size):
             for j in range(i + 1, slopes.size):
-                first, second = slopes[i], slopes[j]
-                for one in values:
-                    for other in values:
-                        slopes[i], slopes[j] = one, other
-                        cost = _cost(slopes, steps, order, limit, gram, slope)
-                        if cost < best - 1e-9:
-                            best, first, second = cost, one, other
-                slopes[i], slopes[j] = first, second
-        if best > before - 1e-6:
+                cost = _refine_pair(slopes, i, j, cost, problem)
+        if cost > before - 1e-6:
             break
-    return best
+    return cost
+
+
+@compiled
+def _refine_pair(slopes: Array, i: int, j: int, cost: float, problem: StartCost) -> float:
+    """Sets the slopes i and j to the best pair of SLOPES, where that is better than they are; the cost."""
+    first, second = slopes[i], slopes[j]
+    for one in SLOPES:
+        for other in SLOPES:
+            slopes[i], slopes[j] = one, other
+            tried = _cost(slopes, problem)
+            if tried < cost - 1e-9:
+                cost, first, second = tried, one, other
+    slopes[i], slopes[j] = first, second
+    return cost

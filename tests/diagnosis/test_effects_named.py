@@ -13,7 +13,7 @@ from diagnosis.model.fit import fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.start_states import balanced, search
+from diagnosis.model.start_states import search, static_equilibrium_start
 from diagnosis.null import LEAST, SAFETY
 from diagnosis.where.controller import replayed
 from diagnosis.which.scan import Finding, freed, scan
@@ -47,7 +47,7 @@ def _sized(law: str, factor: float) -> Effect:
 
 def _scanned(records: tuple[Record, ...], machine: Machine = MACHINE) -> list[Finding]:
     layout = parameters(machine, 1)
-    start = fit(Candidate(layout, balanced(layout, records)), records, iterations=3, walk=1e-2)
+    start = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=3, walk=1e-2)
     fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=4e-3)
     return scan(fitted, records, freed(fitted, numbered(pieces(records), records)))[0]
 

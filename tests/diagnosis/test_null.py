@@ -12,7 +12,7 @@ from diagnosis.model.fit import Fit, fit, one_step
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.start_states import balanced
+from diagnosis.model.start_states import static_equilibrium_start
 from diagnosis.null import SAFETY, Null
 from diagnosis.which.scan import Freed, freed, scan
 from models.records.record import Record
@@ -51,7 +51,7 @@ def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatc
 
 def test_one_step_from_the_truth_is_as_good_as_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     layout = parameters(MACHINE, len(RECORDS))
-    start = Candidate(layout, balanced(layout, RECORDS))
+    start = Candidate(layout, static_equilibrium_start(layout, RECORDS))
     assert one_step(start, RECORDS).cost < fit(start, RECORDS, iterations=0).cost - null.LEAST
     step = null.null(layout, RECORDS, draws=3)
     monkeypatch.setattr(null, "one_step", fit)

@@ -11,7 +11,7 @@ from diagnosis.experiments.schedules import Schedule
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.start_states import balanced
+from diagnosis.model.start_states import static_equilibrium_start
 from models.controller import Controller
 from models.effects.base import Effect
 from models.effects.catalogue import every
@@ -53,7 +53,7 @@ def run(machine: Machine, effects: Sequence[Effect], given: Sequence[Schedule], 
 def fitted(machine: Machine, records: Sequence[Record]) -> Fit:
     """The nominal parameters fitted in two rounds from the truth: a quick stand-in for the whole re-fit."""
     layout = parameters(machine, len(records))
-    found = fit(Candidate(layout, balanced(layout, records)), records, iterations=2, walk=1e-2)
+    found = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=2, walk=1e-2)
     return fit(found.candidate, records, paths=found.paths, iterations=1, walk=4e-3)
 
 

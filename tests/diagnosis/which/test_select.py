@@ -17,7 +17,7 @@ from diagnosis.model.fit import at_bounds, fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import FURTHER, applied, bounded, parameters
 from diagnosis.model.residual import Candidate, columns, look, smooth
-from diagnosis.model.start_states import balanced, search
+from diagnosis.model.start_states import search, static_equilibrium_start
 from diagnosis.null import LEAST
 from diagnosis.refit import refit_within
 from diagnosis.where.sentences import _drive
@@ -94,7 +94,7 @@ def test_records_beside_each_other_give_what_they_give_one_after_another(monkeyp
     records, found = recorded(MACHINE, PLAN, seed=13), []
     for cores in (1, 2):
         monkeypatch.setattr("diagnosis.model.parallel.cpu_count", lambda cores=cores: cores)
-        candidate = Candidate(layout := parameters(MACHINE, len(records)), balanced(layout, records))
+        candidate = Candidate(layout := parameters(MACHINE, len(records)), static_equilibrium_start(layout, records))
         fitted = fit(candidate, records, iterations=1)
         found.append((fitted.innovations, fitted.slopes, search(fitted, records).theta))
     assert all(np.array_equal(*pair) for pair in zip(*found, strict=True))
@@ -293,7 +293,7 @@ def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(mon
     """Beside an effect on the friction, one that leaves it as it is."""
     records = recorded(MACHINE, PLAN, seed=12)
     layout = parameters(MACHINE, len(records))
-    candidate = Candidate(layout, balanced(layout, records), (DirectionalFriction(0.05, 2e-6, 0),))
+    candidate = Candidate(layout, static_equilibrium_start(layout, records), (DirectionalFriction(0.05, 2e-6, 0),))
     paths = smooth(candidate, records)
     seen = look(candidate, records, paths)
     trials = [in_order((*candidate.effects, Cogging(1.0, 0.035, 0.3)))]
