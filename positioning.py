@@ -119,6 +119,7 @@ __all__ = [
     "frequency_response",
     "friction_branch",
     "friction_elements",
+    "improved_machine",
     "load_controller",
     "load_machine",
     "plot",
