@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from design.trajectory.history_aware import Trajectory
     from design.trajectory.history_aware import build as build_trajectory
     from design.trajectory.history_aware import solve as solve_trajectory
+    from design.validation import Validation, validate
     from diagnosis.diagnose import Diagnosis, diagnose
     from diagnosis.improved import improved_machine
     from models.controller import PID, Controller
@@ -38,7 +39,6 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from models.variation import Variation, drawn, varied
     from reports.plot import plot
     from studies.catalogue import STUDIES as studies
-    from studies.validation import Validation, validate
 
 # Each name with the module that it is from, and what it is called there where that is not the same.
 _WHERE: Final = {
@@ -60,7 +60,7 @@ _WHERE: Final = {
     "TrajectoryLimits": "design.trajectory.history_aware:Limits",
     "TrajectoryTask": "design.trajectory.history_aware:Task",
     "Tuning": "design.pid.problem",
-    "Validation": "studies.validation",
+    "Validation": "design.validation",
     "Variation": "models.variation",
     "assemble": "design.controller",
     "assess_loop": "design.loop:assess",
@@ -84,7 +84,7 @@ _WHERE: Final = {
     "solve_trajectory": "design.trajectory.history_aware:solve",
     "studies": "studies.catalogue:STUDIES",
     "tune_pid": "design.pid.tuning",
-    "validate": "studies.validation",
+    "validate": "design.validation",
     "varied": "models.variation",
 }
 

@@ -11,9 +11,9 @@ import pytest
 
 from design.controller import default_controller
 from design.deadbeat import Constraints, DesignError, synthesise
+from design.validation import validate
 from diagnosis.which.table import SEEDS
 from models.machine import load
-from studies.validation import validate
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -26,7 +26,7 @@ def test_the_figures_of_the_table_are_computed_ones() -> None:
     controller = default_controller(machine)
     without, with_rfm = validate(machine, controller.without_compensation()), validate(machine, controller)
     computed = (
-        without.positive()[0].settling_time * 1e3,
+        without.reversal.settling_time * 1e3,
         without.worst_dispersion * 1e6,
         with_rfm.worst_dispersion * 1e6,
     )

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from design.deadbeat import DesignError
 from design.trajectory.lifted import Lifted, feedforward_only
-from design.trajectory.program import Program, Solution, Solver
+from design.trajectory.nlp import Program, Solution, Solver
 from design.trajectory.scenarios import Feedback, Scenario, follow_loop, guess_loop
 from models.friction import Friction
 from models.plant import Plant, delay_split

@@ -31,7 +31,7 @@ from design.trajectory.history_aware import (
 )
 from design.trajectory.lifted import Lifted, feedforward_only
 from design.trajectory.newton import Condensed, Decisions, Histories, at_solution, condense, outcome, solve_near
-from design.trajectory.program import Program, Solution, Solver
+from design.trajectory.nlp import Program, Solution, Solver
 from design.trajectory.scenarios import Feedback, Scenario, error_of, follow_loop, guess_loop
 from models.controller import PID, Controller
 from models.plant import Plant

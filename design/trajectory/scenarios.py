@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.trajectory.lifted import lift
-from design.trajectory.program import Program
+from design.trajectory.nlp import Program
 from models.controller import PID
 from models.friction import Friction
 from models.plant import Plant, delay_split, state_space, transition

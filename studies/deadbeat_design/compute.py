@@ -24,6 +24,8 @@ from design.deadbeat import (
     shortest_settling_time,
     synthesise,
 )
+from design.linear_response import linear_response
+from design.validation import Validation, agreement, validate
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, Specification
@@ -34,7 +36,6 @@ from studies.deadbeat_design.effects import compensate
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
-from studies.validation import Validation, agreement, linear_response, validate
 
 Array = NDArray[np.float64]
 
@@ -271,7 +272,7 @@ def _validation(wanted: Specification, validation: Validation) -> dict[str, Any]
         "motions": motions,
         "dispersion_m": validation.dispersion[:shown],
         "worst_dispersion_m": validation.worst_dispersion,
-        "repeats": validation.repeats,
+        "repeats": validation.periods,
         "repeat_error_m": validation.repeat_error,
     }
 
@@ -283,12 +284,17 @@ def _beside_the_paper(machine: Machine, without: Validation, with_rfm: Validatio
         return []
     target = machine.specification.settling_time
     rows = (
-        ("settling of the reversal, without compensation", "published.reversal_settling_time", "s", _reversal(without)),
+        (
+            "settling of the reversal, without compensation",
+            "published.reversal_settling_time",
+            "s",
+            without.reversal.settling_time,
+        ),
         (
             "settling of the reversal, with compensation, at most",
             "specification.settling_time",
             "s",
-            _reversal(with_rfm),
+            with_rfm.reversal.settling_time,
         ),
         (
             "3 sigma after the settling time, without compensation",
@@ -314,10 +320,6 @@ def _beside_the_paper(machine: Machine, without: Validation, with_rfm: Validatio
     return listed
 
 
-def _reversal(validation: Validation) -> float:
-    return next(one.settling_time for one in validation.positive() if one.motion.reversal)
-
-
 def _checks(
     machine: Machine,
     wanted: Mapping[str, Any],
@@ -329,7 +331,7 @@ def _checks(
     specification, drive = machine.specification, machine.drive
     in_time = specification.settling_time
     peak = float(np.max(np.abs(deadbeat.thrust)))
-    largest = max(one.peak_thrust for one in with_rfm.achieved)
+    largest = with_rfm.peak_thrust
     checks = [
         Check("remains after the settling time, of the stroke", proof["residual"], "1", RESIDUAL_LIMIT, "deadbeat"),
         Check("peak of u_ff", peak, "N", wanted["thrust_limit_N"] * (1 + 1e-6), "rated thrust less friction's share"),
@@ -337,7 +339,7 @@ def _checks(
         *(
             Check(f"settling with compensation, {name}", max(one.settling_time for one in group), "s", in_time, "II.D")
             for name, group in (
-                ("positive motions", with_rfm.positive()),
+                ("positive motions", with_rfm.positive),
                 ("all motions", with_rfm.achieved),
             )
         ),
@@ -347,9 +349,9 @@ def _checks(
     ]
     published = machine.published
     if published is not None:
-        line = published.dispersion_with
+        line, reversal = published.dispersion_with, without.reversal.settling_time
         checks += [
-            Check("settling of the reversal without compensation", _reversal(without), "s", in_time, "III.B", ">="),
+            Check("settling of the reversal without compensation", reversal, "s", in_time, "III.B", ">="),
             Check("3 sigma without compensation", without.worst_dispersion, "m", line, "V.B", ">="),
             Check("3 sigma with compensation", with_rfm.worst_dispersion, "m", line, "V.B"),
         ]

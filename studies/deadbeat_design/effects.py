@@ -11,11 +11,11 @@ import numpy as np
 from design.controller import assemble
 from design.deadbeat import Deadbeat, DesignError
 from design.effect_compensation import designed_for, left_out, with_effects
+from design.validation import Validation, validate
 from models.controller import Controller
 from models.effects.catalogue import named
 from models.machine import Machine
 from models.plant import Plant
-from studies.validation import Validation, validate
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,10 @@ def compensate(
 
 def _row(one: Validation) -> dict[str, float]:
     return {
-        "reversal_s": next(each.settling_time for each in one.positive() if each.motion.reversal),
-        "settling_s": max(each.settling_time for each in one.achieved),
+        "reversal_s": one.reversal.settling_time,
+        "settling_s": one.slowest.settling_time,
         "dispersion_m": one.worst_dispersion,
-        "peak_thrust_N": max(each.peak_thrust for each in one.achieved),
+        "peak_thrust_N": one.peak_thrust,
     }
 
 

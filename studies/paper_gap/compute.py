@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from design.deadbeat import DesignError
+from design.validation import sequence
 from diagnosis.experiments.schedules import to_csv
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
@@ -38,7 +39,7 @@ from studies.paper_gap.explore import (
     explore_all,
 )
 from studies.paper_gap.options import PaperOptions
-from studies.paper_gap.pattern import COARSE, PERIODS, Pattern, errors, run, seen, sequence
+from studies.paper_gap.pattern import COARSE, PERIODS, Pattern, by_scale, outcome_of, positive_errors
 from studies.paper_gap.verdicts import NEVER, by_name, rows
 from studies.response_variation.tables import coordinates
 from studies.study import Answer, Check, Progress
@@ -80,7 +81,7 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
             **vars(effort),
             "simulations": effort.simulations,
             "periods": PERIODS,
-            "seconds": sequence(machine).size * machine.sample_time,
+            "seconds": sequence(machine, periods=PERIODS).size * machine.sample_time,
             "most": MOST,
             "fine": shown.FINE / COARSE,
         },
@@ -167,8 +168,8 @@ def _pool(options: PaperOptions) -> Iterator[Executor | None]:
 def _without(table: Table, pattern: Pattern) -> tuple[dict[str, Any], Array]:
     """What a table shows by itself, and its errors (motions, n) [m]."""
     machine, controller = table
-    error = errors(machine, run(machine, controller))
-    outcome = seen(machine, error)
+    validation = by_scale(machine, controller)
+    outcome, error = outcome_of(validation), positive_errors(validation)
     return {**outcome.to_json(), "distance_m": pattern.distance(outcome), "name": machine.name}, error
 
 
@@ -212,9 +213,9 @@ def _arithmetic(pattern: Pattern, motions: int) -> dict[str, float]:
 def _points(draws: Sequence[Draw]) -> dict[str, Any]:
     """The draws of a candidate alone, for a figure."""
     return {
-        "inching_error_m": [one.seen.inching_error for one in draws],
-        "dispersion_m": [one.seen.dispersion for one in draws],
-        "reversal_error_m": [one.seen.reversal_error for one in draws],
+        "inching_error_m": [one.outcome.inching_error for one in draws],
+        "dispersion_m": [one.outcome.dispersion for one in draws],
+        "reversal_error_m": [one.outcome.reversal_error for one in draws],
     }
 
 

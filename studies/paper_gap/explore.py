@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from design.validation import Validation
 from models.controller import Controller
 from models.machine import Machine
 from studies.paper_gap.candidates import Candidate, beyond, both, every, wrong_friction
-from studies.paper_gap.pattern import COARSE, Pattern, Seen, errors, run, seen
+from studies.paper_gap.pattern import COARSE, Outcome, Pattern, by_scale, outcome_of
 
 Array = NDArray[np.float64]
 Table = tuple[Machine, Controller]
@@ -57,7 +58,7 @@ class Draw:
     table: int
     point: tuple[float, ...]
     values: tuple[float, ...]
-    seen: Seen
+    outcome: Outcome
     distance: float
     found: bool
 
@@ -91,18 +92,18 @@ def rest(machine: Machine, point: Sequence[float]) -> int:
     return int(point[-1] * machine.specification.interval / machine.sample_time)
 
 
-def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = COARSE) -> Array:
-    """Errors (motions, n) [m] of the positive motions, the reversal first, at a point (k + 1,); substeps a sample."""
+def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = COARSE) -> Validation:
+    """The sequence by the scale of a table with a case put into it at a point (k + 1,); substeps in a sample."""
     machine, controller = table
     one = case.candidate()
     true = one.put(machine, one.values(point[:-1]))
-    return errors(machine, run(true, controller, rest(machine, point), substeps))
+    return by_scale(true, controller, rest(machine, point), substeps)
 
 
 def draw(tables: Sequence[Table], case: Case, pattern: Pattern, place: Place, found: bool) -> Draw:
     """What a case shows at a place."""
     table, point = place
-    outcome = seen(tables[table][0], simulated(tables[table], case, point))
+    outcome = outcome_of(simulated(tables[table], case, point))
     values = case.candidate().values(point[:-1])
     return Draw(case, table, point, values, outcome, pattern.distance(outcome), found)
 

@@ -12,17 +12,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.validation import ROUNDING, Validation, validate
 from models.controller import Controller
 from models.machine import Machine
-from models.records.record import feeding_sequence, motions
-from models.records.settling import dispersion, settling_time
-from models.simulation.simulator import Response, simulate
 
 Array = NDArray[np.float64]
 
 COARSE: Final = 10  # substeps in a sample
 PERIODS: Final = 2  # of the sequence; the last one is judged
-ROUNDING: Final = 1e-9  # relative; readings are multiples of the resolution, and exactly 2.0 um are within +-2 um
 
 
 @dataclass(frozen=True)
@@ -36,19 +33,19 @@ class Pattern:
     dispersion: float
     margin: float
 
-    def distance(self, seen: Seen) -> float:
+    def distance(self, outcome: Outcome) -> float:
         """How far [m] the outcome is from the pattern: the largest miss of the three conditions, 0 for none."""
         rounding = ROUNDING * self.tolerance
         misses = (
-            seen.reversal_error - self.tolerance,
-            self.tolerance + self.step - seen.inching_error,
-            abs(seen.dispersion - self.dispersion) - self.margin,
+            outcome.reversal_error - self.tolerance,
+            self.tolerance + self.step - outcome.inching_error,
+            abs(outcome.dispersion - self.dispersion) - self.margin,
         )
         return max(miss if miss > rounding else 0.0 for miss in misses)
 
 
 @dataclass(frozen=True)
-class Seen:
+class Outcome:
     """Outcome of one sequence: settling times [s], largest errors after the settling time [m], and 3 sigma [m].
 
     inching: of each inching motion, in order; the errors are those of the reversal and of the worst inching motion.
@@ -76,40 +73,25 @@ class Seen:
         }
 
 
-def sequence(machine: Machine, lead: int = 0) -> Array:
-    """The target r (n,) [m]: `lead` samples of rest, then PERIODS times the sequence of Fig. 5."""
-    wanted = machine.specification
-    period = feeding_sequence(wanted.stroke, wanted.motions, wanted.interval, machine.sample_time)
-    return np.concatenate([np.zeros(lead), np.tile(period, PERIODS)])
+def by_scale(machine: Machine, controller: Controller, lead: int = 0, substeps: int = COARSE) -> Validation:
+    """The sequence on the nonsmooth machine with its effects, as the scale shows it; `lead`, `substeps` in samples."""
+    return validate(machine, controller, periods=PERIODS, reading="scale", lead=lead, substeps=substeps)
 
 
-def run(machine: Machine, controller: Controller, lead: int = 0, substeps: int = COARSE) -> Response:
-    """The sequence, from rest, on the nonsmooth machine with its effects; `lead` and `substeps` in samples."""
-    return simulate(machine, controller, sequence(machine, lead), substeps=substeps)
+def positive_errors(validation: Validation) -> Array:
+    """The errors (motions, n) [m] of the positive motions, each from its step on, the reversal first."""
+    return np.array([one.error for one in validation.positive])
 
 
-def errors(machine: Machine, response: Response) -> Array:
-    """Errors (motions, n) [m] of the last period's positive motions by the scale, from the step on, the reversal first.
-
-    Raises ValueError if the first of them is none.
-    """
-    record = response.record
-    last = [one for one in motions(record.target)[-2 * machine.specification.motions :] if one.direction > 0]
-    if not last[0].reversal:
-        raise ValueError("the sequence does not begin with a reversal; give one made by `sequence`")
-    return np.array([record.position[one.start : one.stop] - one.target for one in last])
-
-
-def seen(machine: Machine, error: Array) -> Seen:
-    """The outcome of errors (motions, n) [m], the reversal first."""
-    wanted, ts = machine.specification, machine.sample_time
-    after = round(wanted.settling_time / ts)
-    settled = [settling_time(one, wanted.tolerance * (1 + ROUNDING), ts) for one in error]
-    largest = np.max(np.abs(error[:, after:]), axis=1)
-    return Seen(
-        settled[0],
-        tuple(settled[1:]),
-        float(largest[0]),
-        float(np.max(largest[1:])),
-        float(np.max(dispersion(error)[after:])),
+def outcome_of(validation: Validation) -> Outcome:
+    """What a validation shows of the conditions of the pattern."""
+    machine = validation.machine
+    after = round(machine.specification.settling_time / machine.sample_time)
+    largest = [float(error) for error in np.max(np.abs(positive_errors(validation)[:, after:]), axis=1)]
+    return Outcome(
+        validation.reversal.settling_time,
+        tuple(one.settling_time for one in validation.inching),
+        largest[0],
+        max(largest[1:]),
+        validation.worst_dispersion,
     )

@@ -13,7 +13,7 @@ from models.machine import Machine, Published
 from studies.paper_gap.decide import decide
 from studies.paper_gap.experiments import measure, menu
 from studies.paper_gap.explore import Draw, Table, simulated
-from studies.paper_gap.pattern import Pattern, Seen, seen
+from studies.paper_gap.pattern import Outcome, Pattern, outcome_of, positive_errors
 from studies.paper_gap.verdicts import NEVER, tuned, verdict
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def again(tables: Sequence[Table], chosen: Chosen, pattern: Pattern, pool: Execu
             "values": dict(zip((item.name for item in one.case.candidate().ranges), one.values, strict=True)),
             "units": {item.name: item.unit for item in one.case.candidate().ranges},
             "shows": one.shows,
-            "seen": one.seen.to_json(),
+            "seen": one.outcome.to_json(),
             "finer": {**fine.to_json(), "shows": pattern.distance(fine) == 0.0},
             "without_compensation": without.to_json(),
         }
@@ -73,11 +73,11 @@ def kept(again: Sequence[Mapping[str, Any]], published: Published, share: float)
     return {"share": share, "names": names}
 
 
-def _again(given: tuple[Table, Draw]) -> tuple[Seen, Seen]:
+def _again(given: tuple[Table, Draw]) -> tuple[Outcome, Outcome]:
     (machine, controller), one = given
     fine = simulated((machine, controller), one.case, one.point, FINE)
     without = simulated((machine, controller.without_compensation()), one.case, one.point)
-    return seen(machine, fine), seen(machine, without)
+    return outcome_of(fine), outcome_of(without)
 
 
 def responses(tables: Sequence[Table], bare: Sequence[Array], chosen: Chosen) -> list[dict[str, Any]]:
@@ -90,7 +90,7 @@ def responses(tables: Sequence[Table], bare: Sequence[Array], chosen: Chosen) ->
     drawn = [first]
     for its in list(chosen.values())[:DRAWN]:
         one = its[0]
-        error = simulated(tables[one.table], one.case, one.point)
+        error = positive_errors(simulated(tables[one.table], one.case, one.point))
         drawn.append(
             {
                 "name": one.case.name,

@@ -66,7 +66,7 @@ def _way(draws: Sequence[Draw], tables: int) -> dict[str, Any]:
     sizes = [one.values[one.case.candidate().size] for one in shown]
     return {
         "closest_m": best.distance,
-        "closest": {**best.seen.to_json(), "table": best.table, "values": best.values},
+        "closest": {**best.outcome.to_json(), "table": best.table, "values": best.values},
         "draws": len(draws),
         "share": float(np.mean([one.shows for one in blind])),
         "shown": len(shown),

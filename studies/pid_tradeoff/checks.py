@@ -10,10 +10,10 @@ import numpy as np
 
 from design.family import Member
 from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
+from design.validation import Validation
 from models.machine import Machine
 from studies.pid_tradeoff.front import Point
 from studies.study import Check
-from studies.validation import Validation
 
 CERTAIN: Final = 1e-6  # by which the certificate's level lies above the peak found, relative
 
@@ -29,7 +29,7 @@ def made(
     radius = max(loop.spectral_radius for point in points for loop in point.loops)
     excess = max(point.ms / (point.bound or math.inf) for point in points)
     published = max(row["largest_error"] for row in results["published"])
-    settled = max(one.settling_time for one in compensated.positive())
+    settled = max(one.settling_time for one in compensated.positive)
     checks: tuple[Check, ...] = (
         Check("largest eigenvalue of all loops of the front", radius, "1", 1 - 1e-9, "stability"),
         Check("largest peak of the sensitivity over its bound", excess, "1", 1 + 2e-4, "certificate"),

@@ -18,6 +18,7 @@ from design.pid.goal import OBJECTIVES, Goal
 from design.pid.problem import Bounds, TuningError
 from design.pid.rules import simc
 from design.pid.tuning import pose, tune
+from design.validation import Validation, validate_many
 from models.controller import PID, Controller, to_json
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
@@ -33,7 +34,6 @@ from studies.pid_tradeoff.limits import bode_area, highest_crossover, least_sens
 from studies.pid_tradeoff.options import TradeoffOptions
 from studies.pid_tradeoff.published import compare
 from studies.study import Answer, Progress
-from studies.validation import Validation, validate_many
 
 Array = NDArray[np.float64]
 
@@ -286,8 +286,8 @@ def _reversal(
     count = round(min(SHOWN * wanted.settling_time, wanted.interval) / machine.sample_time)
     curves = []
     for point in which:
-        one = next(a for a in validations[every.index(point)].positive() if a.motion.reversal)
-        curves.append({"name": point.name, "ms": point.ms, "error_m": one.error[:count]})
+        error = validations[every.index(point)].reversal.error[:count]
+        curves.append({"name": point.name, "ms": point.ms, "error_m": error})
     return {"time_s": np.arange(count) * machine.sample_time, "curves": curves}
 
 
@@ -305,8 +305,8 @@ def _between(machine: Machine, pid: PID) -> dict[str, Any]:
 
 def _outcome(validation: Validation) -> dict[str, Any]:
     return {
-        "settling_s": next(one.settling_time for one in validation.positive() if one.motion.reversal),
-        "slowest_s": max(one.settling_time for one in validation.achieved),
+        "settling_s": validation.reversal.settling_time,
+        "slowest_s": validation.slowest.settling_time,
         "dispersion_m": validation.worst_dispersion,
     }
 

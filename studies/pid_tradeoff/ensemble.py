@@ -14,10 +14,10 @@ from design.loop import assess
 from design.pid.goal import Goal
 from design.pid.problem import Bounds, TuningError
 from design.pid.tuning import pose, tune
+from design.validation import validate_many
 from models.controller import PID, Controller
 from models.machine import Machine, with_pid
 from studies.pid_tradeoff.front import magnitude, mt_bound
-from studies.validation import validate_many
 
 OWN: Final = "own"  # the PID that a member's own file has
 
@@ -63,8 +63,8 @@ def _behaviour(others: Sequence[Machine], controller: Controller, pids: Sequence
         peaks.append(max(loop.ms.value if loop.stable else math.inf for loop in loops))
     plain = controller.without_compensation()
     machines = [with_pid(other, pid, "this study") for other, pid in zip(others, pids, strict=True)]
-    validations = validate_many(machines, [replace(plain, pid=pid) for pid in pids], repeats=4)
-    settling = [next(a.settling_time for a in one.positive() if a.motion.reversal) for one in validations]
+    validations = validate_many(machines, [replace(plain, pid=pid) for pid in pids], periods=4)
+    settling = [one.reversal.settling_time for one in validations]
     return {"ms": peaks, "settling_s": settling}
 
 

@@ -15,11 +15,11 @@ from design.loop import Assessment, assess, rms, sensitivity
 from design.pid.problem import Bounds, Problem, Tuning, TuningError
 from design.pid.rules import lambda_rule, simc
 from design.pid.tuning import tune
+from design.validation import Validation, validate_many
 from models.controller import PID, Controller
 from models.friction import branch
 from models.machine import Machine, with_pid
 from models.plant import sampled
-from studies.validation import Validation, validate_many
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def nonsmooth(machine: Machine, controller: Controller, points: Sequence[Point])
     """The paper's motions without friction compensation with each point's PID, on the nonsmooth machine."""
     controllers = [replace(controller.without_compensation(), pid=point.pid) for point in points]
     machines = [with_pid(machine, point.pid, "this study") for point in points]
-    return validate_many(machines, controllers, repeats=4)
+    return validate_many(machines, controllers, periods=4)
 
 
 def row(machine: Machine, members: Sequence[Member], point: Point, validation: Validation) -> dict[str, Any]:
@@ -120,7 +120,6 @@ def row(machine: Machine, members: Sequence[Member], point: Point, validation: V
     worst = members[int(np.argmax([loop.ms.value for loop in loops]))]
     force = float(branch(machine.friction, machine.specification.stroke))
     errors = [step_error(member, pid, machine.specification.settling_time) for member in members if member.nominal]
-    positive = validation.positive()
     return {
         "name": point.name,
         "bound": point.bound,
@@ -141,8 +140,8 @@ def row(machine: Machine, members: Sequence[Member], point: Point, validation: V
         "error_m": force * max(float(error[0]) for error in errors),
         "error_from_then_on_m": force * max(float(np.max(error)) for error in errors),
         "noise_N": noise(machine, members[0], pid),
-        "settling_s": next(one.settling_time for one in positive if one.motion.reversal),
-        "slowest_s": max(one.settling_time for one in validation.achieved),
+        "settling_s": validation.reversal.settling_time,
+        "slowest_s": validation.slowest.settling_time,
         "dispersion_m": validation.worst_dispersion,
     }
 

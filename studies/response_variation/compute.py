@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from design.deadbeat import DesignError
+from design.validation import validate_many
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble, to_text
 from models.machine import Machine, MachineError
@@ -24,7 +25,6 @@ from studies.response_variation.published import Shown, outcomes, rows, taken_ov
 from studies.response_variation.search import LARGEST_MS, TOLERANCE, largest_sensitivity, search
 from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread, texts
 from studies.study import Answer, Check, Progress
-from studies.validation import validate_many
 
 Array = NDArray[np.float64]
 
@@ -255,7 +255,7 @@ def _checks_of_set(central: Shown, tables: Sequence[Shown], results: dict[str, A
         )
         for one in tables
     )
-    peak = max(one.peak_thrust for shown in tables for one in (*shown.without.achieved, *shown.with_rfm.achieved))
+    peak = max(one.peak_thrust for shown in tables for one in (shown.without, shown.with_rfm))
     sensitivity = max(results["set"]["largest_Ms"])
     rated = central.machine.drive.rated_thrust
     return (

@@ -10,12 +10,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.validation import Achieved, Validation
 from models.friction import Friction, branch, follow
 from models.machine import Machine
 from models.plant import bode
 from models.records.record import feeding_sequence
 from studies.response_variation.published import Shown
-from studies.validation import Achieved, Validation
 
 Array = NDArray[np.float64]
 
@@ -102,8 +102,8 @@ def responses(central: Validation, others: Sequence[Validation]) -> dict[str, An
     """Figs. 7, 8, 12 and 14: the positive motions of the central table with the range of each over the set."""
     n = round(SHOWN / central.response.record.sample_time)
     motions = [
-        _motion(central, one, [(each, each.positive()[i]) for each in others], n)
-        for i, one in enumerate(central.positive())
+        _motion(central, one, [(each, each.positive[i]) for each in others], n)
+        for i, one in enumerate(central.positive)
     ]
     spread = range_of([one.dispersion[:n] for one in others])
     case: dict[str, Any] = {

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from design.validation import Validation
 from models.controller import Controller
 from models.machine import Machine
 from models.records.record import feeding_sequence
 from models.records.settling import settling_time
 from models.simulation.simulator import simulate
-from studies.validation import Validation
 
 
 def mechanism(machine: Machine, controller: Controller, without: Validation) -> dict[str, Any]:
@@ -20,10 +20,10 @@ def mechanism(machine: Machine, controller: Controller, without: Validation) -> 
     For the exchange a single motion is simulated from rest, once with the elements as they stand before the reversal
     and once as before the last inching motion; nothing else changes.
     """
-    positive, slopes = without.positive(), slopes_met(without)
+    positive, slopes = without.positive, slopes_met(without)
     ends = [without.response.friction[one.motion.stop - 1] for one in positive]
     own_reversal, own_inching = _settling(machine, controller, 0), _settling(machine, controller, len(positive) - 1)
-    reversal = next(one.settling_time for one in positive if one.motion.reversal)
+    reversal = without.reversal.settling_time
     inching = positive[-1].settling_time
     return {
         "slopes_N_per_m": slopes,
@@ -43,7 +43,7 @@ def slopes_met(without: Validation) -> list[float]:
     friction = without.response.friction
     return [
         float(friction[motion.stop - 1] - friction[motion.start]) / (motion.target - motion.origin)
-        for motion in (one.motion for one in without.positive())
+        for motion in (one.motion for one in without.positive)
     ]
 
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from design.controller import waiting
+from design.validation import Validation
 from models.controller import Controller
 from models.friction import branch
 from models.machine import Machine, parameters
 from models.plant import state_space
 from models.quantity import show
 from studies.response_variation.mechanism import slopes_met
-from studies.validation import Validation
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,9 @@ class Shown:
 
 def outcomes(validation: Validation) -> dict[str, float]:
     """Settling [s] of the reversal and of the slowest inching motion, and 3 sigma [m] after the settling time."""
-    positive = validation.positive()
     return {
-        "reversal_settling_s": next(one.settling_time for one in positive if one.motion.reversal),
-        "inching_settling_s": max(one.settling_time for one in positive if not one.motion.reversal),
+        "reversal_settling_s": validation.reversal.settling_time,
+        "inching_settling_s": max(one.settling_time for one in validation.inching),
         "dispersion_m": validation.worst_dispersion,
     }
 

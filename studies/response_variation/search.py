@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller, usable_thrust
 from design.deadbeat import DesignError
+from design.validation import Validation, validate_many
 from models.controller import PID, Controller
 from models.friction import elements
 from models.machine import Machine
 from models.plant import Plant, sampled, transfer
-from studies.validation import Validation, validate_many
 
 Array = NDArray[np.float64]
 
@@ -186,15 +186,10 @@ def distance(machine: Machine, without: Validation) -> float:
     """
     published = machine.published
     assert published is not None
-    settled = [one.settling_time for one in without.achieved]
-    if (
-        not np.all(np.isfinite(settled))
-        or max(one.peak_thrust for one in without.achieved) > machine.drive.rated_thrust
-    ):
+    if not math.isfinite(without.slowest.settling_time) or without.peak_thrust > machine.drive.rated_thrust:
         return math.inf
-    reversal = next(one.settling_time for one in without.positive() if one.motion.reversal)
     off = (
-        reversal / published.reversal_settling_time - 1,
+        without.reversal.settling_time / published.reversal_settling_time - 1,
         without.worst_dispersion / published.dispersion_without - 1,
     )
     return max(abs(one) for one in off) / TOLERANCE

@@ -13,6 +13,7 @@ from design.deadbeat import Deadbeat
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import Trajectory
 from design.trajectory.robust import CommonTrajectory
+from design.validation import sequence
 from models.controller import Controller, References
 from models.friction import Friction
 from models.machine import Machine
@@ -20,8 +21,8 @@ from models.variation import drawn
 from studies.study import Progress
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.designs import Scheme, Wanted, bare, history_aware, motion_of
-from studies.trajectory_optimisation.judge import RANGE, Aim, Outcome, judge, sequence
 from studies.trajectory_optimisation.options import TrajectoryOptions
+from studies.trajectory_optimisation.outcomes import RANGE, Aim, Outcome, judge
 
 QUANTILE: Final = 0.95
 FRESH: Final = 104729  # added to the seed: tables that no choice made here has ever looked at

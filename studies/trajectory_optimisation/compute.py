@@ -18,6 +18,7 @@ from design.trajectory.history_aware import (
     Task,
     Trajectory,
 )
+from design.validation import PERIODS, sequence
 from models.controller import Controller, to_json
 from models.machine import Machine, parameters
 from models.quantity import show
@@ -27,9 +28,9 @@ from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
 from studies.trajectory_optimisation.designs import Wanted, motion_of
-from studies.trajectory_optimisation.judge import MODE_RANGE, PERIODS, RANGE, Aim, sequence
 from studies.trajectory_optimisation.members import on_members
 from studies.trajectory_optimisation.options import TrajectoryOptions
+from studies.trajectory_optimisation.outcomes import MODE_RANGE, RANGE, Aim
 from studies.trajectory_optimisation.tradeoff import (
     failed_iterate,
     pareto,
@@ -69,7 +70,7 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
     common = designs.one_for_all(machine, wanted, peak, options.common_objective, quick=options.quick)
     progress(0.35, "certificate of the smoothing")
     certificate = certify(machine, peak, options.seed, quick=options.quick)
-    target = sequence(machine, wanted.stroke, 1)
+    target = sequence(machine, wanted.stroke, periods=1)
     for name, one in (("held_peak", peak), ("held_chosen", chosen)):
         certificate[name] = held(machine, compensate(motion_of(machine, one), machine.friction, target), target)
     progress(0.4, "settling time, thrust and sensitivity against each other")

@@ -16,13 +16,14 @@ from design.trajectory.compensator import Shape, compensate, learn, rest_states,
 from design.trajectory.history_aware import Built, Limits, Task, Trajectory, build, solve
 from design.trajectory.robust import CommonTask, CommonTrajectory, build_common, solve_common
 from design.trajectory.scenarios import Errors, Feedback, Scenario, tables
+from design.validation import respond, sequence
 from models.controller import Controller, References, references
 from models.friction import Friction
 from models.machine import Machine
 from models.plant import delay_split
 from models.records.record import motions
 from models.simulation.simulator import simulate
-from studies.trajectory_optimisation.judge import MODE_RANGE, RANGE, run, sequence
+from studies.trajectory_optimisation.outcomes import MODE_RANGE, RANGE
 
 Array = NDArray[np.float64]
 
@@ -250,14 +251,14 @@ def learned(
     It knows the trajectory that it leads the table along and the thrust that holds the table before the next motion;
     nothing else of the table.
     """
-    target = sequence(nominal, stroke, 2)
+    target = sequence(nominal, stroke, periods=2)
     path = scheme.path(target)
     window = round(REST / nominal.sample_time)
     rests = np.array([one.stop - 1 for one in motions(target)])[nominal.specification.motions :]
     frictions = [scheme.known] * len(machines)
     for _ in range(2):
         given = [scheme.references(friction, target) for friction in frictions]
-        responses = run(machines, scheme.controller, target, given, seed)
+        responses = respond(machines, scheme.controller, target, given=given, seed=seed)
         frictions = [
             learn(scheme.known, path, rests, [np.mean(r.record.command[k - window : k + 1]) for k in rests])
             for r in responses

@@ -9,14 +9,15 @@ import numpy as np
 
 from design.controller import assemble
 from design.deadbeat import synthesise
+from design.validation import sequence
 from models.ensemble import load_ensemble
 from models.machine import Machine, load
 from studies.study import Progress
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.comparison import Contestant, outcomes, row_of
 from studies.trajectory_optimisation.designs import Wanted, bare, history_aware, motion_of
-from studies.trajectory_optimisation.judge import Aim, judge, sequence
 from studies.trajectory_optimisation.options import TrajectoryOptions
+from studies.trajectory_optimisation.outcomes import Aim, judge
 
 QUICK: Final = 6  # members of a quick run
 

@@ -13,10 +13,11 @@ from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import CONTINUATION, Limits, Task, Trajectory, build, least_settling_time, solve
 from design.trajectory.scenarios import Errors
 from design.trajectory.scenarios import tables as scenario_tables
+from design.validation import sequence
 from models.machine import Machine
 from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.designs import Wanted, bare, motion_of
-from studies.trajectory_optimisation.judge import Aim, judge, sequence
+from studies.trajectory_optimisation.outcomes import Aim, judge
 
 PARETO: Final = (0, 1, 2, 4, 6, 8, 12)  # samples beyond the shortest motion
 NONE: Final = {"force": 0.0, "length": 0.0, "mass": 0.0, "frequency": 0.0}

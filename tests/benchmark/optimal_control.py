@@ -11,7 +11,7 @@ from statistics import median
 import numpy as np
 
 from design.trajectory.history_aware import Limits, Task, build, solve
-from design.trajectory.program import Solution
+from design.trajectory.nlp import Solution
 from design.trajectory.robust import CommonTask, build_common, solve_common
 from design.trajectory.scenarios import Scenario
 from models.machine import Machine, load

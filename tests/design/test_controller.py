@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from design.controller import default_controller, waiting
+from design.linear_response import linear_response
 from models.controller import references
 from models.friction import elements
 from models.machine import Machine, load
 from models.simulation.simulator import simulate
-from studies.validation import linear_response
 
 
 def with_dead_time(dead_time: float) -> Machine:

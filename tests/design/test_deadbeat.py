@@ -20,10 +20,10 @@ from design.deadbeat import (
     shortest_settling_time,
     synthesise,
 )
+from design.linear_response import linear_response
 from models.machine import load
 from models.plant import Mode, Plant
 from models.variation import Variation, at_mode, varied_plant
-from studies.validation import linear_response
 
 TS, STROKE = 5e-4, 20e-6
 PLANT = load().plant

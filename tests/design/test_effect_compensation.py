@@ -12,6 +12,7 @@ import pytest
 from design.controller import assemble, default_controller
 from design.deadbeat import synthesise
 from design.effect_compensation import designed_for, left_out, with_effects
+from design.validation import validate
 from models.controller import Controller, ControllerError, load, references, to_json
 from models.effect_feedforward import Ahead, ahead_thrust
 from models.effects.base import Effect
@@ -23,7 +24,6 @@ from models.friction import elements
 from models.machine import Machine
 from models.machine import load as load_machine
 from models.simulation.simulator import simulate
-from studies.validation import validate
 
 TS = 5e-4
 

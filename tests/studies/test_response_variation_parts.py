@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from design.controller import default_controller
+from design.validation import Validation, validate, validate_many
 from models.controller import PID, Controller
 from models.ensemble import load_ensemble
 from models.friction import elements
@@ -24,7 +25,6 @@ from studies.response_variation.mechanism import _settling
 from studies.response_variation.published import Shown, outcomes
 from studies.response_variation.search import HIGH, LOW, _stable, bent_by_the_limit, largest_sensitivity, table
 from studies.response_variation.tables import coordinates, most_central
-from studies.validation import Validation, validate, validate_many
 
 Array = NDArray[np.float64]
 MEMBERS = (0, 21, 47)
@@ -144,7 +144,7 @@ def test_an_exchanged_history_gives_the_motion_that_it_comes_from(shown: list[Sh
     """From rest with a motion's own history a motion settles as in the sequence, on tables that settle differently."""
     assert len({outcomes(one.without)["reversal_settling_s"] for one in shown}) > 1
     for one in shown:
-        positive, ts = one.without.positive(), one.machine.sample_time
+        positive, ts = one.without.positive, one.machine.sample_time
         assert _settling(one.machine, one.controller, 0) == pytest.approx(positive[0].settling_time, abs=1.5 * ts)
         last = len(positive) - 1
         assert _settling(one.machine, one.controller, last) == pytest.approx(positive[-1].settling_time, abs=1.5 * ts)

@@ -14,10 +14,11 @@ import pytest
 from design.deadbeat import synthesise
 from design.trajectory.compensator import compensate, shape
 from design.trajectory.history_aware import Limits
+from design.validation import sequence
 from models.controller import Controller, load
 from models.machine import load as load_machine
 from models.records.record import motions
-from models.records.settling import dispersion, settling_time
+from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from models.variation import drawn
 from studies.command import CHECK_MISSED, DONE, main
@@ -31,7 +32,7 @@ from studies.trajectory_optimisation.designs import (
     quickest,
     rest_time,
 )
-from studies.trajectory_optimisation.judge import RANGE, Aim, judge, sequence
+from studies.trajectory_optimisation.outcomes import RANGE, Aim, judge
 
 
 @pytest.fixture(scope="module")
@@ -90,22 +91,6 @@ def test_the_controller_file_keeps_its_keys_and_is_loaded_back(folder: Path) -> 
     for one in motions(period)[1:]:
         error = last.position[one.start : one.stop] - one.target
         assert settling_time(error, machine.specification.tolerance, machine.sample_time) <= 0.025
-
-
-def test_the_judge_says_what_the_definitions_say() -> None:
-    machine = load_machine()
-    deadbeat = synthesise(machine.plant, machine.sample_time, 20e-3, 20e-6)
-    control = machine.control
-    law = Controller(machine.sample_time, control.pid, control.reference_delay, deadbeat.n_ff, deadbeat.d_ff)
-    aim = Aim(20e-6, 0.5e-6, 20e-3)
-    judged = judge([machine], law, aim)[0]
-    period = sequence(machine, 20e-6, 1)
-    last = simulate(machine, law, sequence(machine, 20e-6)).last(period.size)
-    errors = last.position.reshape(10, -1) - period.reshape(10, -1)
-    slowest = max(settling_time(error, 2e-6, machine.sample_time) for error in errors)
-    assert judged.settling == slowest
-    assert judged.dispersion_specified == pytest.approx(np.max(dispersion(errors[:5])[50:]))
-    assert judged.peak_thrust == np.max(np.abs(last.record.command))
 
 
 def test_tables_are_seeded_within_their_ranges_and_side_by_side_equal_alone() -> None:

@@ -8,22 +8,24 @@ import numpy as np
 import pytest
 
 from design.controller import default_controller
+from design.validation import assess, sequence, validate
 from models.effects import base, catalogue
 from models.ensemble import load_ensemble
 from models.friction import branch
 from models.machine import load
+from models.records.record import Record, motions
+from models.simulation.simulator import Response
 from studies.paper_gap.candidates import Range, beyond, every, wrong_friction
 from studies.paper_gap.compute import spread
 from studies.paper_gap.explore import ALONE, BESIDE, BEYOND, Case, Effort, explore
-from studies.paper_gap.pattern import Pattern, Seen, errors, run, seen
-from studies.validation import validate
+from studies.paper_gap.pattern import Outcome, Pattern, by_scale, outcome_of
 
 PAPER = Pattern(tolerance=2e-6, step=1e-7, dispersion=2.4e-6, margin=0.24e-6)
 
 
-def outcome(reversal: float, inching: float, sigma: float) -> Seen:
+def outcome(reversal: float, inching: float, sigma: float) -> Outcome:
     """An outcome with these errors and 3 sigma [um]."""
-    return Seen(0.02, (0.02, 0.03), reversal * 1e-6, inching * 1e-6, sigma * 1e-6)
+    return Outcome(0.02, (0.02, 0.03), reversal * 1e-6, inching * 1e-6, sigma * 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -45,9 +47,14 @@ def test_the_distance_is_the_largest_miss(reversal: float, inching: float, sigma
 def test_inching_motions_that_err_alike_are_just_at_the_tolerance() -> None:
     """Errors of 2.1 um behind a reversal without error: 3 sigma by hand, and the pattern."""
     machine = load()
-    error = np.zeros((5, 400))
-    error[1:] = 2.1e-6
-    found = seen(machine, error)
+    target = sequence(machine, periods=2)
+    reading = target + 2.1e-6
+    for motion in motions(target):
+        if motion.reversal:
+            reading[motion.start : motion.stop] = motion.target
+    signals = (target, target, np.zeros(target.size), np.zeros(target.size), reading)
+    response = Response(Record(machine.sample_time, *signals), target, np.zeros(target.size), np.zeros(1))
+    found = outcome_of(assess(machine, response, periods=2, reading="scale"))
     assert found.dispersion == pytest.approx(3 * 2.1e-6 * math.sqrt(4) / 5)
     assert found.reversal_settling == 0.0
     assert found.inching_settling == math.inf
@@ -55,13 +62,13 @@ def test_inching_motions_that_err_alike_are_just_at_the_tolerance() -> None:
 
 
 def test_the_outcome_by_the_scale_is_that_of_the_validation_to_its_resolution() -> None:
-    """Two programs for one sequence: positions there, readings of the last of two periods here."""
+    """True positions of as many periods as it takes there, readings of the last of two periods here."""
     machine = load()
     controller = default_controller(machine)
-    here = seen(machine, errors(machine, run(machine, controller)))
+    here = outcome_of(by_scale(machine, controller))
     there = validate(machine, controller)
     assert here.dispersion == pytest.approx(there.worst_dispersion, abs=1.5 * machine.scale.resolution)
-    assert here.reversal_settling == pytest.approx(there.positive()[0].settling_time, abs=2e-3)
+    assert here.reversal_settling == pytest.approx(there.reversal.settling_time, abs=2e-3)
 
 
 def test_ranges_are_those_of_the_priors() -> None:

@@ -21,7 +21,7 @@ from studies.paper_gap.candidates import every
 from studies.paper_gap.decide import decide, gap
 from studies.paper_gap.experiments import depart, measure, menu
 from studies.paper_gap.explore import BEYOND, Case, Draw
-from studies.paper_gap.pattern import Seen
+from studies.paper_gap.pattern import Outcome
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_the_experiments_are_references_that_a_table_can_follow(
 
 def size(name: str, values: tuple[float, ...], way: str = "alone") -> Draw:
     """A size of a candidate on the first table."""
-    return Draw(Case(name, way), 0, (0.0,), values, Seen(0, (0,), 0, 0, 0), 0.0, False)
+    return Draw(Case(name, way), 0, (0.0,), values, Outcome(0, (0,), 0, 0, 0), 0.0, False)
 
 
 def test_experiments_read_what_the_law_says() -> None:

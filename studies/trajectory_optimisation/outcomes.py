@@ -1,0 +1,92 @@
+"""What is kept of each table that a trajectory is judged on: the whole sequence, on nonsmooth, quantised tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.validation import Validation, assess, respond, sequence
+from models.controller import Controller, References
+from models.machine import Machine
+from models.variation import Variation
+
+Array = NDArray[np.float64]
+
+VIBRATION: Final = 20e-3  # s, the window after the settling time over which the vibration left is looked at
+MODE_RANGE: Final = 0.03  # relative error of each frequency
+# Of the tables that a design is judged on, either way and evenly; each mode has a frequency error of its own.
+RANGE: Final = Variation(friction_force=0.3, friction_length=0.3, mass=0.03, frequency=MODE_RANGE)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a table achieved: slowest motion's settling [s] to both tolerances, dispersion [m], thrust [N].
+
+    dispersion_aim, dispersion_specified: 3 sigma after the aimed and the specified time. vibration [m]: largest
+    departure of a motion, after the specified time, from its mean over the window: what still moves.
+    """
+
+    settling: float
+    settling_fine: float
+    dispersion_aim: float
+    dispersion_specified: float
+    peak_thrust: float
+    vibration: float
+    error: Array  # (motions, n) [m]
+    position: Array  # (motions, n) [m] travelled
+    command: Array  # (motions, n) [N]
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What counts: stroke [m], fine tolerance [m], aimed settling time [s], and how much of a motion is kept [s]."""
+
+    stroke: float
+    tolerance: float
+    settling_time: float
+    shown: float = 0.06
+
+
+def judge(
+    machines: Sequence[Machine],
+    controller: Controller | Sequence[Controller],
+    aim: Aim,
+    given: References | Sequence[References] | None = None,
+    seed: int = 0,
+) -> list[Outcome]:
+    """What each machine achieves in the last period of the sequence; controller, given: for all, or one for each."""
+    if not machines:
+        return []
+    target = sequence(machines[0], aim.stroke)
+    responses = respond(machines, controller, target, given=given, seed=seed)
+    return [
+        outcome_of(assess(machine, response, stroke=aim.stroke), aim)
+        for machine, response in zip(machines, responses, strict=True)
+    ]
+
+
+def outcome_of(validation: Validation, aim: Aim) -> Outcome:
+    """What this study keeps of a validation."""
+    machine, achieved = validation.machine, validation.achieved
+    wanted, ts = machine.specification, machine.sample_time
+    shown = round(aim.shown / ts)
+    first, window = round(wanted.settling_time / ts), round(VIBRATION / ts)
+    error = np.array([one.error for one in achieved])
+    direction = np.array([one.motion.direction for one in achieved])
+    still = error[:, first : first + window]
+    command = validation.response.record.command
+    return Outcome(
+        settling=validation.slowest.settling_time,
+        settling_fine=validation.settling_within(aim.tolerance),
+        dispersion_aim=validation.dispersion_after(aim.settling_time),
+        dispersion_specified=validation.worst_dispersion,
+        peak_thrust=validation.peak_thrust,
+        vibration=float(np.max(np.abs(still - still.mean(axis=1, keepdims=True)))),
+        error=error[:, :shown],
+        position=(error * direction[:, None] + aim.stroke)[:, :shown],
+        command=np.array([command[one.motion.start : one.motion.start + shown] for one in achieved]),
+    )
