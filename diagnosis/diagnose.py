@@ -36,7 +36,7 @@ from diagnosis.how_far import (
 )
 from diagnosis.model.fit import Fit, at_bounds, largest, weights
 from diagnosis.model.motions import Piece, numbered, pieces
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import look, noise, smooth
 from diagnosis.null import Null, null
@@ -137,7 +137,7 @@ def baseline(
     say = progress or (lambda _share, _text: None)
     say(0.02, "re-fitting what is nominal; thresholds: the same search where nothing is missing")
     given = parameters(machine, len(records))
-    nominal, thresholds = beside(
+    nominal, thresholds = parallel_map(
         call,
         (
             lambda: refit_within(machine, records),

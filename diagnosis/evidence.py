@@ -11,7 +11,7 @@ from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Baseline, Diagnosis,
 from diagnosis.experiments.confusability import Confusability, confusability
 from diagnosis.experiments.confusability import to_json as confusion
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.where.coordinates import SURE
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import LEAST
@@ -49,7 +49,7 @@ def examined(
     begun: Baseline, *, seed: int = 0, disabled: Collection[str] = (), progress: Progress | None = None
 ) -> tuple[Diagnosis, Evidence]:
     """`diagnosed` with its evidence, which needs the baseline only: the two are looked for beside each other; SI."""
-    found, looked = beside(
+    found, looked = parallel_map(
         call,
         (
             lambda: diagnosed(begun, seed=seed, disabled=disabled, progress=progress),

@@ -21,7 +21,7 @@ from scipy.linalg import cho_factor, cho_solve
 from diagnosis.model.fit import Fit, own_spread, unrepeated, weights
 from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import Piece, repeated, rms, scatter
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import STARTING, Candidate, Seen, Smoothed, look, noise, seeing, smooth
 from diagnosis.null import simulated
 from diagnosis.which.scan import FOLDS, Freed
@@ -130,7 +130,7 @@ def mirrored(
     """Records that the candidate makes of the same references, with noise; `extra` effects besides."""
     whole = with_sines(candidate)
     whole = replace(whole, effects=in_order((*whole.effects, *extra)))
-    return tuple(beside(lambda i, record: simulated(whole, record, i, seed + i), range(len(records)), records))
+    return tuple(parallel_map(lambda i, record: simulated(whole, record, i, seed + i), range(len(records)), records))
 
 
 def left_of(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
@@ -232,7 +232,9 @@ def _left(
         # a constant force is an offset of the amplifier, and costs nothing
         return unknown - np.nanmean(unknown), apart, _late(record, made, machine)
 
-    force, apart, late = zip(*beside(left, range(len(records)), records, look(candidate, records, paths)), strict=True)
+    force, apart, late = zip(
+        *parallel_map(left, range(len(records)), records, look(candidate, records, paths)), strict=True
+    )
     return force, apart, late
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import SPIKE, Fit, largest, one_step
 from diagnosis.model.motions import numbered, pieces
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, bounded, initial_state
 from diagnosis.model.residual import STARTING, Candidate
 from diagnosis.which.scan import Columns, Finding, Freed, freed, scan
@@ -114,7 +114,7 @@ def null(
     findings, known = scan(*first)  # its columns are those of the tables that follow, too
     results = [_gains(first, findings)]
     say(f"simulating the null, {min(2, draws)} of {draws}")
-    for result in beside(lambda seed: _draw(layout, records, seed, known), range(1, draws)):
+    for result in parallel_map(lambda seed: _draw(layout, records, seed, known), range(1, draws)):
         results.append(result)
         say(f"simulating the null, {min(len(results) + 1, draws)} of {draws}")
     gains: dict[str, list[float]] = {}
@@ -138,7 +138,7 @@ def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects))
-    made = [*beside(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
+    made = [*parallel_map(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
     fitted = one_step(truth, made, walk=WALK_OF_SCAN)
     return fitted, made, freed(fitted, numbered(pieces(made), made))
 

@@ -1,4 +1,10 @@
-"""Calls beside each other in threads: the compiled kernels, which take the time, let other threads run."""
+"""Map over threads: the compiled kernels, which take most of the time, release the GIL.
+
+Why not joblib.Parallel(prefer="threads"): it polls its results every 10 ms, and the calls here take as little as 5 ms
+(two calls of 5 ms each took 6 ms here and 12 ms there). Calls that are nested in others, as records are within
+candidates, run on one thread there, so that a core idles once the other branch is done. What joblib does better is to
+return at once on an interrupt or an exception, where this waits for the calls that are running.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +18,17 @@ from joblib import cpu_count
 T = TypeVar("T")
 
 
-def beside(found: Callable[..., T], *arguments: Iterable[Any]) -> Iterator[T]:
-    """As `map`, in the same order, as many at a time as there are cores to use (joblib's LOKY_MAX_CPU_COUNT counts).
+def parallel_map(function: Callable[..., T], *arguments: Iterable[Any]) -> Iterator[T]:
+    """`map` over threads: results in the order of the arguments, as many calls at a time as there are cores to use.
 
-    Nothing runs before the first is asked for. A call that itself works on several beside each other has as many
-    threads again. Raises ValueError where the arguments are not equally many.
+    The number of cores is joblib's, so that LOKY_MAX_CPU_COUNT limits it. Nothing runs before the first result is asked
+    for. Calls may be nested: each level has threads of its own. An exception is raised where its result would be, after
+    the calls that are running. Raises ValueError where the arguments are not equally many.
     """
     calls = list(zip(*arguments, strict=True))
-    at_once = min(len(calls), cpu_count())
-    if at_once < 2:
-        yield from starmap(found, calls)
+    workers = min(len(calls), cpu_count())
+    if workers < 2:
+        yield from starmap(function, calls)
         return
-    with ThreadPoolExecutor(at_once) as threads:
-        yield from threads.map(found, *zip(*calls, strict=True))
+    with ThreadPoolExecutor(workers) as threads:
+        yield from threads.map(function, *zip(*calls, strict=True))

@@ -28,7 +28,7 @@ from diagnosis.model.kalman import (
     responses,
     smoothed,
 )
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, applied, initial_state
 from models.compiled import compiled
 from models.effects.base import Effect
@@ -136,7 +136,7 @@ def smooth(
         assert seen is not None
         return seen
 
-    return tuple(beside(path, range(len(records)), records, before or [None] * len(records)))
+    return tuple(parallel_map(path, range(len(records)), records, before or [None] * len(records)))
 
 
 def _pass(
@@ -193,7 +193,7 @@ def look(
     walk: of the unknown force [N a sample]."""
     machine = candidate.machine
     model = candidate.predictor(records[0].sample_time, walk)
-    return tuple(beside(partial(look_at, candidate, machine, model), records, range(len(records)), paths))
+    return tuple(parallel_map(partial(look_at, candidate, machine, model), records, range(len(records)), paths))
 
 
 def look_at(
@@ -289,7 +289,7 @@ def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequen
         _plant_slopes(candidate, record, one, model, slopes)
         _force_slopes(candidate, machine, record, i, one, model, slopes)
 
-    list(beside(fill, range(len(records)), records, seen, np.split(whole, ends[:-1])))
+    list(parallel_map(fill, range(len(records)), records, seen, np.split(whole, ends[:-1])))
     return np.asarray(whole)
 
 
@@ -378,7 +378,7 @@ def columns(
             force[j], reading[j] = _differences(other, candidate, machine, record, i, path, one)
         return responses(model, force, -reading if np.any(reading) else None)
 
-    return np.concatenate(list(beside(part, range(len(records)), records, paths, seen)))
+    return np.concatenate(list(parallel_map(part, range(len(records)), records, paths, seen)))
 
 
 def _differences(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import SUBSTEPS, responses
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, initial_state
 from diagnosis.model.residual import Candidate, held
 from models.compiled import compiled
@@ -70,7 +70,7 @@ def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
     candidate, layout = fitted.candidate, fitted.candidate.layout
     theta, starts = candidate.theta.copy(), layout.of("initial_friction_state").reshape(layout.records, -1)
     begin = np.cumsum([0, *(record.position.size for record in records)])
-    best = beside(partial(_of_record, fitted), records, range(len(records)), begin[:-1], starts)
+    best = parallel_map(partial(_of_record, fitted), records, range(len(records)), begin[:-1], starts)
     theta[starts.ravel()] = np.concatenate(list(best))
     return replace(candidate, theta=theta)
 

@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.model.fit import ROOM, Fit, own_spread, weights
 from diagnosis.model.kalman import adjoint
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns
 from models.compiled import compiled
 from models.effects.base import SHOWN, Effect, parameters
@@ -104,7 +104,7 @@ def scan(
     inside = {effect.name for effect in fitted.candidate.effects}
     known = {effect: given for effect, given in known.items() if effect.name not in inside}  # its own kind differs more
     batches = [*_batched([e for e in trials if e not in known]), *_batched([e for e in trials if e in known])]
-    for findings, kept in beside(lambda batch: _findings(batch, fitted, records, own, known), batches):
+    for findings, kept in parallel_map(lambda batch: _findings(batch, fitted, records, own, known), batches):
         columns |= kept
         for finding in findings:
             name = finding.effect.name

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, amplitudes, at_bounds, fit
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.null import LEAST
 from diagnosis.refit import started, weighed
 from diagnosis.which.command_jitter import Lateness, lateness
@@ -86,7 +86,7 @@ def search_effects(
         if not strong:
             return tuple(steps)
         say(f"fitting {', '.join(finding.effect.name for finding in strong)} with all that is nominal")
-        fits = beside(partial(_with, here.fitted, records=records), [finding.effect for finding in strong])
+        fits = parallel_map(partial(_with, here.fitted, records=records), [finding.effect for finding in strong])
         tried = [(finding.effect.name, fitted) for finding, fitted in zip(strong, fits, strict=True)]
         aside |= {name for name, one in tried if _opposed(one, name)}  # or it would be named for the form of the first
         if here.fitted.candidate.found:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from diagnosis.how_far import gap
 from diagnosis.model.fit import Fit, fit
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 from diagnosis.null import LEAST
 from diagnosis.which.select import Step, further
 from models.effects.catalogue import beyond
@@ -78,7 +78,7 @@ def shrinking(found: Orders, records: Sequence[Record]) -> tuple[Step, ...]:
     names, ordered, fits = set(found.shares), list[str](), dict(found.fits)
     final = found.steps[-1].fitted
     start = found.steps[0].fitted  # what the others made of the nominal parameters is no good start for one alone
-    alone = beside(lambda name: _with_only(final, names - {name}, records, start), sorted(names))
+    alone = parallel_map(lambda name: _with_only(final, names - {name}, records, start), sorted(names))
     for name, fitted in zip(sorted(names), list(alone), strict=True):
         fits[frozenset({name})] = min(fitted, fits[frozenset({name})], key=lambda fitted: fitted.cost)
     least = _force(fits[frozenset()], records)
@@ -106,7 +106,7 @@ def _fits(steps: Sequence[Step], names: Sequence[str], records: Sequence[Record]
         if not any(added(*later) in own for later in pairwise(steps[i:])):  # no second member of a class comes later
             known[frozenset(own)] = steps[i].fitted
     left = [subset for subset in _subsets(names) if subset not in known]
-    found = beside(lambda subset: _with_only(steps[-1].fitted, set(names) - subset, records), left)
+    found = parallel_map(lambda subset: _with_only(steps[-1].fitted, set(names) - subset, records), left)
     return known | dict(zip(left, found, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""Calls beside each other: as map, on as many cores as there are to be used."""
+"""The parallel map: as map, on as many cores as there are to be used."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from diagnosis.model.parallel import beside
+from diagnosis.model.parallel import parallel_map
 
 
 @pytest.mark.parametrize("cores", ["1", "2"])
@@ -18,8 +18,8 @@ def test_it_is_map_in_the_same_order_whoever_is_done_first(cores: str, monkeypat
         time.sleep(0.02 if i == 0 else 0.0)
         return f"{i}{name}"
 
-    assert list(beside(late, range(4), "abcd")) == ["0a", "1b", "2c", "3d"]
-    assert list(beside(late, [], [])) == []
+    assert list(parallel_map(late, range(4), "abcd")) == ["0a", "1b", "2c", "3d"]
+    assert list(parallel_map(late, [], [])) == []
 
 
 @pytest.mark.parametrize("cores", [1, 2])
@@ -37,14 +37,14 @@ def test_as_many_run_at_a_time_as_there_are_cores_to_use(cores: int, monkeypatch
             return False
         return True
 
-    assert list(beside(meets, range(2))) == [cores == 2] * 2
+    assert list(parallel_map(meets, range(2))) == [cores == 2] * 2
 
 
 @pytest.mark.parametrize("cores", [1, 2])
 def test_nothing_runs_before_it_is_asked_for(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("diagnosis.model.parallel.cpu_count", lambda: cores)
     done: list[int] = []
-    found = beside(done.append, [1, 2])
+    found = parallel_map(done.append, [1, 2])
     assert done == []
     assert list(found) == [None, None]
     assert sorted(done) == [1, 2]
@@ -55,9 +55,9 @@ def test_what_goes_wrong_in_one_is_raised() -> None:
         return 1 / i
 
     with pytest.raises(ZeroDivisionError):
-        list(beside(bad, [1, 0, 2]))
+        list(parallel_map(bad, [1, 0, 2]))
 
 
 def test_another_count_of_one_argument_is_refused() -> None:
     with pytest.raises(ValueError, match=r"shorter|longer"):
-        list(beside(lambda a, b: (a, b), [1, 2], [3]))
+        list(parallel_map(lambda a, b: (a, b), [1, 2], [3]))
