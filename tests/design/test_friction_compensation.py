@@ -27,7 +27,7 @@ def test_more_elements_follow_better() -> None:
     assert errors == sorted(errors, reverse=True)
 
 
-def test_loops_that_the_fit_has_not_seen_are_followed_too() -> None:
+def test_the_error_on_inner_loops_is_at_most_that_of_their_branches() -> None:
     """Every history is built of branches (Masing): half of one from rest, and one for each reversal not yet closed.
 
     So the error of an inner loop is at most that many errors of the branch that the fit has seen.

@@ -136,7 +136,7 @@ def test_a_reading_that_drops_out_is_no_force() -> None:
     assert found.candidate.jitter == JITTER
 
 
-def test_where_nothing_repeats_nothing_is_called_rough() -> None:
+def test_without_repeated_motions_no_drive_is_called_rough() -> None:
     (record,) = recorded(MACHINE, PLAN[:1], [KNOCKS], seed=SEED, wrong=0.0)
     once = (record.part(0, record.position.size // 2),)
     found = refit_within(MACHINE, once)

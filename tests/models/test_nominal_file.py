@@ -104,7 +104,7 @@ def test_what_the_file_adds_is_taken(tmp_path: Path) -> None:
     assert found.name == "a pack"
 
 
-def test_it_stands_in_a_machine_file(tmp_path: Path) -> None:
+def test_a_nominal_machine_round_trips_through_a_machine_file(tmp_path: Path) -> None:
     found = nominal.load(written(tmp_path))
     path = tmp_path / "machine.toml"
     path.write_text(to_toml(found), encoding="utf-8")

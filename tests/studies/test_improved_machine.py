@@ -40,7 +40,7 @@ def improved(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("trajectory_optimisation", ["--objective", "peak_thrust", "--tables", "1"]),
     ],
 )
-def test_a_study_takes_it(name: str, options: list[str], improved: Path, tmp_path: Path) -> None:
+def test_a_study_runs_on_the_improved_machine(name: str, options: list[str], improved: Path, tmp_path: Path) -> None:
     """Aims may be missed: they are not those of this table."""
     study = import_module(f"studies.{name}.__main__").STUDY
     common = ["--quick", "--no-report", "--machine", str(improved), "--output", str(tmp_path)]

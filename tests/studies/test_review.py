@@ -42,7 +42,7 @@ def folder(written: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(written, tmp_path / "out"))
 
 
-def test_what_nobody_touched_follows_byte_for_byte(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_untouched_report_is_reproduced_byte_for_byte(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(folder)]) == DONE
     said = capsys.readouterr().out
     assert "run again identical" in said
@@ -165,7 +165,7 @@ def test_every_package_that_a_study_may_use_is_among_the_sources() -> None:
 
 
 @pytest.mark.parametrize("arguments", [["nowhere"], []])
-def test_what_is_no_report_is_said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_a_report_is_bad_input(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == BAD_INPUT
     assert capsys.readouterr().err.startswith("error: ")
 

@@ -11,7 +11,7 @@ from diagnosis.model.parallel import parallel_map
 
 
 @pytest.mark.parametrize("cores", ["1", "2"])
-def test_it_is_map_in_the_same_order_whoever_is_done_first(cores: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_keep_the_order_of_the_calls_whichever_ends_first(cores: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LOKY_MAX_CPU_COUNT", cores)
 
     def late(i: int, name: str) -> str:
@@ -50,7 +50,7 @@ def test_nothing_runs_before_it_is_asked_for(cores: int, monkeypatch: pytest.Mon
     assert sorted(done) == [1, 2]
 
 
-def test_what_goes_wrong_in_one_is_raised() -> None:
+def test_an_exception_in_one_call_is_raised() -> None:
     def bad(i: int) -> float:
         return 1 / i
 

@@ -36,7 +36,7 @@ def test_late_commands_are_found_and_measured(part: float) -> None:
 
 @pytest.mark.parametrize("effects", [(), (Cogging(1.5, 0.035, 1.0),)], ids=["nothing", "cogging"])
 @pytest.mark.parametrize("seed", [32, 33])
-def test_what_is_not_late_is_not_called_so(effects: tuple[Effect, ...], seed: int) -> None:
+def test_punctual_commands_are_not_called_late(effects: tuple[Effect, ...], seed: int) -> None:
     """A force that belongs to the place repeats with the motion."""
     assert found(*effects, seed=seed).gain < LATE / 4
 

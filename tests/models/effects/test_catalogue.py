@@ -8,6 +8,7 @@ import sys
 import textwrap
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -171,9 +172,18 @@ def test_every_mistake_gets_its_sentence(tmp_path: Path, text: str, sentence: st
         load(machine_file(tmp_path, text + "\n"))
 
 
-def test_packing_is_quick_once_compiled() -> None:
-    """A diagnosis packs an effect for every trial of its parameters."""
-    hooks = pack([make("cogging", 1.0, 0.03, 0.0), make("friction_relaxation", 0.1, 0.2, 1.0)], 10)
+def test_pack_lays_out_parameters_and_memory_and_compiles_no_hook_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A diagnosis packs an effect for every trial of its parameters, so a hook's address is looked up."""
+    effects = [make("cogging", 1.0, 0.03, 0.0), make("friction_relaxation", 0.1, 0.2, 1.0)]
+    hooks = pack(effects, 10)
     assert hooks.memory.size == 20
     assert hooks.parameters.tolist() == [1.0, 0.03, 0.0, 0.1, 0.2, 1.0]
     assert hooks.span.tolist() == [[3, 6, 0, 20], [0, 3, 0, 0]]
+
+    def compiled_again(*_: object) -> NoReturn:
+        raise AssertionError("a hook is compiled again")
+
+    for effect in effects:
+        for law in effect.hooks.values():
+            monkeypatch.setattr(type(law), "compile", compiled_again)
+    assert list(pack(effects, 10).law) == list(hooks.law)

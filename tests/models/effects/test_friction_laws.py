@@ -36,7 +36,7 @@ def rubbing(path: Path, *effects: Effect) -> Array:
     ),
     st.floats(0.1, 10),
 )
-def test_what_has_no_clock_is_independent_of_rate(
+def test_laws_without_a_time_constant_are_independent_of_the_rate(
     moves: list[float], law: tuple[str, *tuple[float]], pace: float
 ) -> None:
     points, effect = np.cumsum([0.0, *moves]), make(*law)
@@ -57,7 +57,7 @@ def test_what_has_no_clock_is_independent_of_rate(
         ("friction_drift", 5e-3),
     ],
 )
-def test_what_has_a_clock_is_not(law: tuple[str, *tuple[float]]) -> None:
+def test_laws_with_a_time_constant_depend_on_the_rate(law: tuple[str, *tuple[float]]) -> None:
     effect = make(*law)
     usual, slow = through(SLIDE), through(SLIDE, sample_time=3 * TS)
     assert np.max(np.abs(rubbing(usual, effect) - rubbing(slow, effect))) > 1e-3

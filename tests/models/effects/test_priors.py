@@ -45,7 +45,7 @@ def ranges(kind: type) -> dict[str, tuple[float, float]]:
     return {item.name: (item.low, item.high) for item in parameters(kind)}
 
 
-def test_they_stand_in_the_place_of_the_usual_ones(tmp_path: Path) -> None:
+def test_stated_sizes_replace_the_usual_ones(tmp_path: Path) -> None:
     kinds = load(machine_file(tmp_path, SCREW)).kinds
     assert ranges(kinds["cogging"]) == ranges(Cogging) | {"pitch": (1e-3, 1e-2)}
     assert kinds["cogging"].typical().values()[1] == pytest.approx(10**-2.5)
@@ -53,7 +53,7 @@ def test_they_stand_in_the_place_of_the_usual_ones(tmp_path: Path) -> None:
     assert kinds["stribeck"] is every()["stribeck"]
 
 
-def test_they_ask_for_an_effect_that_is_not_usual(tmp_path: Path) -> None:
+def test_stated_sizes_add_an_effect_that_is_not_looked_for_by_default(tmp_path: Path) -> None:
     assert "velocity_strengthening" not in load().kinds
     kinds = load(machine_file(tmp_path, SCREW)).kinds
     assert list(kinds) == list(every())

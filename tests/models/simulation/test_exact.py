@@ -93,7 +93,7 @@ def test_a_damped_element_decays_as_a_damped_oscillator() -> None:
     assert position == pytest.approx(5.0 / STIFFNESS * (1 - shape), abs=1e-16)
 
 
-def test_noise_has_no_oracle() -> None:
+def test_the_exact_oracle_refuses_a_scale_with_noise() -> None:
     machine, controller = open_loop(elements([STIFFNESS], [1.0]), 1.0)
     noisy = replace(machine, scale=replace(machine.scale, noise=1e-8))
     with pytest.raises(ValueError, match="no noise"):

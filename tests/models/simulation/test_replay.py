@@ -41,7 +41,7 @@ def test_what_an_effect_leaves_as_it_is_need_not_be_computed_again(name: str, be
     )
 
 
-def test_with_nothing_changed_all_is_known() -> None:
+def test_only_the_quantities_that_an_effect_touches_are_replayed_anew() -> None:
     assert changed([every()["cogging"].typical()], [every()["cogging"].typical()]) == frozenset()
     assert changed([], [every()["cogging"].typical()]) == {"force"}
     assert changed([], [every()["timing_jitter"].typical()]) == {"thrust"}

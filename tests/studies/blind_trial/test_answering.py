@@ -92,7 +92,7 @@ def test_a_killed_run_goes_on_without_losing_or_redoing_a_case(
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks processes up in /proc")
-def test_nothing_goes_on_when_the_one_who_asked_is_killed(
+def test_workers_and_answerers_end_when_their_parent_is_killed(
     small_pack: Packer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Workers and answerers alike end with it, without being told."""
@@ -128,7 +128,7 @@ def marked(mark: str, command: str) -> list[str]:
     return found
 
 
-def test_half_a_file_of_answers_counts_as_none(tmp_path: Path) -> None:
+def test_a_truncated_file_of_answers_is_ignored(tmp_path: Path) -> None:
     file = tmp_path / "answers.json"
     file.write_text('{"case-01": {"verd', encoding="utf-8")
     assert read_answers(file) == {}
@@ -165,7 +165,7 @@ def test_no_scheduler_is_one_sentence(small_pack: Packer, tmp_path: Path) -> Non
         )
 
 
-def test_an_honest_key_opens(small_pack: Packer, tmp_path: Path) -> None:
+def test_a_key_that_matches_its_commitments_is_accepted(small_pack: Packer, tmp_path: Path) -> None:
     pack = read_pack(small_pack(*BODIES))
     bodies = open_key(tmp_path / "pack-key.json", pack)
     assert json.loads(bodies["case-01"])["name"] == ["cogging"]

@@ -32,7 +32,7 @@ def test_every_way_to_the_key_or_the_sealer_is_shut_and_spoils_the_answer(
     assert found["error"].startswith("refused")
 
 
-def test_the_same_ways_lead_there_where_nothing_is_forbidden(tmp_path: Path) -> None:
+def test_every_cheat_reaches_the_key_where_nothing_is_forbidden(tmp_path: Path) -> None:
     """Else the test above would hold for cheats that do nothing. (A fork of the tests' own process is not tried.)"""
     key = tmp_path / "key.json"
     key.write_text("{}", encoding="utf-8")

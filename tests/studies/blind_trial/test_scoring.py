@@ -61,7 +61,9 @@ PAIR = label("pair", "cogging", "stribeck")
         (label("disabled", "cogging"), answer("attributed", ["cable_spring"]), False, True),
     ],
 )
-def test_known_scores(sealed: Label, answered: Any, right: bool, accused: bool) -> None:
+def test_an_answer_is_scored_as_right_or_as_an_accusation(
+    sealed: Label, answered: Any, right: bool, accused: bool
+) -> None:
     found = score(sealed, answered)
     assert (found.right, found.accused) == (right, accused)
 
@@ -75,7 +77,7 @@ def test_groups_that_touch_are_one() -> None:
     st.lists(st.sampled_from("abcdef"), max_size=4, unique=True),
     st.lists(st.sets(st.sampled_from("abcdef")), max_size=3),
 )
-def test_groups_part_what_is_named(effects: list[str], equivalent: list[set[str]]) -> None:
+def test_every_named_effect_is_in_exactly_one_group(effects: list[str], equivalent: list[set[str]]) -> None:
     groups = groups_of({"outcome": "attributed", "effects": effects, "equivalent": [list(one) for one in equivalent]})
     named = [name for group in groups for name in group]
     assert len(named) == len(set(named))
@@ -104,7 +106,7 @@ def test_labels_of_others_are_sorted_by_their_names(sealed: str, kind: str) -> N
 
 
 @pytest.mark.parametrize("sealed", ["no json", "[]", body(), json.dumps({"case": "case-02", "name": []})])
-def test_a_body_that_is_none_is_said(sealed: str) -> None:
+def test_a_malformed_body_of_a_key_is_an_error(sealed: str) -> None:
     with pytest.raises(KeyFileError, match="case-01"):
         label_of("case-01", sealed, CATALOGUE)
 

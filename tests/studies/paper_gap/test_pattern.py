@@ -131,7 +131,7 @@ def test_a_case_is_explored_alike_whatever_else_is() -> None:
     assert all(np.max(np.abs(np.array(one.point) - near.point)) < 0.7 for one in more[3:])
 
 
-def test_the_ways_of_a_case() -> None:
+def test_a_case_varies_its_candidate_alone_beside_others_or_beyond_its_range() -> None:
     assert len(Case("viscous_friction", ALONE).candidate().ranges) == 1
     assert len(Case("viscous_friction", BESIDE).candidate().ranges) == 3
     assert Case("viscous_friction", BEYOND).candidate().ranges[0].low == pytest.approx(100.0)

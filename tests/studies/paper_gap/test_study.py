@@ -104,7 +104,7 @@ def test_a_slow_stroke_shows_the_level_of_friction() -> None:
     assert force == pytest.approx(0.1 * machine.friction.coulomb_force, rel=0.05)
 
 
-def test_a_hold_shows_nothing_of_what_moves() -> None:
+def test_a_hold_shows_no_viscous_friction() -> None:
     machine = load()
     table = machine, default_controller(machine)
     hold = next(one for one in menu(machine) if one.name == "a hold")
