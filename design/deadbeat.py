@@ -14,14 +14,13 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
-import control
 import numpy as np
 import osqp
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import linprog
 
-from models.plant import Mode, Plant, delay_split, sampled
+from models.plant import Mode, Plant, delay_split, sampled_matrices
 from models.quantity import show
 from models.variation import Variation, at_mode, varied_plant
 
@@ -160,47 +159,41 @@ def _samples(settling_time: float, sample_time: float) -> int:
 
 def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Problem | None:
     """The problem for `count` samples; None where they are fewer than the states, which nothing can bring to rest."""
-    model = sampled(plant, sample_time, whole_delay=False)
-    if count < model.nstates:
+    a, b, c = sampled_matrices(plant, sample_time, whole_delay=False)
+    states = len(a)
+    if count < states:
         return None
-    powers = _reach(model, count)
-    goal = np.zeros(model.nstates)
+    powers = _reach(a, b, count)
+    goal = np.zeros(states)
     goal[2 * plant.rigid] = 1.0
     scale = stroke / (plant.rigid_gain * (count * sample_time) ** 2)
-    units = np.ones(model.nstates)  # of the states: strokes, strokes per rad, and the thrust under way
+    units = np.ones(states)  # of the states: strokes, strokes per rad, and the thrust under way
     for j, mode in enumerate(plant.modes):
         units[2 * j : 2 * j + 2] = stroke, stroke * _rate(mode, count * sample_time)
     units[2 * len(plant.modes) :] = scale
     path = np.zeros((count, count))
-    impulse = (model.C @ powers)[0, ::-1]
+    impulse = (c @ powers)[0, ::-1]
     for k in range(count):
         path[k, : k + 1] = impulse[: k + 1][::-1]
-    vibration = [
-        (
-            _reach(
-                sampled(
-                    varied_plant(plant, Variation(frequency=at_mode(plant, j, error))), sample_time, whole_delay=False
-                ),
-                count,
-            )
-            / units[:, None]
-        )[2 * j : 2 * j + 2]
-        for j in plant.flexible
-        for error in MODE_ERRORS
-    ]
+    vibration = []
+    for j in plant.flexible:
+        for error in MODE_ERRORS:
+            off = varied_plant(plant, Variation(frequency=at_mode(plant, j, error)))
+            a_off, b_off, _ = sampled_matrices(off, sample_time, whole_delay=False)
+            vibration.append((_reach(a_off, b_off, count) / units[:, None])[2 * j : 2 * j + 2])
     rows = np.vstack(vibration) if vibration else np.zeros((0, count))
     # The same conditions with orthonormal rows: the vibrating states are 400 times less in reach than the rigid body's.
     orthonormal, mixing = np.linalg.qr((scale * powers / units[:, None]).T)
     return _Problem(scale, orthonormal.T, np.linalg.solve(mixing.T, goal), scale / stroke * path, scale * rows)
 
 
-def _reach(model: control.StateSpace, count: int) -> Array:
+def _reach(a: Array, b: Array, count: int) -> Array:
     """S (s, n): column k is what a unit thrust at sample k leaves in the state at sample n."""
-    columns = np.empty((model.nstates, count))
-    column = np.asarray(model.B)[:, 0]
+    columns = np.empty((len(a), count))
+    column = b[:, 0]
     for k in range(count - 1, -1, -1):
         columns[:, k] = column
-        column = model.A @ column
+        column = a @ column
     return columns
 
 
@@ -316,11 +309,11 @@ def _why_not(plant: Plant, sample_time: float, settling_time: float, stroke: flo
 
 def _deadbeat(plant: Plant, sample_time: float, stroke: float, settling_time: float, thrust: Array) -> Deadbeat:
     """N_ff and D_ff from the thrust's samples, and the polynomials N, D, Q behind them."""
-    model = sampled(plant, sample_time, whole_delay=False)
-    state, position = np.zeros(model.nstates), np.zeros(thrust.size + 1)
+    a, b, c = sampled_matrices(plant, sample_time, whole_delay=False)
+    state, position = np.zeros(len(a)), np.zeros(thrust.size + 1)
     for k, u in enumerate(thrust):
-        state = model.A @ state + np.asarray(model.B)[:, 0] * u
-        position[k + 1] = float(np.asarray(model.C)[0] @ state)
+        state = a @ state + b[:, 0] * u
+        position[k + 1] = float(c[0] @ state)
     position[-1] = stroke  # met to round-off; exact here, so that N_ff(1) = 1
     n_ff = np.diff(position, prepend=0.0) / stroke
     d_ff = np.diff(thrust, prepend=0.0, append=0.0) / stroke
@@ -351,8 +344,8 @@ def polynomials(plant: Plant, sample_time: float) -> tuple[Array, Array]:
     """
     poles = np.exp(sample_time * np.concatenate([_poles(mode) for mode in plant.modes]))
     denominator = np.real(np.poly(poles))
-    model = sampled(plant, sample_time, whole_delay=False)
-    impulse = np.append(0.0, (model.C @ _reach(model, model.nstates + 1))[0, ::-1])
+    a, b, c = sampled_matrices(plant, sample_time, whole_delay=False)
+    impulse = np.append(0.0, (c @ _reach(a, b, len(a) + 1))[0, ::-1])
     _, rest = delay_split(plant.dead_time, sample_time)
     numerator = np.convolve(denominator, impulse)[: denominator.size + (rest > 0)]
     return numerator, denominator

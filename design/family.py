@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-import control
+from typing import TYPE_CHECKING
 
 from models.machine import Machine
 from models.plant import sampled
 from models.variation import Variation, varied_plant
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True)

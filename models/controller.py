@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from models.effect_feedforward import Ahead, ahead_thrust
 from models.effects import catalogue
@@ -159,8 +158,8 @@ def references(controller: Controller, target: ArrayLike) -> References:
     ask for beside it.
     """
     r = np.asarray(target, float)
-    position = np.asarray(lfilter(controller.n_ff, 1.0, r), float)
-    feedforward = np.asarray(lfilter(controller.d_ff, 1.0, r), float)
+    position = np.convolve(controller.n_ff, r)[: r.size]
+    feedforward = np.convolve(controller.d_ff, r)[: r.size]
     compensation = np.zeros(r.size)
     rfm, ahead = controller.friction_compensation, controller.effect_compensation
     if rfm is not None:

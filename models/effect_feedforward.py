@@ -16,7 +16,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from models.effects.base import Effect
 from models.friction import Friction, elements
@@ -59,6 +58,8 @@ def ahead_thrust(ahead: Ahead, friction: Friction | None, position: Array, thrus
 
 def _path(position: Array, sample_time: float, late: float) -> Path:
     """The intervals of the thrust along x_T*, BEFORE at rest before them; between samples a cubic without overshoot."""
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415  # slow to import, and few designs meet effects
+
     n, after = position.size, np.full(2, position[-1])
     course = PchipInterpolator(np.arange(-BEFORE, n + 2), np.concatenate([np.zeros(BEFORE), position, after]))
     samples = np.arange(-BEFORE, n) + late / sample_time

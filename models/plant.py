@@ -101,7 +101,7 @@ def state_space(plant: Plant, stiffness: float = 0.0) -> control.StateSpace:
 def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> NDArray[np.complex128]:
     """P_l(j omega) (n,) [m/N], or P_e(j omega) for K_e = stiffness [N/m], dead time included; omega (n,) [rad/s]."""
     w = np.asarray(omega, float)
-    rational = transfer(state_space(plant, stiffness), 1j * w)
+    rational = _rational(plant, 1j * w, stiffness)
     return np.asarray(rational * np.exp(-1j * w * plant.dead_time))
 
 
@@ -112,7 +112,7 @@ def bode(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> tuple[Array,
     undamped resonance, where unwrapping from one frequency to the next could not tell +180 from -180 degrees.
     """
     w = np.asarray(omega, float)
-    rational = transfer(state_space(plant, stiffness), 1j * w)
+    rational = _rational(plant, 1j * w, stiffness)
     angle = np.angle(rational)
     return np.abs(rational), np.where(angle > math.pi / 18, angle - 2 * math.pi, angle) - w * plant.dead_time
 
@@ -122,10 +122,22 @@ def transfer(system: control.StateSpace, points: ArrayLike) -> NDArray[np.comple
 
     What calling the control.StateSpace gives, all points at once.
     """
+    a, b, c, d = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
+    return np.asarray(_resolvent(a, b, c, points) + d[0, 0])
+
+
+def _rational(plant: Plant, points: ArrayLike, stiffness: float) -> NDArray[np.complex128]:
+    """P' or the delay-free part of P_e at complex points [rad/s] (n,) [m/N]."""
+    a, b, c = matrices(plant)
+    return _resolvent(a - stiffness * b @ c, b, c, points)
+
+
+def _resolvent(a: Array, b: Array, c: Array, points: ArrayLike) -> NDArray[np.complex128]:
+    """C (p I - A)^-1 B at complex points p (n,)."""
     p = np.asarray(points, complex)
-    shifted = p[:, None, None] * np.eye(system.nstates) - np.asarray(system.A)
-    state = np.linalg.solve(shifted, np.broadcast_to(np.asarray(system.B, complex), (p.size, system.nstates, 1)))
-    return np.asarray((np.asarray(system.C) @ state)[:, 0, 0] + np.asarray(system.D)[0, 0])
+    shifted = p[:, None, None] * np.eye(len(a)) - a
+    state = np.linalg.solve(shifted, np.broadcast_to(b.astype(complex), (p.size, len(a), 1)))
+    return np.asarray((c @ state)[:, 0, 0])
 
 
 def delay_split(dead_time: float, sample_time: float) -> tuple[int, float]:
@@ -154,13 +166,21 @@ def sampled(
     behind those of `state_space`: (..., u[k-1], u[k-2], ...). `whole_delay=False` leaves out the d whole samples of
     delay (L = d T_s + rest) and keeps the rest.
     """
+    return _space(*sampled_matrices(plant, sample_time, stiffness, whole_delay=whole_delay), sample_time)
+
+
+def sampled_matrices(
+    plant: Plant, sample_time: float, stiffness: float = 0.0, *, whole_delay: bool = True
+) -> tuple[Array, Array, Array]:
+    """A (n, n), B (n, 1), C (1, n) of `sampled`, for who needs no control.StateSpace; arguments as there; SI."""
     whole, rest = delay_split(plant.dead_time, sample_time)
-    continuous = state_space(plant, stiffness)
-    n, memory = continuous.nstates, (whole if whole_delay else 0) + (rest > 0)
-    phi, _ = transition(continuous.A, continuous.B, sample_time)
+    a_plant, b_plant, c_plant = matrices(plant)
+    a_plant = a_plant - stiffness * b_plant @ c_plant
+    n, memory = len(a_plant), (whole if whole_delay else 0) + (rest > 0)
+    phi, _ = transition(a_plant, b_plant, sample_time)
     part = sample_time - rest  # in which the newer command acts
-    behind, late = transition(continuous.A, continuous.B, part)
-    _, early = transition(continuous.A, continuous.B, rest)
+    behind, late = transition(a_plant, b_plant, part)
+    _, early = transition(a_plant, b_plant, rest)
     inputs = np.zeros((n, memory + 1))  # what u[k], u[k-1], ... contribute to the next state
     inputs[:, memory - (rest > 0)] += late[:, 0]
     if rest > 0:
@@ -172,8 +192,7 @@ def sampled(
     b[:n, 0] = inputs[:, 0]
     if memory:
         b[n, 0] = 1.0
-    c = np.hstack([continuous.C, np.zeros((1, memory))])
-    return _space(a, b, c, sample_time)
+    return a, b, np.hstack([c_plant, np.zeros((1, memory))])
 
 
 def _space(a: Array, b: Array, c: Array, sample_time: float | None) -> control.StateSpace:

@@ -12,13 +12,28 @@ import re
 from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 from functools import cache
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import pint
+if TYPE_CHECKING:
+    import pint
 
 _NUMBER: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*(.*)", re.IGNORECASE)
 _ANGLES: Final = {"radian", "degree", "revolution", "turn", "revolutions_per_minute", "revolutions_per_second"}
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+# Powers of (kg, m, s, A) and the power of ten to SI of the units that machine files are full of.
+_USUAL: Final[dict[str, tuple[int, ...]]] = {
+    "1": (0, 0, 0, 0, 0),
+    "kg": (1, 0, 0, 0, 0), "g": (1, 0, 0, 0, -3),
+    "m": (0, 1, 0, 0, 0), "mm": (0, 1, 0, 0, -3), "um": (0, 1, 0, 0, -6), "µm": (0, 1, 0, 0, -6),
+    "nm": (0, 1, 0, 0, -9),
+    "s": (0, 0, 1, 0, 0), "ms": (0, 0, 1, 0, -3), "us": (0, 0, 1, 0, -6), "µs": (0, 0, 1, 0, -6),
+    "Hz": (0, 0, -1, 0, 0), "kHz": (0, 0, -1, 0, 3),
+    "N": (1, 1, -2, 0, 0), "mN": (1, 1, -2, 0, -3), "kN": (1, 1, -2, 0, 3),
+    "W": (1, 2, -3, 0, 0), "kW": (1, 2, -3, 0, 3),
+    "V": (1, 2, -3, -1, 0), "A": (0, 0, 0, 1, 0),
+}  # fmt: skip
+_PRODUCT: Final = r"[^\s/()]+(?: [^\s/()]+)*"
+_UNIT: Final = re.compile(rf"({_PRODUCT})(?:/(?:\(({_PRODUCT})\)|([^\s/()]+)))?")
 
 
 class QuantityError(ValueError):
@@ -135,6 +150,8 @@ def _finite(number: str, text: str) -> Decimal:
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
+    import pint  # noqa: PLC0415  # takes half a second to be ready, and the usual units need no more than _USUAL
+
     # Decimal, so that "20 um" is the float nearest to 2e-5 and not 1.9999999999999998e-05.
     return pint.UnitRegistry(non_int_type=Decimal)
 
@@ -142,6 +159,28 @@ def _registry() -> pint.UnitRegistry[Any]:
 @cache
 def _factor(unit_text: str, unit: str) -> Decimal:
     """How many `unit`s one `unit_text` is. The QuantityError says what is wrong with `unit_text`."""
+    given, wanted = _usual(unit_text), _usual(unit)
+    if given and wanted and given[:-1] == wanted[:-1]:
+        return Decimal(1).scaleb(given[-1] - wanted[-1])
+    return _factor_of_any(unit_text, unit)
+
+
+def _usual(text: str) -> tuple[int, ...] | None:
+    """The powers of a unit that is a product of those in _USUAL, or a ratio of two: "N/(m s)"; None for any other."""
+    match = _UNIT.fullmatch(text)
+    if match is None:
+        return None
+    over, product, single = match.groups("")
+    factors = [(name, 1) for name in over.split()] + [(name, -1) for name in (product or single).split()]
+    if not all(name in _USUAL for name, _ in factors):
+        return None
+    return tuple(sum(sign * _USUAL[name][i] for name, sign in factors) for i in range(5))
+
+
+def _factor_of_any(unit_text: str, unit: str) -> Decimal:
+    """`_factor` by the registry of units, which knows them all."""
+    import pint  # noqa: PLC0415  # as in _registry
+
     registry = _registry()
     try:
         given = registry.Quantity(Decimal(1), registry.parse_units(unit_text))

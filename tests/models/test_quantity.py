@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from decimal import Decimal
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.quantity import QuantityError, json_name, listed, parse, show
+from models.quantity import (
+    _USUAL,
+    QuantityError,
+    _factor,
+    _factor_of_any,
+    json_name,
+    listed,
+    parse,
+    show,
+)
 
 
 @pytest.mark.parametrize(
@@ -29,6 +41,28 @@ from models.quantity import QuantityError, json_name, listed, parse, show
 )
 def test_a_text_becomes_the_nearest_float(text: str, unit: str, number: float) -> None:
     assert parse(text, unit) == number
+
+
+SYMBOLS = st.sampled_from(sorted(_USUAL))
+PRODUCTS = st.lists(SYMBOLS, min_size=1, max_size=2).map(" ".join)
+UNITS = st.one_of(
+    PRODUCTS, st.builds("{}/{}".format, PRODUCTS, SYMBOLS), st.builds("{}/({})".format, PRODUCTS, PRODUCTS)
+)
+
+
+@given(
+    UNITS, st.sampled_from(["1", "m", "s", "Hz", "m/s", "N", "N/m", "N s/m", "N/(m s)", "1/kg", "kg", "W", "V", "A"])
+)
+def test_the_usual_units_are_those_of_the_registry(given_unit: str, unit: str) -> None:
+    """The table of usual units only saves the time in which the registry of all units is made."""
+    assert outcome(_factor, given_unit, unit) == outcome(_factor_of_any, given_unit, unit)
+
+
+def outcome(factor: Callable[[str, str], Decimal], given_unit: str, unit: str) -> Decimal | str:
+    try:
+        return factor(given_unit, unit)
+    except QuantityError as error:
+        return str(error)
 
 
 @given(st.decimals(min_value="1e-9", max_value="1e9", places=6))
