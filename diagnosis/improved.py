@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Final
@@ -13,7 +14,6 @@ from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import named
 from models.machine import Machine, Presliding, Provenance, parameters
-from models.quantity import show
 
 ADOPTED: Final = ("attributed", "ambiguous")  # outcomes whose effects go into the machine
 
@@ -72,6 +72,10 @@ def provenance_of_effects(
         for item in parameters_of(type(effect)):
             if item.role == "switch" and effect.name in given:
                 continue
-            spread = f"; standard deviation {show(std[item.name], item.unit, 2)}" if item.name in std else ""
-            spread = "; the better of two laws" if item.role == "switch" else spread
-            yield f"effects.{path}.{item.name}", Provenance("identified", f"{source}{spread}")
+            detail = f"{source}; the better of two laws" if item.role == "switch" else source
+            deviation = std.get(item.name, math.nan)
+            known_well = item.role != "switch" and math.isfinite(deviation)
+            yield (
+                f"effects.{path}.{item.name}",
+                Provenance("identified", detail, std=deviation if known_well else None),
+            )

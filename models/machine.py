@@ -1,7 +1,9 @@
 """Machine: all that is nominally known of one positioning axis, read from a file; every value with its source.
 
 A machine file is TOML. A value is text with a unit, `"16.5 N"`, or a table `{ value = "16.5 N", source = "paper: II.A",
-note = "..." }`; a source begins with one of SOURCES. A value without one counts as assumed.
+note = "..." }`; a source begins with one of SOURCES. A value without one counts as assumed. A value that was identified
+may also hold its standard deviation, and the record that it is from with the SHA-256 of the record's file:
+`{ value = "16.5 N", std = "0.2 N", source = "identified: slow sweep", record = "slow.csv", sha256 = "..." }`.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -26,6 +28,7 @@ from models.records.columns import Columns
 
 SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
 BY_NAME: Final = ("priors", "effects")  # parts of a machine of which each has a name and a table of its own
+ENTRY: Final = ("value", "std", "source", "record", "sha256", "note")  # keys of a value that is written as a table
 UNSTATED: Final = 0.3  # steps of a scale's resolution: the noise of a scale whose file states none; assumed
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
@@ -138,11 +141,18 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a value comes from: `kind` is one of SOURCES, `detail` says which section, rule, record or assumption."""
+    """Where a value comes from: `kind` is one of SOURCES, `detail` says which section, rule, method or assumption.
+
+    record, sha256: the file that it was identified from, and that file's hash; empty for any other. std: its standard
+    deviation in the value's own unit, one for each number of a list; None where it is not known.
+    """
 
     kind: str
     detail: str
     note: str = ""
+    record: str = ""
+    sha256: str = ""
+    std: float | tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -187,6 +197,40 @@ class Machine:
         control = self.control
         delay = control.reference_delay if reference_delay is None else reference_delay
         return Controller(self.sample_time, control.pid, delay, (1.0,), (0.0,))
+
+    def with_value(self, name: str, number: float | tuple[float, ...], provenance: Provenance) -> Machine:
+        """The machine with another value (SI) and its source, so that neither goes without the other.
+
+        name: as in a machine file's tables, such as "plant.modes.1.gain" (modes count from 1). Raises MachineError for
+        a name that the machine has not, and for a number out of the declared range.
+        """
+        *parents, last = name.split(".")
+        try:
+            part = _part_at(self, parents)
+            field = next(field for field in dataclasses.fields(part) if field.name == last)
+        except (AttributeError, StopIteration, TypeError) as error:
+            raise MachineError(f"{name}: the machine has no such value; name one of its parameters") from error
+        declared = declaration(field)
+        if declared is None:
+            raise MachineError(f"{name}: must be a single value; give a part of the machine to with_part")
+        try:
+            for one in number if isinstance(number, tuple) else (number,):
+                check(one, declared)
+        except QuantityError as error:
+            raise MachineError(f"{name}: {error}") from error
+        changed: Machine = _with_part_at(self, parents, dataclasses.replace(part, **{last: number}))
+        return dataclasses.replace(changed, sources={**self.sources, name: provenance})
+
+    def with_part(self, name: str, part: Any, provenances: Mapping[str, Provenance]) -> Machine:
+        """The machine with another part, such as "plant", "friction" or "control.pid", and the sources of its values.
+
+        provenances: by name within the part, such as "modes.1.gain". The sources of the part that was there go; a value
+        without a new one counts as set in a program. SI.
+        """
+        kept = {path: source for path, source in self.sources.items() if not path.startswith(f"{name}.")}
+        given = {f"{name}.{path}": source for path, source in provenances.items()}
+        changed: Machine = _with_part_at(self, name.split("."), part)
+        return dataclasses.replace(changed, sources={**kept, **given})
 
     @property
     def kinds(self) -> Mapping[str, type[Effect]]:
@@ -258,11 +302,41 @@ def to_json(machine: Machine) -> dict[str, Any]:
 
 def with_pid(machine: Machine, pid: PID, origin: str) -> Machine:
     """The machine with another PID, whose gains then name `origin` as what they are derived from; SI units."""
-    sources = dict(machine.sources)
-    for field in dataclasses.fields(PID):
-        sources[f"control.pid.{field.name}"] = Provenance("derived", origin)
-    control = dataclasses.replace(machine.control, pid=pid)
-    return dataclasses.replace(machine, control=control, sources=sources)
+    said = {field.name: Provenance("derived", origin) for field in dataclasses.fields(PID)}
+    return machine.with_part("control.pid", pid, said)
+
+
+def _part_at(part: Any, path: Sequence[str]) -> Any:
+    """What stands at a path of names within a part of a machine."""
+    while path:
+        first, path = _first(part, path)
+        part = part[first] if isinstance(first, int) else getattr(part, first)
+    return part
+
+
+def _with_part_at(part: Any, path: Sequence[str], new: Any) -> Any:
+    """The part with something else at a path of names within it."""
+    if not path:
+        return new
+    first, rest = _first(part, path)
+    if isinstance(first, int):
+        return (*part[:first], _with_part_at(part[first], rest, new), *part[first + 1 :])
+    return dataclasses.replace(part, **{first: _with_part_at(getattr(part, first), rest, new)})
+
+
+def _first(part: Any, path: Sequence[str]) -> tuple[int | str, Sequence[str]]:
+    """The first step of a path, a field's name or the index in a tuple, and the steps after it.
+
+    Modes are counted from 1; effects and priors stand in it by their names, as `catalogue.named` has them.
+    """
+    if not isinstance(part, tuple):
+        return path[0], path[1:]
+    known = {str(i + 1): one for i, one in enumerate(part)}
+    if part and hasattr(part[0], "name"):
+        known = dict(catalogue.named(part))
+    name = next(name for name in known if [*path[: name.count(".") + 1]] == name.split("."))
+    index = next(i for i, one in enumerate(part) if one is known[name])
+    return index, path[name.count(".") + 1 :]
 
 
 def _read(kind: type[Part], table: object, where: str, sources: dict[str, Provenance]) -> Part:
@@ -342,7 +416,10 @@ def _as_stated(effect: Effect, kinds: Mapping[str, type[Effect]]) -> Effect:
 
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
     """The float, the tuple of floats or the int at `where`, its source put into `sources`."""
-    text, sources[where] = _provenance(entry, where)
+    text, source = _provenance(entry, where)
+    if isinstance(entry, dict) and "std" in entry:
+        source = dataclasses.replace(source, std=_deviation(entry["std"], declared, text, where))
+    sources[where] = source
     try:
         if hint is int:
             if not isinstance(text, int) or isinstance(text, bool):
@@ -358,6 +435,19 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
         raise MachineError(f"{where}: {error}") from error
 
 
+def _deviation(text: object, declared: Declaration, number: object, where: str) -> float | tuple[float, ...]:
+    """The standard deviation of a value in its own unit: one number, or one for each number of a list."""
+    spread = Declaration(declared.unit, "standard deviation", above=None, at_least=0, below=None)
+    try:
+        if not isinstance(text, list):
+            return _number(text, spread)
+        if not isinstance(number, list) or len(text) != len(number):
+            raise QuantityError("must be one text, or a list with one for each number of the value")
+        return tuple(_number(item, spread) for item in text)
+    except QuantityError as error:
+        raise MachineError(f"{where}.std: {error}") from error
+
+
 def _number(text: object, declared: Declaration) -> float:
     if declared.unit == "1" and isinstance(text, int | float) and not isinstance(text, bool):
         text = str(text)  # a plain TOML number has no unit, and none is wanted
@@ -370,14 +460,15 @@ def _provenance(entry: object, where: str) -> tuple[object, Provenance]:
     if not isinstance(entry, dict):
         return entry, Provenance("assumed", "no source given")
     for key in entry:
-        if key not in {"value", "source", "note"}:
-            raise MachineError(f"{where}.{key}: unknown; {_nearest(key, ['value', 'source', 'note'])}")
+        if key not in ENTRY:
+            raise MachineError(f"{where}.{key}: unknown; {_nearest(key, [*ENTRY])}")
     if "value" not in entry:
         raise MachineError(f'{where}: has no value; write {{ value = "...", source = "..." }}')
     kind, _, detail = str(entry.get("source", "assumed: no source given")).partition(":")
     if kind.strip() not in SOURCES:
         raise MachineError(f"{where}: source {kind.strip()!r} is unknown; begin it with one of {', '.join(SOURCES)}")
-    return entry["value"], Provenance(kind.strip(), detail.strip(), str(entry.get("note", "")).strip())
+    note, record, sha256 = (str(entry.get(name, "")).strip() for name in ("note", "record", "sha256"))
+    return entry["value"], Provenance(kind.strip(), detail.strip(), note, record, sha256)
 
 
 def _with_presliding(machine: Machine, sources: dict[str, Provenance]) -> Machine:

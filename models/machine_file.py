@@ -41,15 +41,24 @@ def _table(part: Any, where: str, sources: Mapping[str, Provenance], head: str |
             continue
         if declared is not None:
             source = sources.get(path, Provenance("assumed", "set in a program"))
-            note = f", note = {_text(source.note)}" if source.note else ""
-            shown = f"{source.kind}: {source.detail}"
-            yield f"{field.name} = {{ value = {_value(item, declared.unit)}, source = {_text(shown)}{note} }}"
+            yield f"{field.name} = {{ {', '.join(_entry(item, declared.unit, source))} }}"
         elif isinstance(item, tuple):
             for i, member in enumerate(item):
                 inner += _table(member, f"{path}.{i + 1}", sources, f"[[{path}]]")
         elif dataclasses.is_dataclass(item):
             inner += _table(item, path, sources)
     yield from inner
+
+
+def _entry(item: Any, unit: str, source: Provenance) -> Iterator[str]:
+    """The keys of a value that is written as a table."""
+    yield f"value = {_value(item, unit)}"
+    if source.std is not None:
+        yield f"std = {_value(source.std, unit)}"
+    yield f"source = {_text(f'{source.kind}: {source.detail}' if source.detail else source.kind)}"
+    for name in ("record", "sha256", "note"):
+        if text := getattr(source, name):
+            yield f"{name} = {_text(text)}"
 
 
 def _columns(columns: Columns) -> Iterator[str]:

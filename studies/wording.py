@@ -21,6 +21,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "words": words,
         "effect": effect,
         "literal": literal,
+        "source": source,
     }
 
 
@@ -66,6 +67,25 @@ def amount(parameter: Mapping[str, Any]) -> str:
     if len(set(number)) == 1:
         return f"{quantity(number[0], unit, 6)} (each of {len(number)})"
     return ", ".join(quantity(item, unit, 6) for item in number)
+
+
+def source(parameter: Mapping[str, Any]) -> str:
+    """Where a parameter's value is from, with the record and the standard deviation where it was identified."""
+    said, unit = parameter["provenance"], parameter["unit"]
+    text = f"{said['kind']}: {said['detail']}" if said["detail"] else said["kind"]
+    if said["record"]:
+        text += f", record {said['record']}" + (f" (SHA-256 {said['sha256'][:12]}…)" if said["sha256"] else "")
+    if said["std"] is not None:
+        text += f", standard deviation {_deviation(said['std'], unit)}"
+    return text
+
+
+def _deviation(std: float | list[float], unit: str) -> str:
+    """A standard deviation, or the range of several."""
+    if not isinstance(std, list):
+        return quantity(std, unit, 2)
+    low, high = quantity(min(std), unit, 2), quantity(max(std), unit, 2)
+    return low if low == high else f"{low} to {high}"
 
 
 def words(name: str) -> str:

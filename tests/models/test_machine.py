@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from models.controller import references
+from models.controller import PID, references
+from models.effects.friction_laws import ViscousFriction
+from models.effects.motor import Cogging
 from models.friction import branch
-from models.machine import DEFAULT, SOURCES, MachineError, Scale, Tolerance, load, parameters, to_json
+from models.machine import (
+    DEFAULT,
+    SOURCES,
+    MachineError,
+    Provenance,
+    Scale,
+    Tolerance,
+    load,
+    parameters,
+    to_json,
+    with_pid,
+)
 from models.machine_file import to_toml
+from models.plant import Mode, Plant
 
 TEXT = DEFAULT.read_text(encoding="utf-8")
 
@@ -200,3 +215,83 @@ def test_feedback_alone_follows_its_target_with_the_pid_in_place() -> None:
     assert not np.any(known.compensation)
     assert (alone.pid, alone.reference_delay) == (machine.control.pid, machine.control.reference_delay)
     assert machine.feedback_only(7).reference_delay == 7
+
+
+FOUND = Provenance("identified", "frequency response", "", "sweep.csv", "12ab", 2e-5)
+
+
+def test_a_value_is_changed_together_with_its_source() -> None:
+    machine = load()
+    found = machine.with_value("plant.modes.1.gain", 0.05, FOUND)
+    assert found.plant.modes[0].gain == 0.05
+    assert found.sources["plant.modes.1.gain"] == FOUND
+    assert found.plant.modes[1:] == machine.plant.modes[1:]
+    assert {name for name in found.sources if found.sources[name] != machine.sources[name]} == {"plant.modes.1.gain"}
+    cogging, drag = Cogging(1.0, 0.03, 0.0), ViscousFriction(40.0)
+    rough = replace(machine, effects=(cogging, drag, replace(cogging, pitch=0.01)))
+    again = rough.with_value("effects.cogging.2.pitch", 0.02, FOUND).with_value(
+        "effects.viscous_friction.coefficient", 30.0, FOUND
+    )
+    assert [again.effects[0], again.effects[1:]] == [cogging, (ViscousFriction(30.0), replace(cogging, pitch=0.02))]
+    (row,) = (row for row in parameters(again) if row.name == "effects.cogging.2.pitch")
+    assert row.provenance == FOUND
+
+
+@pytest.mark.parametrize("name", ["plant.modes.4.gain", "plant.mode", "plant.modes.1", "name", "effects.cogging.pitch"])
+def test_a_value_that_a_machine_has_not_is_said(name: str) -> None:
+    with pytest.raises(MachineError, match=f"^{name}: "):
+        load().with_value(name, 1.0, FOUND)
+
+
+def test_a_value_out_of_its_range_is_said() -> None:
+    with pytest.raises(MachineError, match=r"plant\.dead_time: -1 s must be at least 0 s"):
+        load().with_value("plant.dead_time", -1.0, FOUND)
+
+
+def test_a_part_is_changed_together_with_its_sources() -> None:
+    machine = load()
+    plant = Plant(1e-3, 1.0, (Mode(0.02, 0.0, 0.0),))
+    found = machine.with_part("plant", plant, {"modes.1.gain": FOUND})
+    assert found.plant == plant
+    assert {name: one for name, one in found.sources.items() if name.startswith("plant.")} == {
+        "plant.modes.1.gain": FOUND
+    }
+    rows = {row.name: row.provenance for row in parameters(found)}
+    assert rows["plant.dead_time"] == Provenance("assumed", "set in a program")
+    tuned = with_pid(machine, PID(1.0, 2.0, 3.0, 4.0), "a rule")
+    assert tuned.control.pid == PID(1.0, 2.0, 3.0, 4.0)
+    assert tuned.sources["control.pid.kp"] == Provenance("derived", "a rule")
+
+
+def test_a_source_keeps_its_record_and_deviation_in_a_file(tmp_path: Path) -> None:
+    spread = tuple(1e3 * (i + 1) / 3 for i in range(len(load().friction.stiffness)))
+    machine = load().with_value("plant.modes.1.gain", 0.05, FOUND)
+    machine = machine.with_value("friction.damping", machine.friction.damping, replace(FOUND, note="n", std=spread))
+    path = tmp_path / "machine.toml"
+    path.write_text(to_toml(machine), encoding="utf-8")
+    again = load(path)
+    assert again == machine
+    assert again.sources == machine.sources
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ('std = "3 kg"', r"scale\.noise\.std: '3 kg' is in kg"),
+        ('std = "-1 nm"', r"scale\.noise\.std: -1 nm must be at least 0"),
+        ('std = ["1 nm"]', r"scale\.noise\.std: must be one text, or a list"),
+    ],
+)
+def test_a_deviation_that_cannot_be_is_said(tmp_path: Path, entry: str, said: str) -> None:
+    path = changed(tmp_path, r"noise = \{", f"noise = {{ {entry}, ")
+    with pytest.raises(MachineError, match=said):
+        load(path)
+
+
+def test_a_source_in_words_as_earlier_versions_wrote_it_is_kept_as_it_is(tmp_path: Path) -> None:
+    words = "record a, b.csv sha256 12ab, std 2e-05 1/kg"
+    path = changed(tmp_path, r"noise = \{.*\}", f'noise = {{ value = "1 nm", source = "identified: {words}" }}')
+    machine = load(path)
+    assert machine.sources["scale.noise"] == Provenance("identified", words)
+    path.write_text(to_toml(machine), encoding="utf-8")
+    assert load(path).sources == machine.sources

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from models.machine import Provenance
 from studies.catalogue import HERE, every
+from studies.wording import source
 
 TEMPLATES = sorted(path for path in HERE.glob("*/report.md") if path.parent.name != "review")
 
@@ -54,3 +56,22 @@ def test_every_report_lists_each_parameter_with_its_source(
 def letters(text: str) -> str:
     """Letters and digits of a text or a table's cell; what Markdown and HTML make of the others is not looked at."""
     return "".join(re.findall(r"[^\W_]", html.unescape(re.sub(r"<[^>]*>", "", text))))
+
+
+@pytest.mark.parametrize(
+    ("provenance", "text"),
+    [
+        (Provenance("paper", "II.A"), "paper: II.A"),
+        (
+            Provenance("identified", "slow sweep", "", "slow.csv", 64 * "a", 0.2),
+            f"identified: slow sweep, record slow.csv (SHA-256 {12 * 'a'}…), standard deviation 0.2 N",
+        ),
+        (
+            Provenance("identified", "", "", "slow.csv", "", (0.2, 0.4)),
+            "identified, record slow.csv, standard deviation 0.2 N to 0.4 N",
+        ),
+    ],
+)
+def test_a_parameter_s_source_names_its_record_and_deviation(provenance: Provenance, text: str) -> None:
+    row = json.loads(json.dumps({"unit": "N", "provenance": vars(provenance)}))
+    assert source(row).replace("\u00a0", " ") == text
