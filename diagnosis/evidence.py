@@ -1,4 +1,4 @@
-"""What stands beside a diagnosis's names: where the gap lies, what these records cannot tell, what to run next."""
+"""What accompanies the named effects: where the gap lies, what the records cannot distinguish, what to run next."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import LEAST
 from diagnosis.where.serialise import to_json as place
 
-UNSHOWN: Final = 6  # effects that these records cannot show, for which an experiment is looked for
+UNSHOWN: Final = 6  # undetectable effects for which an experiment is searched, at most
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Where, what can be told apart, and the next experiment, or None where nothing is left to find out."""
+    """Where the gap lies, which effects the records can distinguish, and the next experiment, or None if none helps."""
 
     where: Where
     confusability: Confusability
     proposal: Proposal | None
 
     def to_json(self) -> dict[str, Any]:
-        """The keys "where" and "confusability", and what the verdict says of both; SI."""
+        """The keys "where" and "confusability", and what the verdict says about both; SI."""
         return {
             "where": place(self.where),
             "confusability": confusion(self.confusability),
@@ -41,14 +41,14 @@ class Evidence:
 
 
 def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0) -> Evidence:
-    """Beside a diagnosis, of the nominal model re-fitted; disabled: names of effects that are not to be used; SI."""
+    """The evidence for a diagnosis, from its re-fitted nominal model; disabled: effects that are not to be used; SI."""
     return _evidence(found, _looked(found.baseline, disabled, seed), seed)
 
 
 def examined(
     begun: Baseline, *, seed: int = 0, disabled: Collection[str] = (), progress: Progress | None = None
 ) -> tuple[Diagnosis, Evidence]:
-    """`diagnosed` with its evidence, which needs the baseline only: the two are looked for beside each other; SI."""
+    """`diagnosed` with its evidence; what the evidence needs of the baseline is computed in parallel; SI."""
     found, looked = parallel_map(
         call,
         (

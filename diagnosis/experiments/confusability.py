@@ -1,9 +1,9 @@
-"""What these very records can tell apart: computed from their paths, before anybody looks at what the model leaves.
+"""Which effects these records can distinguish: computed from their paths alone, before any residual is looked at.
 
-An effect at its typical size changes the whitened innovations by a column. How far that column is from the best that
-another effect and the nominal parameters, within their priors, can make is a distance in units of the noise: its square
-is the chi-square by which the right effect would win. Linear in the effects' sizes; three points of each shape,
-a switch both ways.
+An effect at its typical size changes the whitened innovations by one column. The distance of that column from the best
+fit by another effect together with the nominal parameters, within their priors, is in units of the noise: its square is
+the chi-square by which the right effect would win. Sizes of effects enter linearly; each shape is tried at three
+points, a switch both ways.
 """
 
 from __future__ import annotations
@@ -24,26 +24,24 @@ from diagnosis.which.command_jitter import LATE, lateness
 from diagnosis.which.scan import BATCH, quadratures
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import every, in_order
-from models.effects.motor import TimingJitter
-from models.effects.protocol import ControllerMismatch
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-THRESHOLD: Final = 40.0  # squared distance that counts as told apart: clean tables gain 10 at most, and 30 is room
-NOTHING: Final = 1e-3  # distance below which no size of an effect shows
-ROOM: Final = 1.5  # by which a size may leave its prior range
+THRESHOLD: Final = 40.0  # squared distance from which on two effects can be distinguished: chance reaches 10 at most
+NOTHING: Final = 1e-3  # distance below which an effect shows at no size
+ROOM: Final = 1.5  # factor by which a size may exceed its prior range
 
 
 @dataclass(frozen=True)
 class Confusability:
     """Distances [1] in units of the noise, effects in the catalogue's order.
 
-    distance (E, E): of the row's effect at its typical size from the best fit of the column's with all that is nominal;
-    on the diagonal from the nominal parameters alone. limits: the size at which an effect's squared distance from them
-    reaches the threshold, as (parameter, SI value, typical value). equivalent: groups that can't be told apart, though
-    each can be seen. mistaken: for each effect those that it could be passed off as. not_identifiable: those whose
-    typical size is below the limit.
+    distance (E, E): of the row's effect at its typical size from the best fit by the column's effect and the nominal
+    parameters; on the diagonal from the nominal parameters alone. limits: the detection limit of each effect, which is
+    the size at which its squared distance from the nominal parameters reaches the threshold, as (parameter, SI value,
+    typical value). equivalent: groups of detectable effects that cannot be distinguished. mistaken: for each effect the
+    others that could be mistaken for it. not_identifiable: effects whose typical size is below the detection limit.
     """
 
     names: tuple[str, ...]
@@ -57,8 +55,8 @@ class Confusability:
 
 @dataclass(frozen=True)
 class Columns:
-    """Inner products (K, K) of what effects change of the innovations, freed of what is nominal; `place` says which of
-    them belong to which point of which effect's grid: name, effect, indices."""
+    """Inner products (K, K) of the effects' columns after partialling out the nominal parameters; `place` says which
+    columns belong to which point of which effect's grid: name, effect, indices."""
 
     product: Array
     place: tuple[tuple[str, Effect, tuple[int, ...]], ...]
@@ -69,21 +67,19 @@ class Columns:
 
 
 def confusability(fitted: Fit, records: Sequence[Record], left_out: Collection[str] = ()) -> Confusability:
-    """The matrix for the fit's records; effects of `left_out` are no part of it. Distances are [1]."""
+    """The matrix for the fit's records, without the effects in `left_out`. Distances are [1].
+
+    An effect that shows in the log only is neither a force nor an addition to the reading, so that no other effect can
+    be mistaken for it, nor it for another: its distance from every other is that from the nominal parameters.
+    """
     kinds = fitted.candidate.layout.machine.kinds
     names = tuple(name for name in kinds if name not in left_out)
-    apart = {TimingJitter.name, ControllerMismatch.name}
-    found = products(fitted, records, [name for name in names if name not in apart])
-    distance = distances(found, names)
-    for name, square in (
-        (TimingJitter.name, _jitter(fitted, records)),
-        (ControllerMismatch.name, _mismatch(fitted, records)),
-    ):
-        if name in names:  # neither is a force or an addition to the reading: nothing can pass for it
-            i = names.index(name)
-            distance[i, :] = distance[:, i] = np.inf
-            distance[np.arange(len(names)), i] = np.diag(distance)
-            distance[i, :] = np.sqrt(square)
+    logged = [name for name in names if kinds[name].shown_in() == "log"]
+    distance = distances(products(fitted, records, [name for name in names if name not in logged]), names)
+    of_log = [names.index(name) for name in logged]
+    for i, name in zip(of_log, logged, strict=True):
+        distance[i, :] = np.sqrt(_squared_distance_in_log(kinds[name].typical(), fitted, records))
+    distance[:, of_log] = np.diag(distance)[:, None]
     return _confusability(names, distance, kinds)
 
 
@@ -106,7 +102,7 @@ def _confusability(names: tuple[str, ...], distance: Array, kinds: Mapping[str, 
 
 
 def _groups(names: Sequence[str], near: NDArray[np.bool_]) -> tuple[tuple[str, ...], ...]:
-    """Chains of effects each of which is near the next."""
+    """Connected components of the graph whose edges are `near`, without single effects."""
     left, found = set(range(len(names))), []
     while left:
         group, grows = {left.pop()}, True
@@ -119,7 +115,8 @@ def _groups(names: Sequence[str], near: NDArray[np.bool_]) -> tuple[tuple[str, .
 
 
 def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Columns:
-    """The named effects' columns along the records' paths, freed of the nominal parameters by their priors [1]."""
+    """The named effects' columns along the records' paths, the nominal parameters partialled out within their
+    priors [1]."""
     place: list[tuple[str, Effect, tuple[int, ...]]] = []
     variants: list[Effect] = []
     kinds = fitted.candidate.layout.machine.kinds
@@ -186,8 +183,8 @@ def _size(effect: Effect) -> Any:
 
 
 def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]]) -> float:
-    """Squared distance of a column from the best that another effect's point of the grid can make, of a size and sign
-    that it may have."""
+    """Squared distance of a column from the best fit by another effect, at one point of its grid, with a size and sign
+    within its range."""
     effect, where = point
     gram, onto = found.product[np.ix_(where, where)], sign * found.product[where, at]
     size = _size(effect)
@@ -200,23 +197,29 @@ def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]])
     return float(found.product[at, at] - 2 * best @ onto + best @ gram @ best)
 
 
-def _jitter(fitted: Fit, records: Sequence[Record]) -> float:
-    """Squared distance of typical jitter: its variance over what that scatters by where motions repeat and no command
-    is late; what is enough for a name is the threshold."""
-    typical = fitted.candidate.layout.machine.kinds[TimingJitter.name].typical()
+def _squared_distance_in_log(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:
+    """Squared distance [1] from the nominal parameters of an effect that shows in the log only: through the replay if
+    it changes the controller's law, else through the scatter of equal motions."""
+    seen = _by_replay if "control" in typical.hooks else _by_lateness
+    return seen(typical, fitted, records)
+
+
+def _by_lateness(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:
+    """Squared distance of late commands: their variance over its standard error where motions repeat and none is late,
+    scaled so that the detector's own threshold is THRESHOLD."""
     variance = typical.strength() * records[0].sample_time ** 2
     return (variance / lateness(fitted, records).scatter) ** 2 * THRESHOLD / LATE
 
 
-def _mismatch(fitted: Fit, records: Sequence[Record]) -> float:
-    """Squared distance of a typical mismatch: what it changes of the command over what the replay is held to."""
-    nominal, total = fitted.candidate.layout.machine, 0.0
-    excess = nominal.kinds[ControllerMismatch.name].typical().strength()
+def _by_replay(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:
+    """Squared distance of a relative change of the feedback: the change of the command over the replay's tolerance."""
+    total = 0.0
     for record in records:
-        found = replayed(nominal, record)
-        if found.checked:
+        replay = replayed(fitted.candidate.layout.machine, record)
+        if replay.checked:
             feedback = record.command - record.feedforward
-            total += float(np.sum((excess * (feedback - np.median(feedback)) / found.tolerance) ** 2))
+            change = typical.strength() * (feedback - np.median(feedback))
+            total += float(np.sum((change / replay.tolerance) ** 2))
     return total
 
 

@@ -1,8 +1,8 @@
-"""The next experiment: of a menu, the one that most separates what is left to choose from, on the nominal table.
+"""The next experiment: the one of a menu that best distinguishes the remaining candidates, by simulation.
 
-Every experiment's references are run on the nominal machine; along the path that follows, the columns of the effects in
-question have distances like those in confusability.py. The shortest experiment that separates them with room to spare
-is proposed, or, where none does, the one that comes nearest, and that is said.
+Each experiment's references are run on the nominal machine; along the resulting path the effects in question have
+distances like those in confusability.py. The shortest experiment that separates them with a margin is proposed or,
+where none does, the one that comes closest, and the proposal says so.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 
-SPARE: Final = 4.0  # times the threshold that counts as told apart with room to spare
-REPEATS: Final = 10  # of an experiment that are still reasonable; squared distances grow in proportion
-MOST: Final = 4  # effects that are compared; more of them are compared in part, the first ones
+SPARE: Final = 4.0  # margin on the threshold of an experiment that is to be run once
+REPEATS: Final = 10  # repetitions of an experiment that are reasonable; squared distances grow in proportion
+MOST: Final = 4  # effects that are compared: the first ones
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """What to do next in one sentence, its schedule, and the squared distance [1] that it is expected to reach."""
+    """What to do next in one sentence, its schedule, and the squared distance [1] that it should reach."""
 
     sentence: str
     schedule: Schedule
@@ -45,9 +45,9 @@ class Proposal:
 def next_experiment(
     members: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER
 ) -> Proposal | None:
-    """What to run on the machine in order to tell the members apart, or to see the one that there is; None without any.
+    """What to run on the machine to distinguish the members, or to detect the only one; None without members.
 
-    The menu's settings are in its sentence, with their units; jitter: the white force of this drive [N].
+    The sentence states the settings with their units; jitter: standard deviation of this drive's white force [N].
     """
     asked = _comparable(members, machine)[:MOST]
     if not asked:
@@ -66,8 +66,8 @@ def next_experiment(
 
 
 def _comparable(names: Sequence[str], machine: Machine) -> list[str]:
-    """Those that are looked for in this machine and change what a model predicts. What shows only in the log of the
-    controller does not; of what shows in nothing the answer is that it takes an external gauge."""
+    """The effects that are looked for in this machine and change what a model predicts. Those that show in the log only
+    do not; those that no record shows stay, because the answer for them is an external gauge."""
     return [name for name in names if name in machine.kinds and machine.kinds[name].shown_in() != "log"]
 
 
@@ -97,8 +97,8 @@ def _named(names: Sequence[str]) -> str:
 
 
 def along(coordinate: str | None, machine: Machine) -> Proposal:
-    """What moves the coordinate the most, so that its curve can be read off whatever the effect is; where no coordinate
-    explains anything, what shows whether the force repeats at all. Its settings are in the sentence [SI prefixes]."""
+    """The experiment that varies the coordinate the most, so that the force's curve over it can be read off whatever
+    the effect is; without a coordinate, one that shows whether the force repeats. Settings in the sentence [SI]."""
     for one in menu(machine):
         if coordinate in one.coordinates:
             sentence = (
@@ -115,8 +115,8 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
 
 
 def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER) -> Proposal | None:
-    """What shows the most of these effects at their typical sizes [SI], which earlier records could not; None where no
-    experiment of the menu shows any."""
+    """The experiment that detects the most of these effects at their typical sizes [SI], which the records could
+    not; None where no experiment of the menu detects any."""
     asked = _comparable(names, machine)
     if not asked:
         return None
@@ -146,8 +146,8 @@ def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: in
 
 
 def virtual(machine: Machine, planned: Schedule, seed: int = 0, jitter: float = JITTER) -> tuple[Fit, Record]:
-    """The record that the nominal machine would make of a schedule, and the linearisation along it, weighed by a white
-    force of deviation `jitter` [N]; nothing is fitted. Forces in [N]."""
+    """The record that the nominal machine would make of a schedule, and the linearisation along it, with a white force
+    of standard deviation `jitter` [N]; nothing is fitted. Forces in [N]."""
     noisy = replace(machine, effects=(), scale=machine.scale.noisy())
     record = simulate(noisy, machine.feedback_only(), planned.target, given=planned.given, seed=seed).record
     layout = parameters(noisy, 1)

@@ -1,7 +1,7 @@
-"""Experiments on a table, as the references that its controller is to follow: what to record for a diagnosis.
+"""Experiments for a diagnosis, as the references that the controller is to follow.
 
-A move is a polynomial of seventh order in time: speed, acceleration and jerk are zero at both ends. The feedforward is
-what the rigid body needs for it, and where the experiment says so an excitation at rest.
+A move is a seventh-order polynomial in time, with zero speed, acceleration and jerk at both ends. The feedforward is
+the force that the rigid body needs for it, plus an excitation at rest where the experiment has one.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from models.quantity import listed
 
 Array = NDArray[np.float64]
 
-PEAK_SPEED = 35 / 16  # of a move over its mean speed
-PEAK_ACCELERATION = 7.5131884  # of a move, in units of distance / duration^2
+PEAK_SPEED = 35 / 16  # peak speed of a move over its mean speed
+PEAK_ACCELERATION = 7.5131884  # peak acceleration of a move, in units of distance / duration^2
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """What to run: a name, the target r (n,) [m] and the references x_T*, u_ff, u_rf (n,) [m], [N], [N]."""
+    """What to run: a name, the target r (n,) [m], and the references x_T*, u_ff and u_rf (n,) [m], [N], [N]."""
 
     name: str
     target: Array
@@ -33,7 +33,7 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Move:
-    """`distance` [m] within `duration` [s], then rest for `dwell` [s]; distance 0 only rests."""
+    """A move by `distance` [m] within `duration` [s], then rest for `dwell` [s]; rest only where the distance is 0."""
 
     distance: float
     duration: float
@@ -42,7 +42,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Excitation:
-    """A multisine at rest on the feedforward: `band` [Hz], `amplitude` [N] (root mean square), `duration` [s]."""
+    """A multisine on the feedforward at rest: `band` [Hz], `amplitude` [N] (rms), `duration` [s]."""
 
     band: tuple[float, float]
     amplitude: float
@@ -54,7 +54,7 @@ Step = Move | Excitation
 
 
 def schedule(name: str, machine: Machine, steps: Sequence[Step], lead: float = 0.1) -> Schedule:
-    """The steps one after the other behind `lead` [s] of rest at 0, sampled as the machine's controller samples."""
+    """The steps one after the other, after `lead` [s] of rest at 0, at the sample time of the machine's controller."""
     ts, mass = machine.sample_time, machine.plant.mass
     position, target, force = [np.zeros(round(lead / ts))], [np.zeros(round(lead / ts))], [np.zeros(round(lead / ts))]
     at = 0.0
@@ -77,7 +77,7 @@ def schedule(name: str, machine: Machine, steps: Sequence[Step], lead: float = 0
 
 
 def quickest(machine: Machine, distance: float, share: float) -> float:
-    """Duration [s] of a move of `distance` [m] whose peak thrust is a share [1] of the rated one, within the rated
+    """Duration [s] of a move of `distance` [m] whose peak thrust is a share [1] of the rated thrust, within the rated
     speed."""
     force = share * machine.drive.rated_thrust
     by_thrust = float(np.sqrt(PEAK_ACCELERATION * distance * machine.plant.mass / force))
@@ -85,12 +85,12 @@ def quickest(machine: Machine, distance: float, share: float) -> float:
 
 
 def allowed(machine: Machine, distance: float, speed: float, share: float = 0.6) -> float:
-    """The peak speed [m/s] of a move of `distance` [m], lowered to what a share [1] of the rated thrust can do."""
+    """The peak speed [m/s] of a move of `distance` [m], reduced to what a share [1] of the rated thrust can reach."""
     return min(speed, PEAK_SPEED * distance / quickest(machine, distance, share))
 
 
 def _multisine(excitation: Excitation, sample_time: float) -> Array:
-    """Sines of equal size and random phase over the band, all periodic in the duration, beginning and ending softly."""
+    """Sines of equal amplitude and random phase over the band, periodic in the duration, with a soft start and end."""
     n = round(excitation.duration / sample_time)
     low, high = (round(f * n * sample_time) for f in excitation.band)
     spectrum = np.zeros(n // 2 + 1, complex)
@@ -122,7 +122,7 @@ def amplitude_ladder(
 def dwell_sweep(
     machine: Machine, dwells: Sequence[float] = (0.06, 0.12, 0.25, 0.5, 1.0, 1.5), stroke: float = 17.3e-6
 ) -> Schedule:
-    """Moves after rests of each length [s]: on in the same direction, and back."""
+    """Moves after rests of each length [s], onward in the same direction and back."""
     steps = [Move(sign * stroke, 0.025, dwell) for dwell in dwells for sign in (1, 1, -1, -1)]
     return schedule("dwell sweep", machine, steps)
 
@@ -130,7 +130,7 @@ def dwell_sweep(
 def multisine(
     machine: Machine, band: tuple[float, float] = (4.0, 400.0), amplitude: float = 4.0, duration: float = 4.0
 ) -> Schedule:
-    """A multisine at rest: band [Hz], amplitude [N] (root mean square), duration [s]."""
+    """A multisine at rest: band [Hz], amplitude [N] (rms), duration [s]."""
     return schedule(
         "multisine", machine, [Move(0.0, 0.1, 0.1), Excitation(band, amplitude, duration), Move(0.0, 0.1, 0.1)]
     )
@@ -155,13 +155,13 @@ def hold(machine: Machine, duration: float = 15.0) -> Schedule:
 def nested_loops(
     machine: Machine, sizes: Sequence[float] = (30e-6, 10e-6, 3e-6, 1e-6), duration: float = 0.2
 ) -> Schedule:
-    """Loops of each size [m] to and fro, the smaller ones from the larger one's end, each way in `duration` [s]."""
+    """Loops of each size [m] back and forth, each from the end of the larger one, each way in `duration` [s]."""
     steps = [Move(sign * size, duration, 0.1) for size in sizes for sign in (1, -1, 1, -1)]
     return schedule("nested loops", machine, steps)
 
 
 def hard_moves(machine: Machine, distance: float = 1e-3, shares: Sequence[float] = (0.2, 0.4, 0.6, 0.8)) -> Schedule:
-    """Moves of `distance` [m] there and back whose peak thrust is each share [1] of the rated one."""
+    """Moves of `distance` [m] there and back whose peak thrust is each share [1] of the rated thrust."""
     steps = [
         Move(sign * distance, quickest(machine, distance, share), 0.25) for share in shares for sign in (1, -1) * 2
     ]
@@ -171,7 +171,7 @@ def hard_moves(machine: Machine, distance: float = 1e-3, shares: Sequence[float]
 def moves_along(
     machine: Machine, places: int = 6, apart: float = 10e-3, distance: float = 1e-3, share: float = 0.5
 ) -> Schedule:
-    """Fast moves of `distance` [m] to and fro at places that are `apart` [m], at a share [1] of the rated thrust."""
+    """Fast moves of `distance` [m] back and forth at places `apart` [m], at a share [1] of the rated thrust."""
     fast = quickest(machine, distance, share)
     here = [Move(sign * distance, fast, 0.15) for sign in (1, -1)]
     steps = [*here, *([Move(apart, 0.4, 0.2), *here] * (places - 1)), Move(-apart * (places - 1), 1.0, 0.2)]
@@ -184,7 +184,7 @@ def repeated_strokes(machine: Machine, distance: float = 5e-3, speed: float = 0.
 
 
 def together(name: str, parts: Sequence[Schedule]) -> Schedule:
-    """One schedule of several, which all begin and end at 0."""
+    """Several schedules as one; all begin and end at 0."""
     return Schedule(
         name,
         np.concatenate([part.target for part in parts]),
@@ -197,7 +197,7 @@ def together(name: str, parts: Sequence[Schedule]) -> Schedule:
 
 
 def suite(machine: Machine) -> Schedule:
-    """All of the menu in one record of half a minute."""
+    """The main experiments of the menu in one record of half a minute."""
     return together(
         "suite",
         [
@@ -215,7 +215,7 @@ def suite(machine: Machine) -> Schedule:
 
 @dataclass(frozen=True)
 class Experiment:
-    """One entry of the menu: its schedule, its settings in words, and the coordinates that it moves the most."""
+    """One entry of the menu: its settings in words, its schedule, and the coordinates that it varies the most."""
 
     words: str
     schedule: Schedule
@@ -223,7 +223,7 @@ class Experiment:
 
 
 def menu(machine: Machine) -> tuple[Experiment, ...]:
-    """What can be run next on this machine, with settings that its ratings allow; sentences with their units."""
+    """The experiments that can be run on this machine, with settings within its ratings."""
     long, slow = 60e-3, (0.005, 10e-3)
     speeds = tuple(float(f"{allowed(machine, 10e-3, speed):.3g}") for speed in (0.005, 0.02, 0.05, 0.1))
     fast = float(f"{allowed(machine, long, 0.15):.3g}")

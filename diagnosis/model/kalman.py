@@ -1,12 +1,23 @@
-"""The linear part of a machine as a predictor and a smoother driven by a known force: what is left is what is unknown.
+"""Kalman filter and smoother of a machine's linear part, driven by a known force: what remains is the unknown force.
 
-    xi[k+1] = A xi[k] + sum_s B_s f_s[k] + w[k],    y[k] = C xi[k] + v[k],    xi = (q_1, q_1', ..., q_m, q_m', d)
+    x[k+1] = A x[k] + B f[k] + w[k],    y[k] = C x[k] + v[k]
 
-f_s [N] is the net force in substep s of the sample interval behind k: thrust less friction. d [N] is an unknown force
-that walks randomly by `walk` [N] a sample; v is the scale's noise and rounding. The gains are those of the steady
-state, so that the innovations e = y - C xi^- are one linear, time-invariant filter of (f, y), and so is the smoothed
-state. n samples, M substeps, 2m + 1 = S states. See T. Kailath, A. Sayed, B. Hassibi, Linear Estimation (2000),
-chapters 9 and 10.
+    n, M, m     number of samples, of substeps in a sample interval, of the plant's modes
+    x (S,)      state (q_1, q_1', ..., q_m, q_m', d): modal positions [m] and speeds [m/s], and the unknown force d [N];
+                behind d two states for each random force (`Resonance`). S = 2 m + 1 without those
+    f (M,)      known force [N] in the substeps of the interval after sample k: thrust less friction
+    w           process noise, covariance Q: d walks randomly by `walk` [N] per sample, and a white force of standard
+                deviation `jitter` [N] acts beside it
+    y, v        reading of the scale [m] and its measurement noise, standard deviation `noise` [m], rounding included
+    P-, P+      covariance of x before and after the reading y[k], in steady state
+    K (S,)      filter gain, P- C' / (C P- C' + noise^2)                        `Predictor.gain`
+    G (S, S)    smoother gain, P+ A' (P-)^-1                                    `Predictor.back`
+    F (S, S)    transition of the prediction error, A (I - K C)                 `Predictor.closed`
+    e (n,)      innovations y - C x-, whitened by their standard deviation      `Predictor.deviation`
+                sqrt(C P- C' + noise^2)
+
+All gains are those of the steady state, so that the innovations, and the smoothed states, are linear, time-invariant
+filters of (f, y). See T. Kailath, A. Sayed, B. Hassibi, Linear Estimation (2000), chapters 9 and 10.
 """
 
 from __future__ import annotations
@@ -24,15 +35,17 @@ from models.plant import Plant, matrices, transition
 
 Array = NDArray[np.float64]
 
-SUBSTEPS: Final = 2  # of a sample interval; the force within one counts as constant
-BLOCK: Final = 8  # samples that a filter of many columns takes at once
-TOGETHER: Final = 8  # columns that it takes at once: what is kept of them on the way is small
-JITTER: Final = 0.08  # [N] a sample: white, for what friction on a smoothed position leaves; clean tables like it best
+SUBSTEPS: Final = 2  # substeps of a sample interval, within each of which the force is constant
+BLOCK: Final = 8  # samples that `responses` filters at once
+TOGETHER: Final = 8  # columns that it filters at once, so that its intermediate arrays stay small
+JITTER: Final = 0.08  # N: white process noise for the error of the friction, which is evaluated at a smoothed position;
+# chosen so that complete models of simulated tables leave white innovations
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """A random force about a frequency [Hz], within a bandwidth [Hz], and of a deviation `level` [N]: the floor."""
+    """A narrow-band random force, such as a floor's vibration: centre frequency [Hz], bandwidth [Hz] and standard
+    deviation `level` [N]."""
 
     frequency: float
     bandwidth: float
@@ -41,10 +54,8 @@ class Resonance:
 
 @dataclass(frozen=True)
 class Predictor:
-    """A (S, S), B (S, M), C (S,), the filter's gain (S,), the smoother's (S, S), the innovations' deviation [m].
-
-    `step`: F = A (I - K C) (S, S) and A K (S,), the predictor's own transition and input.
-    """
+    """A (S, S), B (S, M), C (S,), the filter gain K (S,), the smoother gain G (S, S), the innovations' standard
+    deviation [m]; see the module's head."""
 
     A: Array
     B: Array
@@ -87,11 +98,11 @@ def predictor(
     jitter: float = JITTER,
     shaken: tuple[Resonance, ...] = (),
 ) -> Predictor:
-    """The steady filter for an unknown force that walks by `walk` [N] a sample, and has a white part of deviation
-    `jitter` [N], under a reading's `noise` [m].
+    """The steady-state filter for an unknown force that walks by `walk` [N] per sample, with white process noise of
+    standard deviation `jitter` [N] and measurement noise [m].
 
-    shaken: random forces besides; each adds two states behind d, of which the first is the force.
-    The answer is kept for the same machine: its arrays are not to be written to.
+    shaken: narrow-band random forces; each adds two states behind d, of which the first is the force.
+    Results are cached, so that their arrays must not be written to.
     """
     a, b, c = discretised(plant, sample_time)
     walking = len(a) - 1
@@ -102,7 +113,7 @@ def predictor(
     for one in shaken:
         a, b, c, q = _shaken(one, sample_time, held, (a, b, c, q))
         held = np.append(held, [0.0, 0.0])
-    unit = noise  # covariances in units of the noise: the equation is better conditioned
+    unit = noise  # the Riccati equation is better conditioned with covariances in units of the noise
     before = solve_discrete_are(a.T, c[:, None], q / unit**2, np.eye(1)) * unit**2
     variance = float(c @ before @ c) + noise**2
     gain = before @ c / variance
@@ -112,7 +123,8 @@ def predictor(
 
 
 def _shaken(one: Resonance, sample_time: float, held: Array, system: tuple[Array, ...]) -> tuple[Array, ...]:
-    """(A, B, C, Q) with the two states of a random force behind the others; `held`: what a force held adds (S,)."""
+    """(A, B, C, Q) extended by the two states of a random force; `held` (S,): the change of the state over one sample
+    by a constant force of 1 N."""
     a, b, c, q = system
     n = len(a)
     angle, keep = 2 * np.pi * one.frequency * sample_time, np.exp(-2 * np.pi * one.bandwidth * sample_time)
@@ -125,18 +137,18 @@ def _shaken(one: Resonance, sample_time: float, held: Array, system: tuple[Array
 
 
 def innovations(model: Predictor, force: Array, reading: Array, start: Array) -> Array:
-    """e (n,) [m] of a net force (n, M) [N] and a reading (n,) [m], from the state `start` (S,)."""
+    """Innovations e (n,) [m] for a net force (n, M) [N] and a reading (n,) [m], from the initial state `start` (S,)."""
     e = np.empty(reading.size)
     _predict(model.closed, model.A @ model.gain, model.C, force @ model.B.T, reading, start, e)
     return e
 
 
 def responses(model: Predictor, force: Array, reading: Array | None = None) -> Array:
-    """What k forces (k, n, M) [N], added to the net force, and additions (k, n) [m] to the reading change of the
-    whitened innovations: (n, k) [1], a column's samples next to each other.
+    """Change (n, k) [1] of the whitened innovations by k forces (k, n, M) [N] added to the net force, and by k
+    additions (k, n) [m] to the reading; a column's samples are contiguous.
 
-    BLOCK samples at once: what a block's input does within it is one product with all blocks of a few columns, so that
-    only the state at the head of each block is left to a recursion.
+    Filtered in blocks of BLOCK samples: the effect of a block's inputs within the block is one matrix product over all
+    blocks of several columns, so that the recursion runs only over the states at the head of each block.
     """
     count, n, parts = force.shape
     blocks, size = -(-n // BLOCK), model.C.size
@@ -160,9 +172,11 @@ def responses(model: Predictor, force: Array, reading: Array | None = None) -> A
 
 
 def _block(model: Predictor, entry: Array) -> tuple[Array, Array, Array, Array]:
-    """Of BLOCK samples, entry (S, m) being the way of m inputs a sample into the state: what they make of the block's
-    innovations (BLOCK, BLOCK m) and of the state behind it (S, BLOCK m), and what the state before it makes of both
-    (BLOCK, S), (S, S), in the order innovations by input, by state, state by input, by state."""
+    """Matrices of a block of BLOCK samples for m inputs per sample that enter the state by `entry` (S, m).
+
+    From the inputs to the block's innovations (BLOCK, BLOCK m), from the state at its head to its innovations
+    (BLOCK, S), from the inputs to the state behind it (S, BLOCK m), from the state at its head to that state (S, S).
+    """
     parts, closed = entry.shape[1], model.closed
     within, kept = np.zeros((BLOCK, BLOCK * parts)), np.empty((BLOCK, model.C.size))
     onto, power = np.empty((model.C.size, BLOCK * parts)), np.eye(model.C.size)
@@ -179,24 +193,24 @@ def _block(model: Predictor, entry: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _blocked(signals: Array, blocks: int, length: int) -> Array:
-    """Signals (k, n) as rows (k blocks, length), with zeros behind the last."""
+    """Signals (k, n) as rows (k blocks, length), padded with zeros at the end."""
     short = blocks * length - signals.shape[1]
     whole = np.pad(signals, ((0, 0), (0, short))) if short else signals
     return whole.reshape(-1, length)
 
 
 def adjoint(model: Predictor, e: Array) -> tuple[Array, Array]:
-    """(g (n, M), g_y (n,)): the inner product of e (n,) with the response to any force f is sum g f, to any reading
-    r it is sum g_y r. So a thousand candidates are compared with e without filtering any of them.
-    g [1/N] and g_y [1/m], both times e's unit."""
+    """Adjoint of `responses`, up to the whitening: (g (n, M), g_y (n,)) such that the inner product of e (n,) with the
+    response to a force f is sum(g f), and to an addition r to the reading sum(g_y r). So a thousand candidates are
+    compared with e without filtering any of them. g is in [1/N] and g_y in [1/m], times e's unit."""
     mu = np.empty((e.size, model.C.size))
     _adjoint(np.ascontiguousarray(model.closed.T), model.C, e, mu)
     return mu @ model.B, e + mu @ (model.A @ model.gain)
 
 
 def smoothed(model: Predictor, force: Array, reading: Array, start: Array) -> Array:
-    """States (n, S) from all of the record: past and future (Rauch, Tung and Striebel 1965); force (n, M)
-    [N], reading (n,) [m], start (S,)."""
+    """Smoothed states (n, S) from the whole record, past and future (Rauch, Tung and Striebel 1965); force (n, M)
+    [N], reading (n,) [m], initial state `start` (S,)."""
     states = np.empty((reading.size, model.C.size))
     _smooth(model.A, model.gain, model.C, model.back, force @ model.B.T, reading, start, states)
     return states
@@ -224,8 +238,8 @@ def _predict(closed: Array, enter: Array, C: Array, given: Array, reading: Array
 def _heads(behind: Array, entering: Array, heads: Array) -> None:
     """heads[c, b + 1] = behind heads[c, b] + entering[c, b], from rest.
 
-    Four columns at once, the last as often as needed: a sum waits for its last term, those of four do not wait for one
-    another.
+    Four columns at once (the last one repeated where needed), because the additions of one sum depend on one another
+    and would stall the processor, while those of four sums are independent.
     """
     count, blocks, size = heads.shape
     heads[:, 0, :] = 0.0
@@ -246,7 +260,7 @@ def _heads(behind: Array, entering: Array, heads: Array) -> None:
 
 @compiled
 def _adjoint(closed_t: Array, C: Array, e: Array, mu: Array) -> None:
-    """mu[k] = sensitivity to what is added to the state at k + 1."""
+    """mu[k] = gradient with respect to what is added to the state at k + 1."""
     size = C.size
     now, before = np.zeros(size), np.empty(size)
     for k in range(e.size - 1, -1, -1):
@@ -264,7 +278,7 @@ def _adjoint(closed_t: Array, C: Array, e: Array, mu: Array) -> None:
 def _smooth(
     A: Array, gain: Array, C: Array, back: Array, given: Array, reading: Array, start: Array, states: Array
 ) -> None:
-    """Forwards the filtered states, then backwards the smoothed ones in their place."""
+    """A forward pass of the filter, then a backward pass that replaces the filtered states by the smoothed ones."""
     n, size = states.shape
     predicted = np.empty((n, size))
     now = start.copy()

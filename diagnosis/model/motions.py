@@ -1,7 +1,7 @@
-"""Records cut for a diagnosis: motions, what type each is, and the phases of each.
+"""Records cut into motions: what kind each is, and which of them repeat each other.
 
-A motion's type is its stroke and its peak speed by factors of about three, or what else happens at rest; motions of one
-type that start from the same place in the same direction repeat each other.
+A motion's kind is its stroke and its peak speed, each to within a factor of about three, or what happens at rest.
+Motions of one kind repeat each other if they start from the same place in the same direction.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from models.records.record import Record, cut
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LONGEST: Final = 1.5  # s; longer motions are cut into pieces, so that one of them does not outweigh the others
-SHORTEST: Final = 0.02  # s
-FEWEST: Final = 6  # motions that a diagnosis needs: some are left out of a fit, to judge it by them
-SAME: Final = 2e-7  # [m] by which references of equal motions may differ
-SAME_FORCE: Final = 1e-3  # of its largest value by which their feedforward may differ
+LONGEST: Final = 1.5  # s: longer motions are cut into pieces, so that one of them does not outweigh the others
+SHORTEST: Final = 0.02  # s: shorter motions are joined to the one before
+FEWEST: Final = 6  # motions that a diagnosis needs, because some are held out of every fit
+SAME: Final = 2e-7  # m: tolerance between the references of equal motions
+SAME_FORCE: Final = 1e-3  # tolerance between their feedforward, relative to its largest value
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Piece:
 
 
 def pieces(records: Sequence[Record]) -> tuple[Piece, ...]:
-    """All records cut into motions, long ones into parts."""
+    """All records cut into motions, and long motions into parts."""
     found: list[Piece] = []
     for number, record in enumerate(records):
         ts = record.sample_time
@@ -79,7 +79,7 @@ def pieces(records: Sequence[Record]) -> tuple[Piece, ...]:
 
 
 def check_count(records: Sequence[Record]) -> None:
-    """Raises RecordError for records with too few motions to leave some out and judge a fit by them."""
+    """Raises RecordError for records with too few motions to hold some of them out of a fit."""
     count = len(pieces(records))
     if count < FEWEST:
         raise RecordError(
@@ -102,7 +102,7 @@ def _piece(record: Record, number: int, start: int, stop: int) -> Piece:
 
 
 def numbered(found: Sequence[Piece], records: Sequence[Record]) -> Integers:
-    """The number of the piece that each sample of all records, one after another, belongs to: (n,)."""
+    """The index (n,) of the piece that each sample belongs to, all records one after another."""
     begins = np.concatenate([[0], np.cumsum([record.position.size for record in records])])
     number = np.zeros(int(begins[-1]), np.int64)
     for i, piece in enumerate(found):
@@ -111,7 +111,7 @@ def numbered(found: Sequence[Piece], records: Sequence[Record]) -> Integers:
 
 
 def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[int, ...], ...]:
-    """Groups of equal motions, as indices of the pieces: kind, direction, origin and reference agree."""
+    """Groups of equal motions, as indices of the pieces; kind, direction, origin and reference agree."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, piece in enumerate(pieces):
         if not piece.kind.rests:
@@ -123,8 +123,8 @@ def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[
 
 
 def scatter(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> tuple[Array, ...]:
-    """What of every record's signal (n,) [any unit] does not repeat: its difference from the mean course of equal
-    motions, of the deviation of one of them; not a number where nothing repeats. Each motion counts alike."""
+    """The part of every record's signal (n,) [any unit] that does not repeat: its difference from the mean over equal
+    motions, scaled so that its variance is that of one motion; NaN where nothing repeats."""
     apart = tuple(np.full(signal.size, np.nan) for signal in signals)
     for group in groups:
         parts = [(pieces[i].record, slice(pieces[i].start, pieces[i].stop)) for i in group]
@@ -135,7 +135,7 @@ def scatter(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: S
 
 
 def rms(parts: Sequence[Array]) -> float:
-    """Root of the mean square of the samples of all parts (n,) that are numbers; [their unit]."""
+    """Root mean square over all parts (n,), NaN left out; [their unit]."""
     return float(np.sqrt(np.nanmean(np.concatenate(list(parts)) ** 2)))
 
 
@@ -144,7 +144,7 @@ def _near(groups: dict[tuple[object, ...], list[int]], alike: tuple[object, ...]
 
 
 def _equal(one: Piece, other: Piece, records: Sequence[Record]) -> bool:
-    """Whether reference and feedforward agree: parts of one multisine have the same reference, and are no repeats."""
+    """Whether reference and feedforward agree; parts of a multisine agree in the reference alone."""
     a, b = (records[piece.record].part(piece.start, piece.stop) for piece in (one, other))
     largest = max(float(np.max(np.abs(a.feedforward))), float(np.max(np.abs(b.feedforward))))
     alike = float(np.max(np.abs(a.feedforward - b.feedforward))) <= SAME_FORCE * largest

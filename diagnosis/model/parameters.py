@@ -1,8 +1,8 @@
-"""What is nominally known of a machine and may be a little wrong: parameters with priors, re-fitted every time.
+"""The nominal parameters of a machine, which are known to within a prior and re-fitted every time.
 
-The vector theta (P,) holds deviations: relative ones as logarithms, the dead time [s], the offset [N], the friction's
-displacement [m] at the start of each record. An effect counts only for what it explains beyond these, because a gap
-that a re-fit closes needs no new physics.
+The vector theta (P,) holds deviations: relative ones as logarithms, the dead time [s], the offset [N], and the friction
+elements' displacements [m] at the start of each record. An effect counts only for what it explains beyond these,
+because a gap that a re-fit closes needs no new physics.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from models.variation import Variation, varied
 Array = NDArray[np.float64]
 
 
-FAR: Final = 3.0  # prior deviations that a value may be off
-FURTHER: Final = 8.0  # that these may be: a drive or the rollers' preload is changed and forgotten
-LOADED: Final = 20.0  # that the mass may be: a load is left on the table
+FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
+FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
+LOADED: Final = 20.0  # bound of the mass: a load may have been left on the table
 LOOSE: Final = ("mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level")
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """The layout of theta for one machine and `records` records: names, prior deviations (P,), bounds low and high
-    (P,)."""
+    """The layout of theta for one machine and so many records: names, prior standard deviations (P,), bounds low and
+    high (P,)."""
 
     machine: Machine
     records: int
@@ -44,12 +44,12 @@ class Parameters:
         return self.deviation.size
 
     def of(self, name: str) -> NDArray[np.int64]:
-        """Where in theta the parameters of this name stand."""
+        """The indices in theta of the parameters of this name."""
         return np.flatnonzero(np.array(self.names) == name)
 
 
 def parameters(machine: Machine, records: int) -> Parameters:
-    """What may be wrong of this machine, by its tolerance, in so many records."""
+    """The parameters of a machine, with priors by its tolerance, in so many records."""
     rows = list(_rows(machine, records))
     names, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
@@ -79,7 +79,8 @@ def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float]]:
 
 
 def applied(layout: Parameters, theta: Array) -> Machine:
-    """The machine with theta (P,) put in, its offset [N] added to the file's; the initial state is no part of it."""
+    """The machine with the deviations theta (P,), whose offset [N] is added to the file's; without the initial state of
+    the friction, which belongs to the records."""
     machine = layout.machine
     plant, level = machine.plant, float(theta[layout.of("friction_level")][0])
     gain, frequency, damping = ([0.0] * len(plant.modes) for _ in range(3))
@@ -114,12 +115,13 @@ def initial_state(layout: Parameters, theta: Array, record: int) -> Array:
 
 
 def bounded(layout: Parameters, theta: Array) -> Array:
-    """theta (P,) within its bounds, and the elements' displacements [m] within their limits."""
+    """theta (P,) clipped to its bounds, and the elements' displacements [m] to their limits."""
     return np.clip(theta, layout.low, layout.high)
 
 
 def shifts(layout: Parameters, theta: Array, covariance: Array) -> Sequence[tuple[str, float, float]]:
-    """(name, size, deviation) of every group of parameters, in prior deviations [1], the most moved first."""
+    """(name, value, standard deviation) of every group of parameters, in prior standard deviations [1], the one that
+    moved the most first; of a group its largest member."""
     found = []
     for name in dict.fromkeys(layout.names):
         where = layout.of(name)
