@@ -34,9 +34,8 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from models.records.columns import Columns
     from models.records.files import read_record
     from models.records.record import Record, feeding_sequence
-    from models.records.settling import settling_time
-    from models.simulation.simulator import Response, simulate, simulate_many
-    from models.variation import Variation, drawn, varied
+    from models.simulation.simulator import Response, simulate
+    from models.variation import Variation, varied
     from reports.plot import plot
     from studies.catalogue import STUDIES as studies
 
@@ -67,7 +66,6 @@ _WHERE: Final = {
     "build_trajectory": "design.trajectory.history_aware:build",
     "design_deadbeat": "design.controller",
     "diagnose": "diagnosis.diagnose",
-    "drawn": "models.variation",
     "feeding_sequence": "models.records.record",
     "frequency_response": "models.plant",
     "friction_branch": "models.friction:branch",
@@ -77,10 +75,8 @@ _WHERE: Final = {
     "load_machine": "models.machine:load",
     "plot": "reports.plot",
     "read_record": "models.records.files",
-    "settling_time": "models.records.settling",
     "shortest_settling_time": "design.deadbeat",
     "simulate": "models.simulation.simulator",
-    "simulate_many": "models.simulation.simulator",
     "solve_trajectory": "design.trajectory.history_aware:solve",
     "studies": "studies.catalogue:STUDIES",
     "tune_pid": "design.pid.tuning",
@@ -114,7 +110,6 @@ __all__ = [
     "build_trajectory",
     "design_deadbeat",
     "diagnose",
-    "drawn",
     "feeding_sequence",
     "frequency_response",
     "friction_branch",
@@ -124,10 +119,8 @@ __all__ = [
     "load_machine",
     "plot",
     "read_record",
-    "settling_time",
     "shortest_settling_time",
     "simulate",
-    "simulate_many",
     "solve_trajectory",
     "studies",
     "tune_pid",

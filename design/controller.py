@@ -20,7 +20,12 @@ def waiting(machine: Machine) -> int:
 
 
 def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
-    """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's PID, and its RFM."""
+    """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's PID, and its RFM.
+
+    >>> controller = pos.assemble(machine, deadbeat)
+    >>> controller.reference_delay  # samples
+    2
+    """
     control = machine.control
     rfm = simplify(machine.friction, control.compensator_elements)
     return Controller(machine.sample_time, control.pid, waiting(machine), deadbeat.n_ff, deadbeat.d_ff, rfm)

@@ -40,12 +40,22 @@ LONGEST: Final = 4096  # samples; a search for the shortest settling time gives 
 
 
 class DesignError(ValueError):
-    """A design that can't be; the message says why and what could."""
+    """A design that can't be; the message says why and what could.
+
+    >>> pos.design_deadbeat(machine, settling_time=15e-3)
+    Traceback (most recent call last):
+    design.deadbeat.DesignError: a stroke of 20 µm cannot settle in 15 ms within 133.5 N ...
+    """
 
 
 @dataclass(frozen=True)
 class Constraints:
-    """What u_ff and x_T* must keep to: |thrust| [N], overshoot [1, of the stroke], None: free; never backwards."""
+    """What u_ff and x_T* must keep to: |thrust| [N], overshoot [1, of the stroke], None: free; never backwards.
+
+    >>> limits = pos.Constraints(thrust=120.0, overshoot=0.0)
+    >>> pos.design_deadbeat(machine, settling_time=22e-3, constraints=limits)
+    Deadbeat(20 µm in 22 ms, peak thrust ... N, overshoot 0 m)
+    """
 
     thrust: float | None = None
     overshoot: float | None = None
@@ -58,6 +68,9 @@ class Deadbeat:
 
     thrust (n,) [N] and position (n + 1,) [m] are u_ff and x_T* for the stroke. n_ff [m/m] and d_ff [N/m] are the
     coefficients of z^0, z^-1, ... of N_ff and D_ff; numerator, denominator and free those of N, D and Q.
+
+    >>> deadbeat
+    Deadbeat(20 µm in 20 ms, peak thrust ... N, overshoot ... m)
     """
 
     sample_time: float
@@ -70,6 +83,13 @@ class Deadbeat:
     numerator: Array
     denominator: Array
     free: Array
+
+    def __repr__(self) -> str:
+        peak, beyond = float(np.max(np.abs(self.thrust))), float(np.max(self.position)) - self.stroke
+        return (
+            f"Deadbeat({show(self.stroke, 'm')} in {show(self.settling_time, 's')}, peak thrust {show(peak, 'N')}, "
+            f"overshoot {show(beyond if beyond > 1e-9 * self.stroke else 0.0, 'm')})"
+        )
 
 
 @dataclass(frozen=True)
@@ -127,6 +147,9 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
     """The shortest settling time [s], a whole number of samples, that the constraints allow; inf if none up to LONGEST.
 
     What can be done in n samples can be done in n + 1, so that halving the interval finds it.
+
+    >>> round(pos.shortest_settling_time(machine.plant, machine.sample_time, 20e-6, pos.Constraints(thrust=133.5)), 9)
+    0.019
     """
 
     def possible(count: int) -> bool:

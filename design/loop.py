@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
 from models.controller import PID
+from models.quantity import show
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -68,6 +69,13 @@ class Assessment:
     gain_margin: float
     phase_margin: float
     disk_margin: float
+
+    def __repr__(self) -> str:
+        return (
+            f"Assessment({'stable' if self.stable else 'UNSTABLE'}, |S| <= {self.ms.value:.3g}, "
+            f"|T| <= {self.mt.value:.3g}, "
+            f"crossover {show(self.crossover / (2 * math.pi), 'Hz')}, disk margin {self.disk_margin:.3g})"
+        )
 
     @property
     def stable(self) -> bool:
@@ -180,7 +188,12 @@ def peak(magnitude: Callable[[Array], Array], omega: Array) -> Peak:
 
 
 def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessment:
-    """Stability, peaks and margins of one loop; `count` of the grid's frequencies [rad/s] are evenly spread."""
+    """Stability, peaks and margins of one loop; `count` of the grid's frequencies [rad/s] are evenly spread.
+
+    >>> from models.plant import sampled
+    >>> pos.assess_loop(sampled(machine.plant, machine.sample_time), machine.control.pid)
+    Assessment(stable, |S| <= ..., |T| <= ..., crossover ... Hz, disk margin ...)
+    """
 
     def response(omega: Array) -> dict[Sensitivity, Complex]:
         return sensitivities(frequency_response(plant, omega), pid_response(pid, plant.dt, omega))

@@ -25,7 +25,9 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     adopted; as it was given where there was nothing to explain. `source` says what the records were, as in
     "gap_diagnosis of moves.csv": it becomes the provenance of every value that the diagnosis changed or added.
 
-    >>> better = pos.improved_machine(diagnosis, "diagnosis of moves.csv")  # doctest: +SKIP
+    >>> better = pos.improved_machine(diagnosis, "diagnosis of moves.csv")
+    >>> [effect.name for effect in better.effects]
+    ['viscous_friction']
     """
     nominal = diagnosis.baseline.nominal.candidate.layout.machine
     if diagnosis.outcome == "nothing_to_explain":

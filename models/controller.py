@@ -16,7 +16,7 @@ from models.effect_feedforward import Ahead, ahead_thrust
 from models.effects import catalogue
 from models.effects.base import Effect, parameters
 from models.friction import Friction, elements, follow
-from models.quantity import json_name, value
+from models.quantity import json_name, show, value
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,9 @@ class PID:
     """C(z) at sample k, with e[k] = x_T*[k - delay] - x[k] and a = tau / (tau + T_s):
 
     I[k] = I[k-1] + ki T_s e[k];  d[k] = a d[k-1] + (1 - a) (e[k] - e[k-1]) / T_s;  u_fb = kp e + I + kd d.
+
+    >>> pos.PID(kp=1e6, ki=5e7, kd=1e4, derivative_filter=1e-4).pole(5e-4)  # a
+    0.1666...
     """
 
     kp: float = value("N/m", "proportional gain", at_least=0)
@@ -49,6 +52,11 @@ class Controller:
     n_ff, d_ff: coefficients of z^0, z^-1, ... [m/m] and [N/m]; reference_delay [samples]: the z^-d by which the PID's
     reference waits for the dead time (Smith's method); friction_compensation: the RFM, or None for u_rf = 0;
     effect_compensation: effects that u_rf meets along x_T*, too, or None.
+
+    >>> controller
+    Controller(T_s = 500 µs, reference 2 samples late, feedforward of 41 samples, with friction compensation)
+    >>> controller.without_compensation()
+    Controller(T_s = 500 µs, reference 2 samples late, feedforward of 41 samples, without friction compensation)
     """
 
     sample_time: float
@@ -58,6 +66,13 @@ class Controller:
     d_ff: tuple[float, ...]
     friction_compensation: Friction | None = None
     effect_compensation: Ahead | None = None
+
+    def __repr__(self) -> str:
+        rfm = "without" if self.friction_compensation is None else "with"
+        return (
+            f"Controller(T_s = {show(self.sample_time, 's')}, reference {self.reference_delay} samples late, "
+            f"feedforward of {len(self.d_ff)} samples, {rfm} friction compensation)"
+        )
 
     def without_compensation(self) -> Controller:
         """The same law with u_rf = 0 (Fig. 6)."""
@@ -87,8 +102,13 @@ def to_json(controller: Controller, stroke: float, settling_time: float) -> dict
     return content
 
 
-def load(path: Path) -> Controller:
-    """The controller in a controller.json. Raises ControllerError, a sentence, for what is missing or impossible."""
+def load(path: str | Path) -> Controller:
+    """The controller in a controller.json. Raises ControllerError, a sentence, for what is missing or impossible.
+
+    >>> pos.load_controller(folder / "controller.json") == controller
+    True
+    """
+    path = Path(path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -16,18 +16,28 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
 from models.compiled import compiled
-from models.quantity import value
+from models.quantity import show, value
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Friction:
-    """Parameters of N elements (tuples of length N), each slipping at K_i X_i; eqs. (3)-(8)."""
+    """Parameters of N elements (tuples of length N), each slipping at K_i X_i; eqs. (3)-(8).
+
+    >>> pos.Friction(stiffness=(2e6, 1e6), limit=(1e-6, 1e-5), damping=(0.0, 0.0))
+    Friction(2 elements, T_fc = 12 N, stiffness at a reversal 3000 N/mm)
+    """
 
     stiffness: tuple[float, ...] = value("N/m", "element stiffness K_i", at_least=0)
     limit: tuple[float, ...] = value("m", "largest element displacement X_mi", above=0)
     damping: tuple[float, ...] = value("N s/m", "element damping D_i", at_least=0)
+
+    def __repr__(self) -> str:
+        return (
+            f"Friction({len(self.limit)} elements, T_fc = {show(self.coulomb_force, 'N')}, "
+            f"stiffness at a reversal {show(sum(self.stiffness), 'N/m')})"
+        )
 
     def __post_init__(self) -> None:
         counts = {len(self.stiffness), len(self.limit), len(self.damping)}
@@ -41,7 +51,11 @@ class Friction:
 
 
 def elements(stiffness: ArrayLike, limit: ArrayLike, damping: ArrayLike = 0.0) -> Friction:
-    """A Friction from arrays of shape (N,) [N/m], [m], [N s/m]; a scalar damping goes for every element."""
+    """A Friction from arrays of shape (N,) [N/m], [m], [N s/m]; a scalar damping goes for every element.
+
+    >>> pos.friction_elements([2e6, 1e6], [1e-6, 1e-5]).coulomb_force  # [N]
+    12.0
+    """
     k, x = np.asarray(stiffness, float), np.asarray(limit, float)
     d = np.broadcast_to(np.asarray(damping, float), k.shape)
     return Friction(tuple(k.tolist()), tuple(x.tolist()), tuple(d.tolist()))
@@ -51,6 +65,9 @@ def branch(friction: Friction, distance: ArrayLike) -> Array:
     """Force climbed [N] at `distance` [m] behind a reversal from full slip: sum K_i min(s, 2 X_i).
 
     This is Masing's rule: the virgin curve sum K_i min(s, X_i), doubled in both directions.
+
+    >>> float(pos.friction_branch(pos.friction_elements([2e6], [1e-6]), 5e-6))  # [N]: from -2 N to 2 N
+    4.0
     """
     s = np.asarray(distance, float)[..., None]
     climbed: Array = np.minimum(s, 2 * np.asarray(friction.limit)) @ np.asarray(friction.stiffness)

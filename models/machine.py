@@ -23,7 +23,7 @@ from models.effects.base import Effect
 from models.effects.catalogue import Sizes
 from models.friction import Friction, branch
 from models.plant import Plant
-from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, value
+from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, show, value
 from models.records.columns import Columns
 
 SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
@@ -36,7 +36,12 @@ Part = TypeVar("Part")
 
 
 class MachineError(ValueError):
-    """A machine file that can't be used; the message is one sentence: what, where, what to do."""
+    """A machine file that can't be used; the message is one sentence: what, where, what to do.
+
+    >>> pos.load_machine("nowhere.toml")
+    Traceback (most recent call last):
+    models.machine.MachineError: nowhere.toml: can't be read (No such file or directory); ...
+    """
 
 
 @dataclass(frozen=True)
@@ -161,6 +166,11 @@ class Machine:
 
     effects: what acts beside the nominal model, in the order of the catalogue; a file's tables [effects.NAME]. priors:
     the sizes that a diagnosis gives to effects in place of their usual ones; a file's tables [priors.NAME].
+
+    >>> machine
+    Machine('Linear-motor table with rolling ball guides': 3 modes, 44.74 kg, 10 friction elements, T_s = 500 µs)
+    >>> machine.specification.stroke, machine.sample_time  # [m], [s]
+    (2e-05, 0.0005)
     """
 
     name: str
@@ -177,6 +187,13 @@ class Machine:
     priors: tuple[Sizes, ...] = ()
     effects: tuple[Effect, ...] = ()
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
+
+    def __repr__(self) -> str:
+        effects = f", {', '.join(effect.name for effect in self.effects)}" if self.effects else ""
+        return (
+            f"Machine({self.name!r}: {len(self.plant.modes)} modes, {show(self.plant.mass, 'kg')}, "
+            f"{len(self.friction.limit)} friction elements, T_s = {show(self.sample_time, 's')}{effects})"
+        )
 
     def __post_init__(self) -> None:
         """Its effects have the sizes that it states."""
@@ -249,9 +266,14 @@ class Parameter:
     provenance: Provenance
 
 
-def load(path: Path = DEFAULT) -> Machine:
-    """The machine in a TOML file. Raises MachineError, a sentence, for what is missing, unknown or impossible."""
-    return from_table(read_table(path), path)
+def load(path: str | Path = DEFAULT) -> Machine:
+    """The machine in a TOML file. Raises MachineError, a sentence, for what is missing, unknown or impossible.
+
+    >>> machine = pos.load_machine()  # the paper's table; pos.load_machine("my_axis.toml") is another one
+    >>> machine.sample_time  # [s]
+    0.0005
+    """
+    return from_table(read_table(Path(path)), Path(path))
 
 
 def read_table(path: Path) -> dict[str, Any]:

@@ -30,7 +30,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Mode:
-    """One term k / (s^2 + 2 zeta w s + w^2) of eq. (1); the rigid body is the one with frequency 0."""
+    """One term k / (s^2 + 2 zeta w s + w^2) of eq. (1); the rigid body is the one with frequency 0.
+
+    >>> pos.Mode(gain=1 / 45, frequency=0, damping=0)  # a rigid body of 45 kg
+    Mode(gain=0.0222..., frequency=0, damping=0)
+    """
 
     gain: float = value("1/kg", "modal gain k_t", above=1e-12, below=1e12)
     frequency: float = value("Hz", "natural frequency w / 2 pi (0: rigid body)", at_least=0)
@@ -43,6 +47,10 @@ class Plant:
 
     A mode of frequency 0 is a rigid body. `rigid`, `rigid_gain` and `mass` are of plants that have exactly one,
     wherever it stands among the modes, and raise ValueError for others.
+
+    >>> plant = pos.Plant(1e-3, 1.0, modes=(pos.Mode(1 / 45, 0, 0), pos.Mode(0.002, 55, 0.02)))
+    >>> round(plant.mass, 6), plant.flexible
+    (45.0, (1,))
     """
 
     dead_time: float = value("s", "equivalent dead time L", at_least=0)
@@ -99,7 +107,12 @@ def state_space(plant: Plant, stiffness: float = 0.0) -> control.StateSpace:
 
 
 def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> NDArray[np.complex128]:
-    """P_l(j omega) (n,) [m/N], or P_e(j omega) for K_e = stiffness [N/m], dead time included; omega (n,) [rad/s]."""
+    """P_l(j omega) (n,) [m/N], or P_e(j omega) for K_e = stiffness [N/m], dead time included; omega (n,) [rad/s].
+
+    >>> response = pos.frequency_response(machine.plant, [1.0, 1000.0])
+    >>> response.shape, bool(abs(response[0]) > abs(response[1]))
+    ((2,), True)
+    """
     w = np.asarray(omega, float)
     rational = _rational(plant, 1j * w, stiffness)
     return np.asarray(rational * np.exp(-1j * w * plant.dead_time))

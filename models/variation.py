@@ -33,6 +33,9 @@ class Variation:
     moves. modal_gain: the flexible modes' gains; with one number for each mode the rigid body's as well. frequency,
     damping: of the flexible modes, one number for all or one for each mode, whose number for the rigid body is without
     effect. dead_time [s] and offset [N] are added to the file's.
+
+    >>> pos.Variation(mass=0.03, dead_time=50e-6).mass
+    0.03
     """
 
     friction_force: float = 0.0

@@ -3,18 +3,98 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import doctest
 import inspect
+import json
 import os
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import positioning as pos
+from models.controller import to_json
+from models.effects.friction_laws import ViscousFriction
 
 ROOT = Path(__file__).parents[1]
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXAMPLES = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the notebook runs: beside a record of a table with viscous friction, which its model lacks."""
+    folder = tmp_path_factory.mktemp("notebook")
+    machine = pos.load_machine()
+    dragged = replace(machine, effects=(ViscousFriction(40.0),))
+    controller = pos.assemble(machine, pos.design_deadbeat(machine))
+    (folder / "controller.json").write_text(json.dumps(to_json(controller, 20e-6, 20e-3)), encoding="utf-8")
+    record = pos.simulate(dragged, controller, pos.feeding_sequence(200e-6, 5, 0.1, machine.sample_time)).record
+    time = machine.sample_time * np.arange(record.position.size)
+    signals = (time, record.target, record.reference, record.feedforward, record.command, record.position)
+    head = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
+    np.savetxt(folder / "moves.csv", np.column_stack(signals), delimiter=",", header=head, comments="", fmt="%.17g")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def notebook(folder: Path) -> dict[str, Any]:
+    """What the README's notebook leaves behind."""
+    (cells,) = re.findall(r"```python\n(import positioning as pos\n.*?)```", README, re.DOTALL)
+    assert len(cells.strip().splitlines()) == 12  # with the import and an empty line
+    names: dict[str, Any] = {}
+    with contextlib.chdir(folder):
+        exec(compile(cells, "README.md", "exec"), names)
+    return names
+
+
+def test_the_notebook_of_the_readme_does_what_it_says(notebook: dict[str, Any]) -> None:
+    assert notebook["deadbeat"].position[-1] == pytest.approx(20e-6)
+    assert notebook["validation"].slowest.settling_time < notebook["machine"].specification.settling_time
+    assert notebook["tuning"].ms == pytest.approx(2.0, rel=1e-3)
+    assert notebook["diagnosis"].effects == ("viscous_friction",)
+    assert [axes.get_ylabel() for axes in notebook["figure"].axes] == ["position [µm]", "command [N]"]
+
+
+def test_what_a_notebook_shows_of_an_object_is_one_line(notebook: dict[str, Any]) -> None:
+    for name in ("machine", "deadbeat", "controller", "response", "validation", "tuning"):
+        shown = repr(notebook[name])
+        assert shown.startswith(f"{type(notebook[name]).__name__}(")
+        assert "\n" not in shown
+        assert len(shown) <= 160, shown
+
+
+@pytest.mark.parametrize("name", [name for name in pos.__all__ if name.lower() not in {"diagnose", "diagnosis"}])
+def test_every_name_has_an_example_that_runs(name: str, notebook: dict[str, Any], folder: Path) -> None:
+    item = getattr(pos, name)
+    text = inspect.getdoc(item) or ""
+    examples = doctest.DocTestParser().get_doctest(text, _names(name, notebook, folder), name, None, 0)
+    assert examples.examples
+    said: list[str] = []
+    with contextlib.chdir(folder):
+        doctest.DocTestRunner(optionflags=EXAMPLES).run(examples, out=said.append)
+    assert not said, "".join(said)
+
+
+def _names(name: str, notebook: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """What an example may use: what the notebook made, and for trajectories a problem that is solved."""
+    names = {**notebook, "folder": folder}
+    if "rajectory" in name:
+        machine = names["machine"]
+        task = pos.TrajectoryTask(machine.plant, machine.friction, machine.sample_time, 38, 20e-6, "peak_thrust")
+        built = pos.build_trajectory(task)
+        names |= {"task": task, "built": built}
+        if name == "Trajectory":
+            names["trajectory"] = pos.solve_trajectory(built, [machine.friction.limit])
+    return names
 
 
 def test_every_name_is_what_its_module_calls_so() -> None:

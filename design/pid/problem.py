@@ -13,6 +13,7 @@ from design.family import Member
 from design.loop import Assessment, Complex
 from design.pid.goal import Goal
 from models.controller import PID
+from models.quantity import show
 
 Array = NDArray[np.float64]
 Slot = tuple[float, complex]  # omega [rad/s] and P there [m/N]
@@ -46,13 +47,24 @@ class TuningError(ValueError):
 
 @dataclass(frozen=True)
 class Tuning:
-    """A certified PID: `loops` are the family's, in its order; `value` is the objective's (see `achieved`)."""
+    """A certified PID: `loops` are the family's, in its order; `value` is the objective's (see `achieved`).
+
+    >>> tuning
+    Tuning(kp = ... N/mm, ki = ... N/(m s), kd = ... N s/m, |S| <= 2 over 20 plants)
+    """
 
     pid: PID
     bounds: Bounds
     value: float
     loops: tuple[Assessment, ...]
     attempts: tuple[Attempt, ...]
+
+    def __repr__(self) -> str:
+        pid = self.pid
+        return (
+            f"Tuning(kp = {show(pid.kp, 'N/m')}, ki = {show(pid.ki, 'N/(m s)')}, kd = {show(pid.kd, 'N s/m')}, "
+            f"|S| <= {self.ms:.4g} over {len(self.loops)} plants)"
+        )
 
     @property
     def ms(self) -> float:

@@ -61,6 +61,10 @@ class Task:
     samples: N, over which the motion goes; histories: how many element states it is solved for. friction None: the
     linear plant alone. scenarios and feedback: what the objective "sensitivity" looks at. weights: (error [1/m^2],
     thrust [1/N^2]) for "tracking", whose end is free.
+
+    >>> task = pos.TrajectoryTask(machine.plant, machine.friction, machine.sample_time, 38, 20e-6, "peak_thrust")
+    >>> task.samples * task.sample_time  # [s]
+    0.019
     """
 
     plant: Plant
@@ -78,7 +82,11 @@ class Task:
 
 @dataclass(frozen=True)
 class Limits:
-    """|u_h| [N], |u_h[k] - u_h[k-1]| [N], and |x_T* - target| <= tolerance [m] from sample `settled` on; inf: free."""
+    """|u_h| [N], |u_h[k] - u_h[k-1]| [N], and |x_T* - target| <= tolerance [m] from sample `settled` on; inf: free.
+
+    >>> pos.TrajectoryLimits(thrust=138.5).slew  # free
+    inf
+    """
 
     thrust: float = math.inf
     slew: float = math.inf
@@ -91,6 +99,9 @@ class Trajectory:
     """net (N,) [N]: thrust less friction; position (N + 1,) [m]: x_T* it gives; thrust (H, N) [N]: n + f_h, smoothed.
 
     hold (H,) [N]: thrust that holds each friction after the motion. `solution` is the last iterate, also a failed one.
+
+    >>> trajectory
+    Trajectory(20 µm in 38 samples, peak thrust ... N, converged)
     """
 
     task: Task
@@ -100,6 +111,13 @@ class Trajectory:
     hold: Array
     ratio: float
     solution: Solution
+
+    def __repr__(self) -> str:
+        ended = "converged" if self.solution.converged else "NOT converged"
+        return (
+            f"Trajectory({show(self.task.stroke, 'm')} in {self.task.samples} samples, "
+            f"peak thrust {show(self.peak, 'N')}, {ended})"
+        )
 
     @property
     def peak(self) -> float:
@@ -117,7 +135,12 @@ class Built:
 
 
 def build(task: Task) -> Built:
-    """The problem of `task`. Raises DesignError for a task that means nothing."""
+    """The problem of `task`. Raises DesignError for a task that means nothing.
+
+    >>> built = pos.build_trajectory(task)
+    >>> built.task is task
+    True
+    """
     _require_sense(task)
     lifted, n, program = feedforward_only(task.plant, task.sample_time, task.samples), task.samples, Program()
     unit = thrust_unit(task)
@@ -158,6 +181,10 @@ def solve(
     direction -1: the motion goes down. others: the states (N,) [m] that each of the task's scenarios starts from. With
     `start`, warm from it at the last ratio alone; else from the net thrust `net` (N,) [N], by default the linear
     plant's least squares. One that did not converge comes back as it is: see `Trajectory.solution`.
+
+    >>> trajectory = pos.solve_trajectory(built, [machine.friction.limit])  # every element at its limit before
+    >>> trajectory.solution.converged, trajectory.position.shape
+    (True, (39,))
     """
     task = built.task
     z = direction * _states(task, states)

@@ -33,6 +33,10 @@ class Columns:
     """One entry a signal: of a record over time, and of a measured frequency response. See the module's head.
 
     derivative: what the derivative of the PID that ran was taken of, the "error" or the "position" alone.
+
+    >>> columns = pos.Columns(position="qm [mm]", command="vir [V] * 35.2 N/V")
+    >>> columns.source("position")
+    Source(name='qm', factor=0.001, decibels=False)
     """
 
     time: str = "time_s"

@@ -7,12 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.quantity import show
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Record:
-    """Equally spaced samples (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], the scale's reading [m]."""
+    """Equally spaced samples (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], the scale's reading [m].
+
+    >>> response.record
+    Record(2000 samples every 500 µs, position -... nm to 100... µm, command up to ... N)
+    """
 
     sample_time: float
     target: Array
@@ -20,6 +26,13 @@ class Record:
     feedforward: Array
     command: Array
     position: Array
+
+    def __repr__(self) -> str:
+        low, high, most = np.min(self.position), np.max(self.position), np.max(np.abs(self.command))
+        return (
+            f"Record({self.position.size} samples every {show(self.sample_time, 's')}, position "
+            f"{show(float(low), 'm')} to {show(float(high), 'm')}, command up to {show(float(most), 'N')})"
+        )
 
     def last(self, count: int) -> Record:
         """The last `count` samples."""
@@ -86,7 +99,12 @@ def cut(record: Record) -> tuple[Motion, ...]:
 
 
 def feeding_sequence(stroke: float, count: int, interval: float, sample_time: float, repeats: int = 1) -> Array:
-    """The target r (n,) [m] of Fig. 5, `repeats` times: `count` strokes [m] up, as many down, `interval` [s] apart."""
+    """The target r (n,) [m] of Fig. 5, `repeats` times: `count` strokes [m] up, as many down, `interval` [s] apart.
+
+    >>> target = pos.feeding_sequence(20e-6, 5, 0.1, 0.5e-3)
+    >>> target.shape, float(target.max())
+    ((2000,), 0.0001)
+    """
     samples = round(interval / sample_time)
     levels = np.concatenate([np.arange(1, count + 1), np.arange(count - 1, -1, -1)]) * stroke
     return np.tile(np.repeat(levels, samples), repeats)

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from models.controller import Controller, References, references
 from models.machine import Machine
 from models.plant import delay_split, matrices, transition
+from models.quantity import show
 from models.records.record import Record
 from models.simulation.effect_kernel import run_effects
 from models.simulation.hooks import pack
@@ -38,12 +39,23 @@ class Response:
     """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples (n,).
 
     elements: the displacements z (N,) [m] of the friction elements at the end of the run.
+
+    >>> response = pos.simulate(machine, controller, target)
+    >>> response
+    Response(2000 samples every 500 µs, position ... to ... µm, friction up to ... N)
     """
 
     record: Record
     position: Array
     friction: Array
     elements: Array
+
+    def __repr__(self) -> str:
+        low, high, most = np.min(self.position), np.max(self.position), np.max(np.abs(self.friction))
+        return (
+            f"Response({self.position.size} samples every {show(self.record.sample_time, 's')}, position "
+            f"{show(float(low), 'm')} to {show(float(high), 'm')}, friction up to {show(float(most), 'N')})"
+        )
 
     def last(self, count: int) -> Response:
         """The last `count` samples."""
@@ -65,6 +77,11 @@ def simulate(
     substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
     default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
     as a slow stroke with an excitation on u_ff. Raises ValueError if machine and controller differ in sample time.
+
+    >>> target = pos.feeding_sequence(20e-6, 5, 0.1, machine.sample_time)
+    >>> response = pos.simulate(machine, controller, target)
+    >>> bool(abs(response.position[199] - 20e-6) < 2e-6)  # within 2 µm at the end of the first motion
+    True
     """
     r = np.asarray(target, float)
     known = given or references(controller, r)
