@@ -52,4 +52,4 @@ def _reason(effect: Effect) -> str:
     places = [place for place in effect.hooks if place not in MET]
     if places:
         return REASONS[places[0]]
-    return CLOCKED if effect.clocked else ""
+    return CLOCKED if effect.depends_on_time else ""

@@ -279,7 +279,8 @@ def _bent(steps: Sequence[Step]) -> bool:
     """Whether the effect that gained the most had to leave its prior range for it."""
     names = _names(steps)
     first = [effect for effect in steps[-1].fitted.candidate.found if names and effect.name == names[0]]
-    return bool(first) and at_bounds(max(first, key=lambda effect: effect.strength()))
+    priors = steps[-1].fitted.candidate.layout.machine.priors
+    return bool(first) and at_bounds(max(first, key=lambda effect: effect.strength()), priors)
 
 
 def shifted(fitted: Fit) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from diagnosis.model.fit import Fit, own_spread, unrepeated, weights
+from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.parallel import parallel_map
@@ -154,7 +154,7 @@ def held_out(fitted: Fit, own: Freed) -> Array:
     layout = fitted.candidate.layout
     basis = fitted.slopes * layout.deviation
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
-    given = fitted.own * own_spread(fitted.candidate.effects)
+    given = fitted.own * effects_prior_std(fitted.candidate)
     given = given - basis @ cho_solve(factor, basis.T @ given)
     e = fitted.innovations.copy()
     fold = own.fold[own.segment]

@@ -20,14 +20,13 @@ from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 from models.controller import PID, Controller
 from models.effects import catalogue
 from models.effects.base import Effect
-from models.effects.catalogue import Sizes
+from models.effects.priors import USUAL, Priors
 from models.friction import Friction, branch
 from models.plant import Plant
 from models.quantity import Declaration, QuantityError, check, declaration, json_name, parse, show, value
 from models.records.columns import Columns
 
 SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
-BY_NAME: Final = ("priors", "effects")  # parts of a machine of which each has a name and a table of its own
 ENTRY: Final = ("value", "std", "source", "record", "sha256", "note")  # keys of a value that is written as a table
 UNSTATED: Final = 0.3  # steps of a scale's resolution: the noise of a scale whose file states none; assumed
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
@@ -184,7 +183,7 @@ class Machine:
     published: Published | None = None
     tolerance: Tolerance = Tolerance()
     record: Columns | None = None
-    priors: tuple[Sizes, ...] = ()
+    priors: Priors = USUAL
     effects: tuple[Effect, ...] = ()
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
@@ -194,12 +193,6 @@ class Machine:
             f"Machine({self.name!r}: {len(self.plant.modes)} modes, {show(self.plant.mass, 'kg')}, "
             f"{len(self.friction.limit)} friction elements, T_s = {show(self.sample_time, 's')}{effects})"
         )
-
-    def __post_init__(self) -> None:
-        """Its effects have the sizes that it states."""
-        if self.priors:
-            kinds = self.kinds
-            object.__setattr__(self, "effects", tuple(_as_stated(effect, kinds) for effect in self.effects))
 
     @property
     def sample_time(self) -> float:
@@ -251,7 +244,7 @@ class Machine:
 
     @property
     def kinds(self) -> Mapping[str, type[Effect]]:
-        """The effects by name that a diagnosis looks for, with this machine's priors (SI)."""
+        """The effects by name that may be in this machine; their ranges: `parameters(kind, machine.priors)` [SI]."""
         return catalogue.looked_for(self.priors)
 
 
@@ -308,6 +301,12 @@ def parameters(machine: Machine) -> tuple[Parameter, ...]:
     return tuple(_parameters(machine, "", machine.sources))
 
 
+def range_rows(priors: Priors) -> Iterator[tuple[str, tuple[float, ...], Declaration]]:
+    """Every range that is stated, as "EFFECT.PARAMETER", least and most [SI], and how it is declared."""
+    for (effect, name), ends in priors.items():
+        yield f"{effect}.{name}", ends, catalogue.range_declarations(catalogue.every()[effect])[name]
+
+
 def left_out(part: Any, field: dataclasses.Field[Any], where: str, sources: Mapping[str, Provenance]) -> bool:
     """Whether nothing states this field of a machine's part: it has no source, and stands at its default."""
     path = _join(where, field.name)
@@ -349,7 +348,7 @@ def _with_part_at(part: Any, path: Sequence[str], new: Any) -> Any:
 def _first(part: Any, path: Sequence[str]) -> tuple[int | str, Sequence[str]]:
     """The first step of a path, a field's name or the index in a tuple, and the steps after it.
 
-    Modes are counted from 1; effects and priors stand in it by their names, as `catalogue.named` has them.
+    Modes are counted from 1; effects stand in it by their names, as `catalogue.named` has them.
     """
     if not isinstance(part, tuple):
         return path[0], path[1:]
@@ -393,10 +392,10 @@ def _entry(
     if isinstance(hint, UnionType):  # an optional part, and here it is
         hint = next(kind for kind in get_args(hint) if kind is not NoneType)
     if hint == tuple[Effect, ...]:
-        return catalogue.in_order(_by_name(catalogue.every(), entry, where, sources))
-    if hint == tuple[Sizes, ...]:
-        kinds = {name: catalogue.sizes(kind) for name, kind in catalogue.every().items()}
-        return _once(_by_name(kinds, entry, where, sources), where)
+        tables = _tables(catalogue.every(), entry, where)
+        return catalogue.in_order(_read(kind, item, path, sources) for kind, path, item in tables)
+    if hint is Priors:
+        return _priors(entry, where, sources)
     if get_origin(hint) is tuple:
         if not isinstance(entry, list) or not entry:
             raise MachineError(f"{where}: needs one table or more; write [[{where}]] with its values below")
@@ -404,36 +403,54 @@ def _entry(
     return _read(hint, entry, where, sources)
 
 
-def _by_name(known: Mapping[str, type[Part]], table: object, where: str, sources: dict[str, Provenance]) -> list[Part]:
-    """What stands in [effects.NAME], say, or in [[effects.NAME]] where several are of one name."""
+def _tables(known: Mapping[str, type[Effect]], table: object, where: str) -> Iterator[tuple[type[Effect], str, object]]:
+    """What stands in [effects.NAME], say, or in [[effects.NAME]] where several are of one name: the effect's class, the
+    path of the entry, the entry."""
     if not isinstance(table, dict):
         raise MachineError(f"{where}: is no table; write [{where}.NAME] with what is stated of the effect below")
-    found = list[Part]()
     for name, entry in table.items():
         path = _join(where, name)
         if name not in known:
             raise MachineError(f"{path}: unknown; {_nearest(name, list(known))}")
         same = entry if isinstance(entry, list) else [entry]
         for i, item in enumerate(same):
-            found.append(_read(known[name], item, path if len(same) == 1 else f"{path}.{i + 1}", sources))
-    return found
+            yield known[name], path if len(same) == 1 else f"{path}.{i + 1}", item
 
 
-def _once(priors: list[Sizes], where: str) -> tuple[Sizes, ...]:
-    """The priors in the catalogue's order, each name's once."""
-    order, names = list(catalogue.every()), [one.name for one in priors]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice:
-        raise MachineError(f"{where}.{twice}: stands there twice; state an effect's sizes once, in [{where}.{twice}]")
-    return tuple(sorted(priors, key=lambda one: order.index(one.name)))
+def _priors(table: object, where: str, sources: dict[str, Provenance]) -> Priors:
+    """The ranges in [priors.NAME], in the catalogue's order, each effect's once."""
+    known, stated = catalogue.every(), dict[str, dict[str, tuple[float, ...]]]()
+    for kind, path, entry in _tables(known, table, where):
+        ranges = _ranges(kind, entry, path, sources)
+        if kind.name in stated:
+            once = f"{where}.{kind.name}"
+            raise MachineError(f"{once}: stands there twice; state an effect's sizes once, in [{once}]")
+        stated[kind.name] = ranges
+    return Priors.of({(name, item): ends for name in known for item, ends in stated.get(name, {}).items()})
 
 
-def _as_stated(effect: Effect, kinds: Mapping[str, type[Effect]]) -> Effect:
-    """The effect with the prior ranges of its kind in one machine."""
-    kind = kinds.get(effect.name, type(effect))
-    if type(effect) is kind:
-        return effect
-    return kind(**{field.name: getattr(effect, field.name) for field in dataclasses.fields(effect)})
+def _ranges(
+    kind: type[Effect], table: object, where: str, sources: dict[str, Provenance]
+) -> dict[str, tuple[float, ...]]:
+    """The ranges that a table states of one effect's sizes, in the order of its parameters."""
+    if not isinstance(table, dict):
+        raise MachineError(f"{where}: is no table; write [{where}] with its values below")
+    declared = catalogue.range_declarations(kind)
+    for key in table:
+        if key not in declared:
+            raise MachineError(f"{_join(where, key)}: unknown; {_nearest(key, list(declared))}")
+    if not table:
+        raise MachineError(f"{where}: has no range; give the least and the most of {next(iter(declared))}, say")
+    ranges = {}
+    for name in (name for name in declared if name in table):
+        ends = _quantity(tuple[float, ...], declared[name], table[name], _join(where, name), sources)
+        assert isinstance(ends, tuple)
+        try:
+            Priors.of({(kind.name, name): ends})
+        except ValueError as error:
+            raise MachineError(f"{where.rpartition('.')[0]}.{error}") from error
+        ranges[name] = ends
+    return ranges
 
 
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
@@ -568,9 +585,13 @@ def _parameters(part: Any, where: str, sources: Mapping[str, Provenance]) -> Ite
         if declared is not None:
             provenance = sources.get(path, Provenance("assumed", "set in a program"))
             yield Parameter(path, declared.meaning, declared.unit, item, provenance)
+        elif isinstance(item, Priors):
+            for name, ends, stated in range_rows(item):
+                provenance = sources.get(_join(path, name), Provenance("assumed", "set in a program"))
+                yield Parameter(_join(path, name), stated.meaning, stated.unit, ends, provenance)
         elif dataclasses.is_dataclass(item):
             yield from _parameters(item, path, sources)
-        elif field.name in BY_NAME:
+        elif field.name == "effects":
             for name, effect in catalogue.named(item).items():
                 yield from _parameters(effect, _join(path, name), sources)
         elif isinstance(item, tuple):
@@ -584,11 +605,13 @@ def _plain(part: Any) -> object:
     plain: dict[str, object] = {}
     for field in dataclasses.fields(part):
         item, declared = getattr(part, field.name), declaration(field)
-        if field.name == "sources" or item is None or (field.name in BY_NAME and not item):
+        if field.name == "sources" or item is None or (field.name in ("effects", "priors") and not item):
             continue
         if left_out(part, field, "", {}):
             continue
-        if field.name in BY_NAME:
+        if isinstance(item, Priors):
+            plain[field.name] = _plain_ranges(item)
+        elif field.name == "effects":
             plain[field.name] = {name: _plain(effect) for name, effect in catalogue.named(item).items()}
         elif declared is not None:
             plain[json_name(field.name, declared.unit)] = list(item) if isinstance(item, tuple) else item
@@ -596,6 +619,14 @@ def _plain(part: Any) -> object:
             plain[field.name] = [_plain(member) for member in item]
         else:
             plain[field.name] = _plain(item)
+    return plain
+
+
+def _plain_ranges(priors: Priors) -> dict[str, dict[str, object]]:
+    plain: dict[str, dict[str, object]] = {}
+    for name, ends, stated in range_rows(priors):
+        effect, _, parameter = name.partition(".")
+        plain.setdefault(effect, {})[json_name(parameter, stated.unit)] = list(ends)
     return plain
 
 

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from models.effects import catalogue
-from models.machine import BY_NAME, Machine, Provenance, left_out
+from models.effects.priors import Priors
+from models.machine import Machine, Provenance, left_out, range_rows
 from models.quantity import declaration
 from models.records.columns import Columns
 
@@ -23,12 +24,13 @@ def to_toml(machine: Machine) -> str:
             continue
         if isinstance(part, Columns):
             lines += ["", f"[{field.name}]", *_columns(part)]
+        elif isinstance(part, Priors):
+            lines += _ranges(part, machine.sources)
         elif dataclasses.is_dataclass(part) and not (field.name == "presliding" and derived):
             lines += _table(part, field.name, machine.sources)
-    for part in BY_NAME:
-        for name, one in catalogue.named(getattr(machine, part)).items():
-            head = f"[{part}.{name}]" if name == one.name else f"[[{part}.{one.name}]]"
-            lines += _table(one, f"{part}.{name}", machine.sources, head)
+    for name, effect in catalogue.named(machine.effects).items():
+        head = f"[effects.{name}]" if name == effect.name else f"[[effects.{effect.name}]]"
+        lines += _table(effect, f"effects.{name}", machine.sources, head)
     return "\n".join(lines) + "\n"
 
 
@@ -40,14 +42,30 @@ def _table(part: Any, where: str, sources: Mapping[str, Provenance], head: str |
         if left_out(part, field, where, sources):
             continue
         if declared is not None:
-            source = sources.get(path, Provenance("assumed", "set in a program"))
-            yield f"{field.name} = {{ {', '.join(_entry(item, declared.unit, source))} }}"
+            yield _line(field.name, item, declared.unit, path, sources)
         elif isinstance(item, tuple):
             for i, member in enumerate(item):
                 inner += _table(member, f"{path}.{i + 1}", sources, f"[[{path}]]")
         elif dataclasses.is_dataclass(item):
             inner += _table(item, path, sources)
     yield from inner
+
+
+def _ranges(priors: Priors, sources: Mapping[str, Provenance]) -> Iterator[str]:
+    """The tables [priors.NAME] with the ranges that a machine states."""
+    head = ""
+    for name, ends, declared in range_rows(priors):
+        effect, _, parameter = name.partition(".")
+        if effect != head:
+            head = effect
+            yield from ("", f"[priors.{effect}]")
+        yield _line(parameter, ends, declared.unit, f"priors.{name}", sources)
+
+
+def _line(name: str, item: Any, unit: str, path: str, sources: Mapping[str, Provenance]) -> str:
+    """A value that is written as a table."""
+    source = sources.get(path, Provenance("assumed", "set in a program"))
+    return f"{name} = {{ {', '.join(_entry(item, unit, source))} }}"
 
 
 def _entry(item: Any, unit: str, source: Provenance) -> Iterator[str]:

@@ -18,7 +18,7 @@ from typing import Any
 
 from models import machine
 from models.controller import PID
-from models.effects.catalogue import every, sizes
+from models.effects.catalogue import every, range_declarations
 from models.friction import Friction
 from models.machine import Drive, Machine, MachineError, Scale, Specification, Tolerance
 from models.plant import Mode
@@ -109,12 +109,12 @@ class _Reader:
 
     def ranges(self, name: str, given: object) -> Table:
         """The ranges of an effect's sizes under their names in results.json."""
-        kind, where = sizes(every()[name]), f"priors.{name}."
-        known = [json_name(one.name, stated.unit) for one in dataclasses.fields(kind) if (stated := declaration(one))]
-        for key in _object(given, where):
+        declared, where, table = range_declarations(every()[name]), f"priors.{name}.", _object(given, f"priors.{name}.")
+        known = {json_name(item, stated.unit): item for item, stated in declared.items()}
+        for key in table:
             if key not in known:
                 raise MachineError(f"{where}{key}: unknown; known here: {', '.join(known)}")
-        return self.part(kind, given, where)
+        return {known[key]: self.value(ends, declared[known[key]].unit, where + key) for key, ends in table.items()}
 
     def value(self, given: object, unit: str, where: str) -> Table:
         """A number, or a list of them, as a machine file writes it."""

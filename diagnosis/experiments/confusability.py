@@ -22,8 +22,10 @@ from diagnosis.model.residual import columns
 from diagnosis.where.controller import replayed
 from diagnosis.which.command_jitter import LATE, lateness
 from diagnosis.which.scan import BATCH, quadratures
-from models.effects.base import Effect, parameters
+from models.effects.base import POSITIVE, Effect, Parameter, parameters
 from models.effects.catalogue import every, in_order
+from models.effects.priors import USUAL, Priors
+from models.machine import Machine
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -56,10 +58,11 @@ class Confusability:
 @dataclass(frozen=True)
 class Columns:
     """Inner products (K, K) of the effects' columns after partialling out the nominal parameters; `place` says which
-    columns belong to which point of which effect's grid: name, effect, indices."""
+    columns belong to which point of which effect's grid: name, effect, indices. priors: the machine's."""
 
     product: Array
     place: tuple[tuple[str, Effect, tuple[int, ...]], ...]
+    priors: Priors = USUAL
 
     def of(self, name: str) -> list[tuple[Effect, list[int]]]:
         """The points of an effect's grid, the typical one first."""
@@ -76,19 +79,19 @@ def confusability(fitted: Fit, records: Sequence[Record], left_out: Collection[s
     names = tuple(name for name in kinds if name not in left_out)
     logged = [name for name in names if kinds[name].shown_in() == "log"]
     distance = distances(products(fitted, records, [name for name in names if name not in logged]), names)
-    of_log = [names.index(name) for name in logged]
+    of_log, machine = [names.index(name) for name in logged], fitted.candidate.layout.machine
     for i, name in zip(of_log, logged, strict=True):
-        distance[i, :] = np.sqrt(_squared_distance_in_log(kinds[name].typical(), fitted, records))
+        distance[i, :] = np.sqrt(_squared_distance_in_log(kinds[name].typical(machine.priors), fitted, records))
     distance[:, of_log] = np.diag(distance)[:, None]
-    return _confusability(names, distance, kinds)
+    return _confusability(names, distance, machine)
 
 
-def _confusability(names: tuple[str, ...], distance: Array, kinds: Mapping[str, type[Effect]]) -> Confusability:
+def _confusability(names: tuple[str, ...], distance: Array, machine: Machine) -> Confusability:
     seen = np.diag(distance) ** 2 >= THRESHOLD
     near = distance**2 < THRESHOLD
     limits = []
     for i, name in enumerate(names):
-        size = next(item for item in parameters(kinds[name]) if item.role in {"amplitude", "width"})
+        size = _size(machine.kinds[name], machine.priors)
         factor = np.sqrt(THRESHOLD) / distance[i, i] if distance[i, i] > NOTHING else np.inf
         limits.append((size.name, float(size.typical * factor), size.typical))
     mistaken = {
@@ -119,9 +122,9 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
     priors [1]."""
     place: list[tuple[str, Effect, tuple[int, ...]]] = []
     variants: list[Effect] = []
-    kinds = fitted.candidate.layout.machine.kinds
+    machine = fitted.candidate.layout.machine
     for name in names:
-        for effect in grid(kinds[name]):
+        for effect in grid(machine.kinds[name], machine.priors):
             parts = quadratures(effect)
             place.append((name, effect, tuple(range(len(variants), len(variants) + len(parts)))))
             variants += parts
@@ -142,16 +145,16 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
     basis = fitted.slopes * fitted.candidate.layout.deviation
     onto = basis.T @ whole
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
-    return Columns(whole.T @ whole - onto.T @ cho_solve(factor, onto), tuple(place))
+    return Columns(whole.T @ whole - onto.T @ cho_solve(factor, onto), tuple(place), machine.priors)
 
 
-def grid(kind: type[Effect]) -> list[Effect]:
-    """The effect at its typical shape first, then at the other points of a small grid."""
-    typical = kind.typical()
+def grid(kind: type[Effect], priors: Priors = USUAL) -> list[Effect]:
+    """The effect at its typical shape first, then at the other points of a small grid [SI]."""
+    typical = kind.typical(priors)
     axes = [
         [(item.name, point) for point in sorted({item.low, item.typical, item.high})]
-        for item in parameters(kind)
-        if item.role in {"shape", "width", "switch"}
+        for item in parameters(kind, priors)
+        if item.role in {*POSITIVE, "switch"}
     ]
     found = [replace(typical, **dict(point)) for point in itertools.product(*axes)]
     return [typical, *(other for other in found if other != typical)]
@@ -165,7 +168,7 @@ def distances(found: Columns, names: Sequence[str]) -> Array:
         if name not in known:
             continue
         effect, own = found.of(name)[0]
-        size = _size(effect)
+        size = _size(type(effect), found.priors)
         signs = (1.0, -1.0) if size.low < 0 else (1.0,)
         alone = float(np.mean(np.diag(found.product)[own]))
         for j, other in enumerate(names):
@@ -178,8 +181,8 @@ def distances(found: Columns, names: Sequence[str]) -> Array:
     return whole
 
 
-def _size(effect: Effect) -> Any:
-    return next(item for item in parameters(type(effect)) if item.role in {"amplitude", "width"})
+def _size(kind: type[Effect], priors: Priors) -> Parameter:
+    return next(item for item in parameters(kind, priors) if item.role in {"amplitude", "width"})
 
 
 def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]]) -> float:
@@ -187,7 +190,7 @@ def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]])
     within its range."""
     effect, where = point
     gram, onto = found.product[np.ix_(where, where)], sign * found.product[where, at]
-    size = _size(effect)
+    size = _size(type(effect), found.priors)
     most = ROOM * size.high / getattr(effect, size.name)
     best = np.linalg.solve(gram + 1e-9 * (np.trace(gram) + 1e-12) * np.eye(len(where)), onto)
     if len(where) == 1:

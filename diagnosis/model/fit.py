@@ -16,22 +16,23 @@ from numpy.typing import NDArray
 from diagnosis.model.motions import Piece, repeated, scatter
 from diagnosis.model.parameters import bounded
 from diagnosis.model.residual import STARTING, WALK, Candidate, Seen, Smoothed, columns, look, nominal_slopes, smooth
-from models.effects.base import Effect, Parameter, parameters
+from models.effects.base import POSITIVE, Effect, Parameter, parameters
+from models.effects.priors import Priors
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-ROOM: Final = 1.5  # by which a shape or a width may leave its prior range
-SMALL: Final = 20.0  # by which a width may be below its prior range: that is a small effect, and no other law
-STRIDE: Final = 0.7  # the most that a step moves the logarithm of a shape or a width
-START_STRIDE: Final = 1.0  # the most that a step moves an element's start, in prior deviations
-DAMPED: Final = 1e5  # damping beyond which no step is tried
-OF_PERIOD: Final = 0.02  # of a period, by which the last one in the travel moves in a step of a derivative
-ENOUGH: Final = 10.0  # a step that gains less chi-square ends the fit
+ROOM: Final = 1.5  # A fit may move a shape, period or width by this factor beyond its prior range.
+SMALL: Final = 20.0  # A width may fall by this factor below its prior range: that is a small effect and no other law.
+STRIDE: Final = 0.7  # The largest change of the logarithm of a shape, period or width in one step.
+START_STRIDE: Final = 1.0  # The largest change of an element's start in one step, in prior standard deviations.
+MAX_DAMPING: Final = 1e5  # The search for a step ends where even this damping does not reduce the cost.
+DIFFERENCE: Final = {"shape": 0.02, "period": 0.02, "width": 0.05}  # Relative steps of numerical derivatives, by role.
+OF_PERIOD: Final = 0.02  # Such a step in a period moves the last period of a record by this part of one.
+MIN_GAIN: Final = 10.0  # A step that gains less chi-square than this ends the fit.
 
-
-FEW: Final = 4  # equal motions, of all groups together, that tell what does not repeat
-SPIKE: Final = 8.0  # deviations, of an innovation that no noise makes
+MIN_EQUAL_MOTIONS: Final = 4  # Fewer equal motions, of all groups together, do not show what does not repeat.
+SPIKE: Final = 8.0  # No noise makes an innovation of this many standard deviations.
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,9 @@ def weights(records: Sequence[Record]) -> Array:
 
 def unrepeated(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Array:
     """What of a fit's innovations (n,) [1] does not repeat between equal motions; not a number where nothing is equal,
-    nor anywhere if fewer than FEW motions are."""
+    nor anywhere if fewer than MIN_EQUAL_MOTIONS motions are."""
     groups, whole = repeated(pieces, records), fitted.innovations.copy()
-    if sum(map(len, groups)) < FEW:
+    if sum(map(len, groups)) < MIN_EQUAL_MOTIONS:
         return np.full(whole.size, np.nan)
     whole[weights(records) == 0] = np.nan
     ends = np.cumsum([record.position.size for record in records])[:-1]
@@ -108,9 +109,10 @@ def amplitudes(effect: Effect) -> list[float]:
     return [getattr(effect, item.name) for item in parameters(type(effect)) if item.role == "amplitude"]
 
 
-def at(effect: Effect, where: Array) -> Effect:
-    """The effect at other coordinates (Q,) [SI and logarithms of SI], its shapes kept near their prior range."""
-    items = parameters(type(effect))
+def with_coordinates(effect: Effect, where: Array, priors: Priors) -> Effect:
+    """The effect at other coordinates (Q,) [SI and logarithms of SI], its shapes, periods and widths kept near their
+    ranges in a machine of these priors."""
+    items = parameters(type(effect), priors)
     sizes = [item.name for item in items if item.role == "amplitude"]
     phases = [item.name for item in items if item.role == "phase"]
     changed: dict[str, float] = {}
@@ -121,29 +123,31 @@ def at(effect: Effect, where: Array) -> Effect:
     else:
         changed |= {name: float(number) for name, number in zip(sizes, where, strict=False)}
         rest = where[len(sizes) :]
-    shapes = [item for item in items if item.role in {"shape", "width"}]
+    shapes = [item for item in items if item.role in POSITIVE]
     for item, number in zip(shapes, rest, strict=True):
-        changed[item.name] = float(np.clip(np.exp(number), *_within(item)))
+        changed[item.name] = float(np.clip(np.exp(number), *_bounds(item)))
     return replace(effect, **changed)
 
 
-def _within(item: Parameter) -> tuple[float, float]:
-    """Where a shape or a width may go [SI]."""
+def _bounds(item: Parameter) -> tuple[float, float]:
+    """The least and the greatest value [SI] that a fit may give to a shape, a period or a width."""
     return item.low / (SMALL if item.role == "width" else ROOM), item.high * ROOM
 
 
-def spread(effect: Effect) -> Array:
-    """Prior deviations (Q,) of the coordinates: the largest typical amplitude, and a wide one for a logarithm; [SI]."""
-    items = parameters(type(effect))
+def prior_std(effect: Effect, priors: Priors) -> Array:
+    """Prior standard deviations (Q,) of the coordinates in a machine of these priors: of an amplitude its largest
+    typical size [SI], of a logarithm the whole prior range [1]."""
+    items = parameters(type(effect), priors)
     size = [max(abs(item.low), abs(item.high)) for item in items if item.role == "amplitude"]
     if any(item.role == "phase" for item in items):
         size = size * 2
-    return np.array([*size, *(np.log(item.high / item.low) for item in items if item.role in {"shape", "width"})])
+    return np.array([*size, *(np.log(item.high / item.low) for item in items if item.role in POSITIVE)])
 
 
-def own_spread(effects: Sequence[Effect]) -> Array:
-    """Prior deviations (Q,) of the coordinates of all effects, in their order; [SI and logarithms of SI]."""
-    return np.concatenate([np.zeros(0), *(spread(effect) for effect in effects)])
+def effects_prior_std(candidate: Candidate) -> Array:
+    """Prior standard deviations (Q,) of the coordinates of all its effects, in their order [SI, 1 for logarithms]."""
+    priors = candidate.layout.machine.priors
+    return np.concatenate([np.zeros(0), *(prior_std(effect, priors) for effect in candidate.effects)])
 
 
 def slopes_of(
@@ -151,53 +155,62 @@ def slopes_of(
 ) -> Array:
     """How the innovations (n,) change with the coordinates of the effects, in their order: (n, Q)
     [1/SI and 1 for logarithms]."""
-    trials, steps = [], []
+    trials, steps, priors = [], [], candidate.layout.machine.priors
     for i, effect in enumerate(candidate.effects):
-        here, small = coordinates(effect), difference_steps(effect, fineness(effect, records))
+        here, small = coordinates(effect), difference_steps(effect, records, priors)
         for j in range(here.size):
             where = here + small * (np.arange(here.size) == j)
-            trials.append((*candidate.effects[:i], at(effect, where), *candidate.effects[i + 1 :]))
+            trials.append(
+                (*candidate.effects[:i], with_coordinates(effect, where, priors), *candidate.effects[i + 1 :])
+            )
             steps.append(small[j])
     if not trials:
         return np.zeros((sum(record.position.size for record in records), 0))
     return np.asarray(columns(candidate, trials, records, paths, seen, walk) / np.array(steps))
 
 
-def at_bounds(effect: Effect) -> bool:
-    """Whether a shape or a width stands where the fit may go no further, so that the law is bent to something else.
+def at_bounds(effect: Effect, priors: Priors) -> bool:
+    """Whether a shape, a period or a width is where the fit may go no further in a machine of these priors: the law is
+    then distorted to stand for another one.
 
-    Many periods of a usual fine one tell its length to a part of a million: none but its own agrees with them.
+    The step of a staircase does not count: the many steps in a record determine its width to a millionth, so a bound on
+    it is no sign of a wrong law.
     """
-    if effect.fine and not effect.period_stated:
-        return False
-    for item in parameters(type(effect)):
-        number = getattr(effect, item.name)
-        low, high = _within(item)
-        if item.role in {"shape", "width"} and not low * 1.02 < number < high / 1.02:
-            return True
+    for item in parameters(type(effect), priors):
+        staircase = item.role == "width" and item.periodic_in
+        if item.role in POSITIVE and not staircase:
+            low, high = _bounds(item)
+            if not low * 1.02 < getattr(effect, item.name) < high / 1.02:
+                return True
     return False
 
 
-def fineness(effect: Effect, records: Sequence[Record]) -> float:
-    """The relative step [1] with which a fit moves the effect's shape or width where its usual one is too large, or 0:
-    for a period that a machine states, such that the last one in the records' travel is moved by a part of it."""
-    if not effect.period_stated:
-        return effect.fine
-    travel = max(float(np.ptp(record.position)) for record in records)
-    period = float(getattr(effect, effect.period_field))
-    return OF_PERIOD * period / max(travel, period)
+def fine_step(item: Parameter, effect: Effect, records: Sequence[Record]) -> float:
+    """The relative change [1] of a parameter within which its response is linear, if that is less than usual; else 0.
+
+    For a period along the path or the command, it is the change by which the last period in the records moves by a part
+    of one, unless the law says how fine it is, or its usual range lets only a few periods into a record. What is
+    periodic in time restarts in every record with another phase, so that no periods are counted.
+    """
+    known = (item.points or item.linear_within) and not item.stated
+    if item.role != "period" or item.periodic_in == "time" or known:
+        return item.linear_within
+    signals = [record.command if item.periodic_in == "command" else record.position for record in records]
+    extent = max(float(np.ptp(signal)) for signal in signals)
+    number = float(getattr(effect, item.name))
+    period = 1 / number if item.is_frequency else number
+    return OF_PERIOD * period / max(extent, period)
 
 
-def difference_steps(effect: Effect, fine: float = 0.0) -> Array:
-    """Steps (Q,) of numerical derivatives by the coordinates: a hundredth of the typical amplitude, `fine` of a shape
-    or width where that is not 0; [SI]."""
-    items = parameters(type(effect))
+def difference_steps(effect: Effect, records: Sequence[Record], priors: Priors) -> Array:
+    """Steps (Q,) of numerical derivatives by the coordinates: a hundredth of the typical amplitude [SI]; of a logarithm
+    DIFFERENCE, or what `fine_step` says [1]."""
+    items = parameters(type(effect), priors)
     size = [0.01 * item.typical for item in items if item.role == "amplitude"]
     if any(item.role == "phase" for item in items):
         size = size * 2
-    small = {"shape": 0.02, "width": 0.05}
-    shapes = [small[item.role] for item in items if item.role in small]
-    return np.array([*size, *(fine or shape for shape in shapes)])
+    shapes = [fine_step(item, effect, records) or DIFFERENCE[item.role] for item in items if item.role in POSITIVE]
+    return np.array([*size, *shapes])
 
 
 def fit(
@@ -222,7 +235,7 @@ def fit(
         known = smooth(candidate, records, known)
         seen = look(candidate, records, known, walk)
         cost = _cost(candidate, seen, weight)
-        if gained < ENOUGH:
+        if gained < MIN_GAIN:
             break
     return _linearised(candidate, records, known, seen, weight, walk)
 
@@ -267,49 +280,48 @@ def _search(
     """Levenberg and Marquardt's step: the first damping, from the last one on, with which less is left; its candidate,
     cost, what it leaves and the damping for the next step. If none does, the last tried and its larger cost."""
     candidate, layout = here.candidate, here.candidate.layout
-    wide = np.concatenate([layout.deviation, own_spread(candidate.effects)])
-    stands = np.concatenate([candidate.theta / layout.deviation, *(_stand(effect) for effect in candidate.effects)])
+    wide = np.concatenate([layout.deviation, effects_prior_std(candidate)])
+    priors = layout.machine.priors
+    residual = [candidate.theta / layout.deviation, *(_prior_residual(one, priors) for one in candidate.effects)]
     crossed = here.slopes.T @ here.own
     whole = np.block([[here.slopes.T @ here.slopes, crossed], [crossed.T, here.own.T @ here.own]])
     normal = wide[:, None] * whole * wide + np.eye(wide.size)
-    onto = -wide * np.concatenate([here.slopes.T @ here.innovations, here.own.T @ here.innovations]) - stands
-    low, high = _room(candidate, wide, records)
+    onto = -wide * np.concatenate([here.slopes.T @ here.innovations, here.own.T @ here.innovations]) - np.concatenate(
+        residual
+    )
+    low, high = _step_bounds(candidate, wide, records)
     while True:
-        step = within(normal + damping * np.eye(wide.size), onto, low, high) * wide
+        step = solve_box_constrained(normal + damping * np.eye(wide.size), onto, low, high) * wide
         moved = _moved(candidate, step)
         seen = look(moved, records, here.paths, here.walk)
         cost = _cost(moved, seen, weight)
         if cost < here.cost:
             return moved, cost, seen, damping / 10
-        if damping > DAMPED:
+        if damping > MAX_DAMPING:
             return moved, cost, seen, damping
         damping *= 30
 
 
-def _room(candidate: Candidate, wide: Array, records: Sequence[Record]) -> tuple[Array, Array]:
-    """How far a step may go down and up (P + Q,) [of the prior deviations]: to the bounds, and a part of an element's
-    limit for its start, because an element that slips elsewhere has another slope."""
+def _step_bounds(candidate: Candidate, wide: Array, records: Sequence[Record]) -> tuple[Array, Array]:
+    """The least and the greatest step (P + Q,) [prior standard deviations]: to the bounds of theta, and of an element's
+    start a part of its limit only, because an element that begins to slip has another slope."""
     layout, stride = candidate.layout, np.full(wide.size, np.inf)
     stride[layout.of("initial_friction_state")] = START_STRIDE
     low, high = -stride, stride.copy()
     count = layout.count
     low[:count] = np.maximum(low[:count], (layout.low - candidate.theta) / wide[:count])
     high[:count] = np.minimum(high[:count], (layout.high - candidate.theta) / wide[:count])
-    begin = count
+    end = count
     for effect in candidate.effects:
-        size = coordinates(effect).size
-        shapes = slice(begin + size - _shapes(effect), begin + size)
-        longest = 10 * fine if (fine := fineness(effect, records)) else STRIDE
+        items = [one for one in parameters(type(effect), layout.machine.priors) if one.role in POSITIVE]
+        end += coordinates(effect).size
+        longest = np.array([10 * fine_step(item, effect, records) or STRIDE for item in items])
+        shapes = slice(end - longest.size, end)
         low[shapes], high[shapes] = -longest / wide[shapes], longest / wide[shapes]
-        begin += size
     return low, high
 
 
-def _shapes(effect: Effect) -> int:
-    return sum(item.role in {"shape", "width"} for item in parameters(type(effect)))
-
-
-def within(normal: Array, onto: Array, low: Array, high: Array) -> Array:
+def solve_box_constrained(normal: Array, onto: Array, low: Array, high: Array) -> Array:
     """The step (P,) that solves normal @ step = onto (P,) [1] where low <= step <= high; the rest is at a bound."""
     step, free = np.zeros(onto.size), np.ones(onto.size, bool)
     for _ in range(onto.size):
@@ -323,21 +335,22 @@ def within(normal: Array, onto: Array, low: Array, high: Array) -> Array:
     return np.asarray(np.clip(step, low, high))
 
 
-def _stand(effect: Effect) -> Array:
-    """Coordinates in prior deviations (Q,): amplitudes about 0; shapes have no preferred value."""
-    here, wide = coordinates(effect), spread(effect)
-    relative = here / wide
-    relative[here.size - _shapes(effect) :] = 0.0
+def _prior_residual(effect: Effect, priors: Priors) -> Array:
+    """Coordinates in prior standard deviations (Q,) [1]: of amplitudes from 0; shapes have no preferred value."""
+    relative = coordinates(effect) / prior_std(effect, priors)
+    shapes = sum(item.role in POSITIVE for item in parameters(type(effect)))
+    relative[relative.size - shapes :] = 0.0
     return relative
 
 
 def _moved(candidate: Candidate, step: Array) -> Candidate:
-    count = candidate.layout.count
-    theta = bounded(candidate.layout, candidate.theta + step[:count])
+    layout = candidate.layout
+    count = layout.count
+    theta = bounded(layout, candidate.theta + step[:count])
     effects, at_ = [], count
     for effect in candidate.effects:
         here = coordinates(effect)
-        effects.append(at(effect, here + step[at_ : at_ + here.size]))
+        effects.append(with_coordinates(effect, here + step[at_ : at_ + here.size], layout.machine.priors))
         at_ += here.size
     return replace(candidate, theta=theta, effects=tuple(effects))
 
@@ -346,8 +359,9 @@ def _cost(candidate: Candidate, seen: Sequence[Seen], weight: Array) -> float:
     """-2 log of the posterior, but for a constant."""
     e = _innovations(seen, weight)
     scale = sum(2 * (one.innovations.size - STARTING) * float(np.log(one.deviation)) for one in seen)
-    stands = [candidate.theta / candidate.layout.deviation, *(_stand(effect) for effect in candidate.effects)]
-    return float(e @ e) + scale + sum(float(stand @ stand) for stand in stands)
+    layout, priors = candidate.layout, candidate.layout.machine.priors
+    residual = [candidate.theta / layout.deviation, *(_prior_residual(one, priors) for one in candidate.effects)]
+    return float(e @ e) + scale + sum(float(part @ part) for part in residual)
 
 
 def _innovations(seen: Sequence[Seen], weight: Array) -> Array:

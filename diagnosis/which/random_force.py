@@ -18,6 +18,7 @@ from diagnosis.model.kalman import Resonance
 from diagnosis.model.residual import STARTING, Seen, look
 from diagnosis.which.scan import Freed, adjoints
 from models.effects.base import parameters
+from models.effects.priors import USUAL
 from models.effects.structure import FloorVibration
 from models.records.record import Record
 
@@ -90,8 +91,10 @@ def _likelihood(seen: Sequence[Seen]) -> float:
 
 def _frequencies(fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
     """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
-    kinds = (FloorVibration, fitted.candidate.layout.machine.kinds[FloorVibration.name])
-    usual, stated = (next(item for item in parameters(kind) if item.name == "frequency") for kind in kinds)
+    known = (USUAL, fitted.candidate.layout.machine.priors)
+    usual, stated = (
+        next(item for item in parameters(FloorVibration, priors) if item.role == "period") for priors in known
+    )
     grid = np.geomspace(min(usual.low, stated.low), max(usual.high, stated.high), 400)
     power = np.zeros(grid.size)
     for record, force, _ in adjoints(fitted, records, own):

@@ -8,9 +8,8 @@ compared motion by motion, so that every fold of a cross-validation is small alg
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -18,27 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from diagnosis.model.fit import ROOM, Fit, own_spread, weights
+from diagnosis.model.fit import ROOM, Fit, effects_prior_std, weights
 from diagnosis.model.kalman import adjoint
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns
 from models.compiled import compiled
-from models.effects.base import SHOWN, Effect, parameters
+from models.effects.base import PLACES, POSITIVE, SHOWN, Effect, Parameter, parameters
 from models.effects.catalogue import in_order
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 Columns = Mapping[Effect, NDArray[Any]]  # (n, 1) or (n, 2) each [1]
-Weight = Callable[[Record], Array]
 
-FOLDS: Final = 6
-POINTS: Final = 6  # of a grid over a shape of a decade or two
-GRID: Final = {"frequency": 22, "length": 18, "pitch": 10, "damping": 2}  # points of these shapes
-DECADE: Final = {"distance": 2}  # and of these in each decade
-BATCH: Final = 24  # columns that are filtered side by side
-LINES: Final = 8  # of a spectrum that have to lie within a range, and points of a grid where fewer do
-PEAKS: Final = 4  # of a spectrum that are looked at
-REMAINS: Final = 0.3  # of a column that the model's own parameters must leave for it to be another fit's as well
+FOLDS: Final = 6  # Cross-validation folds.
+POINTS: Final = 6  # Points of a grid over a shape or width of a decade or two, where its declaration says nothing.
+BATCH: Final = 24  # Columns that are filtered in one pass.
+LINES: Final = 8  # A range with fewer lines of a spectrum than this gets this many evenly spaced points instead.
+PEAKS: Final = 4  # The strongest lines of a spectrum that become points of a grid.
+OVERTONES: Final = 3  # The jumps of a staircase have overtones, so a line may be of one up to this order.
+MIN_ORTHOGONAL_FRACTION: Final = 0.3
+"""A column is reused in another fit only if at least this share of its energy is orthogonal to the fit's own
+parameters: of what they mostly explain, too little remains for it to be the same in both."""
+PADDED: Final = {"position": 8, "reading": 2, "command": 2, "time": 2}
+"""Times its coordinate's extent over which a spectrum is taken, so that a line is found between its bins."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def freed(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> Freed:
     margin = 0.01 * (layout.high - layout.low)
     inside = (theta > layout.low + margin) & (theta < layout.high - margin)
     free = np.where(inside, layout.deviation, 0.0)  # what stands at its bound stays there
-    basis = np.hstack([fitted.slopes * free, fitted.own * own_spread(candidate.effects)])
+    basis = np.hstack([fitted.slopes * free, fitted.own * effects_prior_std(candidate)])
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
     count = int(segment.max()) + 1
     fold = np.random.default_rng(seed).permutation(count) % FOLDS
@@ -127,7 +128,7 @@ def _findings(
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
         found.append(judged(effect, products[:, begin:end], slopes[:, begin:end], own))
-        if products[:, begin:end, 0].sum() > REMAINS * np.sum(given**2):
+        if products[:, begin:end, 0].sum() > MIN_ORTHOGONAL_FRACTION * np.sum(given**2):
             kept[effect] = given.astype(np.float32, copy=effect not in known)
         begin = end
     return found, kept
@@ -216,36 +217,36 @@ def sized(effect: Effect, factor: Array) -> Effect:
     for item in items:
         if item.role == "amplitude":
             changed[item.name] = getattr(effect, item.name) * float(factor[0])
-        elif item.role == "width" and not effect.fine:
+        elif item.role == "width" and not item.periodic_in:
             changed[item.name] = getattr(effect, item.name) * float(np.clip(factor[0], 0.3, 3.0))
     return replace(effect, **changed)
 
 
 def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> list[Effect]:
-    """The effect at the points of its grid: shapes and widths spaced by logarithm, periods from spectra, switches
-    both ways."""
-    typical = kind.typical()
-    spectrum, axes = SPECTRA.get(kind.name), []  # for the first of the shapes
-    if spectrum is None and kind.period_stated and kind.name in ALONG:  # a grid's points may all be too far off
-        spectrum = partial(_along_the_path, ALONG[kind.name])
-    for item in parameters(kind):
-        if item.role in {"shape", "width"}:
-            points = _points(item.name, item.low, item.high)
-            if spectrum:
-                points, spectrum = np.array(spectrum(item.low, item.high, fitted, records, own)), None
-            axes.append([(item.name, point) for point in points])
-        elif item.role == "switch":
+    """The effect at the points of its grid: shapes and widths spaced by logarithm, periods evenly in their frequency or
+    from a spectrum, switches both ways."""
+    priors, axes = fitted.candidate.layout.machine.priors, []
+    for item in parameters(kind, priors):
+        if item.role == "switch":
             axes.append([(item.name, point) for point in (item.low, item.high)])
-    return [replace(typical, **dict(point)) for point in itertools.product(*axes)]
+        elif item.periodic_in and (item.stated or not item.points):  # a grid's points might all be too far off
+            found = _from_spectrum(item, kind, fitted, records, own)
+            axes.append([(item.name, point) for point in np.array(found)])
+        elif item.role in POSITIVE:
+            axes.append([(item.name, point) for point in _points(item)])
+    return [replace(kind.typical(priors), **dict(point)) for point in itertools.product(*axes)]
 
 
-def _points(name: str, low: float, high: float) -> Array:
-    many = GRID.get(name, POINTS)
-    if name in DECADE:
-        many = max(DECADE[name], round(DECADE[name] * np.log10(high / low)))
-    if name in {"length", "pitch"}:
-        return np.asarray(1 / np.linspace(1 / high, 1 / low, many))
-    return np.geomspace(low, high, many)
+def _points(item: Parameter) -> Array:
+    """The points [SI] of a parameter's grid."""
+    count = item.points or POINTS
+    if item.points_per_decade:
+        count = max(item.points_per_decade, round(item.points_per_decade * np.log10(item.high / item.low)))
+    if item.role != "period":
+        return np.geomspace(item.low, item.high, count)
+    if item.is_frequency:
+        return np.linspace(item.low, item.high, count)
+    return np.asarray(1 / np.linspace(1 / item.high, 1 / item.low, count))
 
 
 def adjoints(fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[tuple[Record, Array, Array]]:
@@ -259,48 +260,43 @@ def adjoints(fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[tup
         yield record, force.sum(axis=1), reading
 
 
-def _by_place(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
-    """Periods [m] at the peaks of the spectrum over position of the reading's error."""
-    spans = [(record.position, reading) for record, _, reading in adjoints(fitted, records, own)]
-    return peaks(spans, low, high)
-
-
-def _along_the_path(
-    weight: Weight, low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed
+def _from_spectrum(
+    item: Parameter, kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed
 ) -> list[float]:
-    """Periods [m] at the peaks of the spectrum over position of the force's error, weighted [1]."""
-    spans = [(one.position, force * weight(one)) for one, force, _ in adjoints(fitted, records, own)]
-    return peaks(spans, low, high, padded=8)
+    """Values [SI] of a periodic parameter at the peaks of the spectrum, over its coordinate, of what the model leaves.
 
-
-def _by_command(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
-    """Steps [N] at the peaks of the spectrum over command of the force's error."""
-    delay = round(fitted.candidate.machine.plant.dead_time / records[0].sample_time)
+    That is the error of the reading, or of the force, which is weighted by what the law's periodic factor multiplies.
+    """
     spans = []
-    for record, force, _ in adjoints(fitted, records, own):
-        late = np.concatenate([np.full(delay, record.command[0]), record.command])[: record.command.size]
-        spans.append((late, force))
-    found = peaks(spans, low, ROOM * high)  # a jump has overtones: what is found may be one
-    return sorted({n * step for step in found for n in (1, 2, 3) if n * step <= ROOM * high})
+    for record, force, reading in adjoints(fitted, records, own):
+        left = reading if kind.shown_in() == "reading" else force * _multiplied(kind, item, record)
+        spans.append((_coordinate(item.periodic_in, record, fitted), left))
+    if item.role == "width":
+        most = ROOM * item.high
+        found = peaks(spans, item.low, most, PADDED[item.periodic_in])
+        return sorted({n * step for step in found for n in range(1, OVERTONES + 1) if n * step <= most})
+    low, high = (1 / item.high, 1 / item.low) if item.is_frequency else (item.low, item.high)
+    periods = peaks(spans, low, high, PADDED[item.periodic_in])
+    return [1 / period for period in periods] if item.is_frequency else periods
 
 
-def _by_time(low: float, high: float, fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
-    """Frequencies [Hz] at the peaks of the spectrum over time of the force's error."""
-    spans = [
-        (np.arange(force.size, dtype=float) * record.sample_time, force)
-        for record, force, _ in adjoints(fitted, records, own)
-    ]
-    return [1 / period for period in peaks(spans, 1 / high, 1 / low)]
+def _coordinate(name: str, record: Record, fitted: Fit) -> Array:
+    """The coordinate (n,) [m], [N] or [s] of a spectrum; a command counts when it acts, after the dead time."""
+    if name == "time":
+        return np.arange(record.position.size, dtype=float) * record.sample_time
+    if name == "command":
+        delay = round(fitted.candidate.machine.plant.dead_time / record.sample_time)
+        return np.concatenate([np.full(delay, record.command[0]), record.command])[: record.command.size]
+    return record.position
 
 
-ALONG: Final[Mapping[str, Weight]] = {
-    "cogging": lambda record: np.ones(record.position.size),
-    "thrust_ripple": lambda record: record.command,
-    "position_dependent_friction": lambda record: np.sign(np.gradient(record.position)),
-}
-"""What the sine over position is multiplied by in these effects' forces."""
-
-SPECTRA: Final = {"scale_periodic_error": _by_place, "dac_quantisation": _by_command, "floor_vibration": _by_time}
+def _multiplied(kind: type[Effect], item: Parameter, record: Record) -> Array:
+    """What (n,) the periodic factor of a law multiplies in the force, but for its size, by where the law acts: the
+    command on the way to the thrust, the friction, of which the sign of the speed is the main part, or nothing [1]."""
+    place = min(kind.hooks, key=list(PLACES).index)
+    if item.periodic_in == "command" or place in {"force", "path"}:
+        return np.ones(record.position.size)
+    return np.sign(np.gradient(record.position)) if place in {"limit", "friction"} else record.command
 
 
 def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded: int = 2) -> list[float]:

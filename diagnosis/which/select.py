@@ -178,7 +178,11 @@ def further(gained: float, left: float, floors: Array) -> float:
 def _bent(fitted: Fit, name: str) -> bool:
     """Whether an effect of this kind had to leave its prior range beside others: it takes up what is wrong with their
     form."""
-    return any(at_bounds(effect) for effect in fitted.candidate.found if effect.name == name)
+    return any(
+        at_bounds(effect, fitted.candidate.layout.machine.priors)
+        for effect in fitted.candidate.found
+        if effect.name == name
+    )
 
 
 def _opposed(fitted: Fit, name: str) -> bool:

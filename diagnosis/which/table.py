@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.how_far import HowFar
-from diagnosis.model.fit import Fit, at, coordinates, own_spread
+from diagnosis.model.fit import Fit, coordinates, effects_prior_std, with_coordinates
 from diagnosis.null import Null
 from diagnosis.which.command_jitter import LATE
 from diagnosis.which.scan import Finding
@@ -19,6 +19,7 @@ from diagnosis.which.select import LINE, Step
 from diagnosis.which.shapley import SHAKEN
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
+from models.effects.priors import Priors
 
 Array = NDArray[np.float64]
 
@@ -113,25 +114,25 @@ def deviations_of(fitted: Fit) -> list[dict[str, float]]:
     candidate = fitted.candidate
     if not candidate.effects:
         return []
-    wide = np.concatenate([candidate.layout.deviation, own_spread(candidate.effects)])
+    wide = np.concatenate([candidate.layout.deviation, effects_prior_std(candidate)])
     whole = np.hstack([fitted.slopes, fitted.own]) * wide
     covariance = np.linalg.inv(whole.T @ whole + np.eye(wide.size)) * np.outer(wide, wide)
     found, begin = [], candidate.layout.count
     for effect in candidate.effects:
         here = coordinates(effect)
         own = covariance[begin : begin + here.size, begin : begin + here.size]
-        found.append(_spread_of(effect, here, own))
+        found.append(_spread_of(effect, here, own, candidate.layout.machine.priors))
         begin += here.size
     return found
 
 
-def _spread_of(effect: Effect, here: Array, covariance: Array) -> dict[str, float]:
+def _spread_of(effect: Effect, here: Array, covariance: Array, priors: Priors) -> dict[str, float]:
     """By differences of the parameters along each coordinate."""
     steps = 0.3 * np.sqrt(np.diag(covariance))
     base = effect.values()
     slopes = np.stack(
         [
-            (at(effect, here + step * (np.arange(here.size) == i)).values() - base) / step
+            (with_coordinates(effect, here + step * (np.arange(here.size) == i), priors).values() - base) / step
             for i, step in enumerate(steps)
         ],
         axis=1,

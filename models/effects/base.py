@@ -16,16 +16,17 @@ import dataclasses
 import math
 from abc import ABC
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar, Final, Protocol, Self, cast
+from typing import Any, ClassVar, Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.compiled import compiled
+from models.effects.priors import USUAL, Priors
 from models.plant import Mode
-from models.quantity import declaration, value
+from models.quantity import value
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,10 @@ T, X, V, H, U, MOVED, E, U_LAW = range(8)  # entries of `now`
 Z, STIFFNESS, LIMIT = range(3)  # rows of `contact`
 
 FAMILIES: Final = ("friction", "motor", "structure", "scale", "protocol")
-ROLES: Final = ("amplitude", "shape", "phase", "width", "switch")
+ROLES: Final = ("amplitude", "shape", "period", "phase", "width", "switch")
+POSITIVE: Final = ("shape", "period", "width")  # roles of sizes that are above 0 and differ by factors: see Parameter
+COORDINATES: Final = {"position": "m", "reading": "m", "command": "N", "time": "s"}
+"""What a law can be periodic in, with its unit: the table's position, the scale's reading, the command, the time."""
 SHOWN: Final = ("force", "reading")  # where an effect can add something that a record of position and command shows
 
 PLACES: Final = {
@@ -66,8 +70,15 @@ class Parameter:
     """A parameter of an effect: prior range low .. high and a typical size (SI), and the role that it plays.
 
     role: "amplitude" (the force or the reading is proportional to it, to first order; 0 is no effect), "shape" (a time,
-    speed, length or frequency), "phase" (0 .. 2 pi of a sine), "width" (no proportional parameter; 0 is no effect) or
-    "switch" (which of two laws it is: 0 or 1).
+    speed, length or frequency), "period" (of what repeats along `periodic_in`, a key of COORDINATES; or its frequency,
+    by the unit), "phase" (0 .. 2 pi of a sine), "width" (no proportional parameter; 0 is no effect; with `periodic_in`
+    the width of a step of a staircase) or "switch" (which of two laws it is: 0 or 1).
+
+    points: that many between low and high are near enough to each other that one of them resembles any other size;
+    0 for a period: so many periods lie in a record that no grid does, only a spectrum. points_per_decade: the same for
+    each decade. linear_within: the relative change [1] to which the law's response is linear, where it is far below the
+    size as there are very many periods in a record; 0: some per cent. stated: a machine states the range in place of
+    the usual one.
     """
 
     name: str
@@ -77,21 +88,74 @@ class Parameter:
     low: float
     high: float
     typical: float
+    periodic_in: str = ""
+    points: int = 0
+    points_per_decade: int = 0
+    linear_within: float = 0.0
+    stated: bool = False
+
+    @property
+    def is_frequency(self) -> bool:
+        """Whether a period is given by its frequency, as its unit says."""
+        return self.role == "period" and self.unit != COORDINATES[self.periodic_in]
 
 
 def parameter(
-    unit: str, meaning: str, low: float, high: float, role: str, *, signed: bool = False, **limits: Any
+    unit: str,
+    meaning: str,
+    low: float,
+    high: float,
+    role: str,
+    *,
+    signed: bool = False,
+    points: int = 0,
+    points_per_decade: int = 0,
+    **limits: Any,
 ) -> Any:
     """A field of an effect with typical sizes from low to high (SI in `unit`); signed: of either sign.
 
-    limits: what the value must keep to in a machine file, as of models.quantity.value.
+    points, points_per_decade: see `Parameter`. limits: what the value must keep to in a machine file, as of
+    models.quantity.value. Raises ValueError for a role that does not exist, or needs a declaration of its own.
     """
     if role not in ROLES:
         raise ValueError(f"role {role!r} is unknown; give one of {', '.join(ROLES)}")
-    declared = value(unit, meaning, **limits)
+    if role in {"period", "switch"}:
+        raise ValueError(f"role {role!r}: declare it with models.effects.base.{role}")
     typical = 1.0 if role == "phase" else math.sqrt(low * high)
-    prior = (role, -high if signed else low, high, typical)
-    return dataclasses.field(metadata={**declared.metadata, "prior": prior})
+    prior = Parameter("", unit, meaning, role, -high if signed else low, high, typical)
+    return _field(replace(prior, points=points, points_per_decade=points_per_decade), **limits)
+
+
+def period(
+    unit: str,
+    meaning: str,
+    low: float,
+    high: float,
+    periodic_in: str,
+    *,
+    role: str = "period",
+    points: int = 0,
+    linear_within: float = 0.0,
+    **limits: Any,
+) -> Any:
+    """The field of a period along a coordinate, a key of COORDINATES, or of its frequency (SI in `unit`).
+
+    role: "width" for the step of a staircase. points, linear_within: see `Parameter`; without points, a period is found
+    by a spectrum. limits: as of models.quantity.value. Raises ValueError for a coordinate that does not exist, or a
+    unit that is neither its own nor that of its frequency.
+    """
+    if periodic_in not in COORDINATES:
+        raise ValueError(f"periodic_in={periodic_in!r} is unknown; give one of {', '.join(COORDINATES)}")
+    if unit not in _units_of(periodic_in):
+        raise ValueError(f"a period in {periodic_in} has the unit {' or '.join(_units_of(periodic_in))}, not {unit}")
+    prior = Parameter("", unit, meaning, role, low, high, math.sqrt(low * high), periodic_in)
+    return _field(replace(prior, points=points, linear_within=linear_within), **limits)
+
+
+def _units_of(coordinate: str) -> tuple[str, str]:
+    """The units of a period along a coordinate, and of its frequency."""
+    unit = COORDINATES[coordinate]
+    return unit, "Hz" if unit == "s" else f"1/{unit}"
 
 
 def phase() -> Any:
@@ -101,8 +165,12 @@ def phase() -> Any:
 
 def switch(meaning: str) -> Any:
     """The int field that tells which of two laws an effect has, 0 (the usual one) or 1; meaning: what 1 stands for."""
-    declared = value("1", f"{meaning} (1) or not (0)", at_least=0, below=2)
-    return dataclasses.field(metadata={**declared.metadata, "prior": ("switch", 0, 1, 0)})
+    return _field(Parameter("", "1", f"{meaning} (1) or not (0)", "switch", 0, 1, 0), at_least=0, below=2)
+
+
+def _field(prior: Parameter, **limits: Any) -> Any:
+    declared = value(prior.unit, prior.meaning, **limits)
+    return dataclasses.field(metadata={**declared.metadata, "prior": prior})
 
 
 def hook(law: Hook) -> Hook:
@@ -114,14 +182,11 @@ def hook(law: Hook) -> Hook:
 class Effect(ABC):
     """One effect and the values of its parameters (SI). A subclass is a frozen dataclass whose fields are `parameter`s.
 
-    equation: LaTeX. source: where the law and its typical sizes come from. hooks: by place, a key of PLACES. clocked:
-    the law follows a time whose beginning no controller knows, rather than the table. usual: a diagnosis looks for it
-    in any machine, not only where the machine file states its sizes. fine: the relative step of a fit in a width or
-    period of which very many fit into the motion, 0: the usual step (a stated period has its own, `fineness` in
-    diagnosis/model/fit.py). period_field: the parameter that is a period along the path, where
-    diagnosis/which/scan.py has a spectrum of it (`ALONG`, `SPECTRA`). period_stated: a machine file states its range.
-    shows_in: where it shows in a record of position and command: as a "force", in the scale's "reading", only in the
-    "log" of what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`.
+    equation: LaTeX. source: where the law and its typical sizes come from. hooks: by place, a key of PLACES.
+    depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common: any
+    positioning table may have it; what is not is considered only in a machine whose file states its sizes. shows_in:
+    where it shows in a record of position and command: as a "force", in the scale's "reading", only in the "log" of
+    what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`.
     """
 
     name: ClassVar[str]
@@ -129,11 +194,8 @@ class Effect(ABC):
     equation: ClassVar[str]
     source: ClassVar[str]
     hooks: ClassVar[Mapping[str, Hook]] = {}
-    clocked: ClassVar[bool] = False
-    usual: ClassVar[bool] = True
-    fine: ClassVar[float] = 0.0
-    period_field: ClassVar[str] = ""
-    period_stated: ClassVar[bool] = False
+    depends_on_time: ClassVar[bool] = False
+    common: ClassVar[bool] = True
     shows_in: ClassVar[str] = ""
 
     @classmethod
@@ -153,16 +215,14 @@ class Effect(ABC):
         return ()
 
     @classmethod
-    def typical(cls) -> Self:
-        """The effect at its typical size: the geometric middle of the prior sizes, a phase of 1, no switch set."""
-        return cls(**{item.name: item.typical for item in parameters(cls)})
+    def typical(cls, priors: Priors = USUAL) -> Self:
+        """The effect at its typical size [SI]: the geometric middle of the prior sizes, a phase of 1, no switch set."""
+        return cls(**{item.name: item.typical for item in parameters(cls, priors)})
 
     def off(self) -> Self:
         """The effect with every amplitude and width at 0, which is no effect; shapes, phases and switches stay."""
         roles = {item.name: item.role for item in parameters(type(self))}
-        return dataclasses.replace(
-            self, **{name: 0.0 for name, role in roles.items() if role in {"amplitude", "width"}}
-        )
+        return replace(self, **{name: 0.0 for name, role in roles.items() if role in {"amplitude", "width"}})
 
     def strength(self) -> float:
         """Its first amplitude or width [SI], without its sign."""
@@ -175,13 +235,28 @@ class Effect(ABC):
 
 
 @cache
-def parameters(kind: type[Effect]) -> tuple[Parameter, ...]:
-    """The parameters of a class of effects, in the order of its fields."""
+def parameters(kind: type[Effect], priors: Priors = USUAL) -> tuple[Parameter, ...]:
+    """The parameters of a class of effects, in the order of its fields, with their ranges in a machine of these priors
+    [SI]."""
+    if not any(effect == kind.name for effect, _ in priors):
+        return _usual(kind)
+    return tuple(_ranged(item, priors.get((kind.name, item.name))) for item in _usual(kind))
+
+
+def _ranged(item: Parameter, ends: tuple[float, ...] | None) -> Parameter:
+    """The parameter with the sizes that a machine states; one that may have either sign may still."""
+    if ends is None:
+        return item
+    low, high = ends
+    return replace(item, low=-high if item.low < 0 else low, high=high, typical=(low * high) ** 0.5, stated=True)
+
+
+@cache
+def _usual(kind: type[Effect]) -> tuple[Parameter, ...]:
     found = []
     for field in dataclasses.fields(kind):
-        declared, prior = declaration(field), field.metadata.get("prior")
-        if declared is None or prior is None:
+        prior = field.metadata.get("prior")
+        if not isinstance(prior, Parameter):
             raise TypeError(f"{kind.__name__}.{field.name}: declare it with models.effects.base.parameter")
-        role, low, high, typical = cast(tuple[str, float, float, float], prior)
-        found.append(Parameter(field.name, declared.unit, declared.meaning, role, low, high, typical))
+        found.append(replace(prior, name=field.name))
     return tuple(found)

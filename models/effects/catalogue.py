@@ -5,15 +5,16 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, make_dataclass
+from dataclasses import fields
 from functools import cache
-from typing import Any, ClassVar, Final, TypeVar, cast
+from typing import Final
 
 import models.effects
 from models.effects.base import FAMILIES, Effect, parameters
-from models.quantity import declaration, value
+from models.effects.priors import USUAL, Priors
+from models.quantity import Declaration, declaration
 
-SIZES: Final = ("amplitude", "shape", "width")  # roles whose range a machine may state
+SIZES: Final = ("amplitude", "shape", "period", "width")  # roles whose range a machine may state
 
 
 def every() -> Mapping[str, type[Effect]]:
@@ -27,80 +28,20 @@ def every() -> Mapping[str, type[Effect]]:
     return found
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """What sizes an effect may have in one machine, in place of its usual ones: each field a parameter's least and most
-    [SI], whatever its sign, or None. A subclass for every effect: `sizes`. Raises ValueError for what is no range."""
-
-    name: ClassVar[str]
-
-    def __post_init__(self) -> None:
-        """That there is a range, and each is one."""
-        stated = {one.name: ends for one in fields(self) if (ends := getattr(self, one.name)) is not None}
-        for name, ends in stated.items():
-            if len(ends) != 2 or not 0 < ends[0] < ends[1]:
-                raise ValueError(f"{name}: is no range; give its least and its most, the least above 0")
-        if not stated:
-            raise ValueError(f"has no range; give the least and the most of {fields(self)[0].name}, say")
-
-
-Own = TypeVar("Own", Effect, Sizes)
-
-
-@cache
-def sizes(kind: type[Effect]) -> type[Sizes]:
-    """The class of what a machine may state of an effect's sizes, its fields in SI."""
-    rows: list[tuple[str, Any, Any]] = []
-    for declared, item in zip(fields(kind), parameters(kind), strict=True):
-        if item.role in SIZES:
-            below = getattr(declaration(declared), "below", None)
-            stated = value(item.unit, f"least and most of: {item.meaning}", below=below, default=None)
-            rows.append((item.name, tuple[float, ...], stated))
-    own = {
-        "name": kind.name,
-        "__module__": __name__,
-        "__reduce__": lambda self: (_sizes_again, (kind, *(getattr(self, name) for name, *_ in rows))),
+def range_declarations(kind: type[Effect]) -> Mapping[str, Declaration]:
+    """The parameters of an effect whose sizes a machine may state, each with how its range is declared [SI]."""
+    return {
+        item.name: Declaration(item.unit, f"least and most of: {item.meaning}", None, None, stated.below)
+        for field, item in zip(fields(kind), parameters(kind), strict=True)
+        if item.role in SIZES and (stated := declaration(field))
     }
-    return cast(type[Sizes], make_dataclass(f"{kind.__name__}Sizes", rows, bases=(Sizes,), frozen=True, namespace=own))
 
 
-def looked_for(priors: Iterable[Sizes] = ()) -> Mapping[str, type[Effect]]:
-    """The effects by name that a diagnosis of one machine looks for, in their order: the usual ones and those of which
-    it states sizes, with these; SI."""
-    stated = {one.name: one for one in priors}
-    return {name: ranged(kind, stated.get(name)) for name, kind in every().items() if kind.usual or name in stated}
-
-
-@cache
-def ranged(kind: type[Effect], stated: Sizes | None) -> type[Effect]:
-    """The effect with its prior ranges as a machine states them, SI; the class itself where it states none."""
-    changed: list[tuple[str, Any, Any]] = []
-    for declared, usual in zip(fields(kind), parameters(kind), strict=True):
-        ends = getattr(stated, usual.name, None)
-        if ends is None:
-            continue
-        low, high = ends
-        prior = (usual.role, -high if usual.low < 0 else low, high, (low * high) ** 0.5)
-        changed.append((usual.name, declared.type, field(metadata={**declared.metadata, "prior": prior})))
-    if not changed:
-        return kind
-    own = {
-        "__doc__": kind.__doc__,
-        "__module__": kind.__module__,
-        "__reduce__": lambda self: (_effect_again, (kind, stated, *self.values())),
-        "period_stated": kind.period_field in {name for name, *_ in changed},
-    }
-    return cast(type[Effect], make_dataclass(kind.__name__, changed, bases=(kind,), frozen=True, namespace=own))
-
-
-def _sizes_again(kind: type[Effect], *ranges: tuple[float, ...] | None) -> Sizes:
-    """What `pickle` makes of Sizes in another process, where their class has to be made first."""
-    return sizes(kind)(*ranges)
-
-
-def _effect_again(kind: type[Effect], stated: Sizes, *numbers: float) -> Effect:
-    """The same for an effect with stated sizes."""
-    return ranged(kind, stated)(*numbers)
+def looked_for(priors: Priors = USUAL) -> Mapping[str, type[Effect]]:
+    """The effects by name that may be in a machine with these priors, in their order: the usual ones and those of which
+    it states sizes [SI]."""
+    stated = priors.by_effect()
+    return {name: kind for name, kind in every().items() if kind.common or name in stated}
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -120,13 +61,12 @@ def beyond(own: Iterable[Effect], effects: Iterable[Effect]) -> list[Effect]:
     return more
 
 
-def named(effects: Iterable[Own]) -> Mapping[str, Own]:
-    """The effects, or what a machine states of them, by name as in a machine file's paths: "cogging", or "cogging.1"
-    and "cogging.2" of two."""
-    members: dict[str, list[Own]] = {}
+def named(effects: Iterable[Effect]) -> Mapping[str, Effect]:
+    """The effects by name as in a machine file's paths: "cogging", or "cogging.1" and "cogging.2" of two."""
+    members: dict[str, list[Effect]] = {}
     for effect in effects:
         members.setdefault(effect.name, []).append(effect)
-    paths: dict[str, Own] = {}
+    paths: dict[str, Effect] = {}
     for name, same in members.items():
         for i, effect in enumerate(same):
             paths[name if len(same) == 1 else f"{name}.{i + 1}"] = effect

@@ -6,7 +6,23 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import LIMIT, MOVED, STIFFNESS, Effect, H, Numbers, T, V, X, Z, hook, parameter, phase, switch
+from models.effects.base import (
+    LIMIT,
+    MOVED,
+    STIFFNESS,
+    Effect,
+    H,
+    Numbers,
+    T,
+    V,
+    X,
+    Z,
+    hook,
+    parameter,
+    period,
+    phase,
+    switch,
+)
 
 FORGOTTEN: Final = 5e-3  # s in which a table at rest loses its direction, where it does
 REST_SPEED: Final = 1e-4  # m/s; well below it a contact heals, well above it loses what it gained
@@ -77,7 +93,9 @@ class DwellBreakaway(Effect):
     hooks: ClassVar = {"limit": _healing}
     rise: float = parameter("1", "rise a of the limits after a long rest", 0.02, 0.3, "amplitude", at_least=0)
     time: float = parameter("s", "time constant tau of the rise", 0.1, 10.0, "shape", above=0)
-    distance: float = parameter("m", "distance lambda over which it is lost", 1e-6, 1e-5, "shape", above=0)
+    distance: float = parameter(
+        "m", "distance lambda over which it is lost", 1e-6, 1e-5, "shape", points_per_decade=2, above=0
+    )
 
     def memory(self, elements: int) -> int:  # noqa: ARG002
         """The state theta."""
@@ -136,7 +154,7 @@ class VelocityStrengthening(Effect):
         "film); Dieterich 1979, Modeling of rock friction (the logarithm); smooth at rest, and sizes: assumed"
     )
     hooks: ClassVar = {"limit": _strengthening}
-    usual: ClassVar = False  # rolling guides have none: a machine file that states its sizes asks for it
+    common: ClassVar = False  # rolling guides have none: a machine file that states its sizes asks for it
     rise: float = parameter("1", "rise a of the limits with each e-fold of speed", 0.02, 0.5, "amplitude", at_least=0)
     speed: float = parameter("m/s", "speed v_0 above which it is a logarithm", 1e-4, 1e-2, "shape", above=0)
 
@@ -170,7 +188,9 @@ class DirectionalFriction(Effect):
     )
     hooks: ClassVar = {"friction": _directional}
     asymmetry: float = parameter("1", "asymmetry a", 0.02, 0.1, "amplitude", signed=True, above=-1, below=1)
-    distance: float = parameter("m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", above=0)
+    distance: float = parameter(
+        "m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", points_per_decade=2, above=0
+    )
     forgets: int = switch("r: a rest loses the direction")
 
     def memory(self, elements: int) -> int:  # noqa: ARG002
@@ -192,9 +212,8 @@ class PositionDependentFriction(Effect):
     equation: ClassVar = r"F\left(1+a\sin(2\pi x/L+\varphi)\right)"
     source: ClassVar = "Armstrong-Hélouvry 1991, Control of machines with friction (measured on a robot); sizes assumed"
     hooks: ClassVar = {"friction": _placed}
-    period_field: ClassVar = "length"
     part: float = parameter("1", "variation a", 0.03, 0.2, "amplitude", at_least=0, below=1)
-    length: float = parameter("m", "length L of a period", 3e-3, 6e-2, "shape", above=0)
+    length: float = period("m", "length L of a period", 3e-3, 6e-2, "position", points=18, above=0)
     phase: float = phase()
 
 
@@ -242,7 +261,7 @@ class FrictionDrift(Effect):
     equation: ClassVar = r"F(1+k t)"
     source: ClassVar = "assumed: the first term of any slow change; 4 to 40 % in 40 s"
     hooks: ClassVar = {"friction": _drifting}
-    clocked: ClassVar = True
+    depends_on_time: ClassVar = True
     rate: float = parameter("1/s", "relative rate k", 1e-3, 1e-2, "amplitude", signed=True)
 
 

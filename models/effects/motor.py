@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import Effect, H, Numbers, X, hook, parameter, phase, switch
+from models.effects.base import Effect, H, Numbers, X, hook, parameter, period, phase, switch
 
 RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
 FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated
@@ -26,9 +26,8 @@ class Cogging(Effect):
     equation: ClassVar = r"d=A\sin(2\pi x/p+\varphi)"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
     hooks: ClassVar = {"force": _cogging}
-    period_field: ClassVar = "pitch"
     amplitude: float = parameter("N", "amplitude A", 0.5, 5.0, "amplitude", at_least=0)
-    pitch: float = parameter("m", "pitch p", 2e-2, 6e-2, "shape", above=0)
+    pitch: float = period("m", "pitch p", 2e-2, 6e-2, "position", points=10, above=0)
     phase: float = phase()
 
 
@@ -46,9 +45,8 @@ class ThrustRipple(Effect):
     equation: ClassVar = r"K_t\left(1+a\sin(2\pi x/p+\varphi)\right)u"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
     hooks: ClassVar = {"thrust": _ripple}
-    period_field: ClassVar = "pitch"
     part: float = parameter("1", "variation a", 0.01, 0.06, "amplitude", at_least=0, below=1)
-    pitch: float = parameter("m", "pitch p", 2e-2, 6e-2, "shape", above=0)
+    pitch: float = period("m", "pitch p", 2e-2, 6e-2, "position", points=10, above=0)
     phase: float = phase()
 
 
@@ -181,6 +179,5 @@ class DacQuantisation(Effect):
     )
     source: ClassVar = "Widrow and Kollár 2008, Quantization noise (mid-tread and mid-rise); sizes assumed"
     hooks: ClassVar = {"command": _stepped}
-    fine: ClassVar = 1e-5
-    step: float = parameter("N", "step q", 1e-2, 1e-1, "width", at_least=0)
+    step: float = period("N", "step q", 1e-2, 1e-1, "command", role="width", linear_within=1e-5, at_least=0)
     rise: int = switch("r: it jumps at zero")

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, T, hook, parameter, phase
+from models.effects.base import Effect, Numbers, T, hook, parameter, period, phase
 
 
 @hook
@@ -44,10 +44,8 @@ class ScalePeriodicError(Effect):
         "Heydemann 1981, Determination and correction of quadrature fringe measurement errors; sizes assumed"
     )
     hooks: ClassVar = {"reading": _periodic}
-    fine: ClassVar = 1e-5
-    period_field: ClassVar = "period"
     amplitude: float = parameter("m", "amplitude e", 2e-8, 2e-7, "amplitude", at_least=0)
-    period: float = parameter("m", "period P", 4e-6, 4e-5, "shape", above=0)
+    period: float = period("m", "period P", 4e-6, 4e-5, "reading", linear_within=1e-5, above=0)
     phase: float = phase()
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, T, X, hook, parameter, phase
+from models.effects.base import Effect, Numbers, T, X, hook, parameter, period, phase
 from models.plant import Mode
 
 
@@ -19,8 +19,8 @@ class AdditionalMode(Effect):
     equation: ClassVar = r"P'(s)+K_t\frac{k}{s^2+2\zeta\omega s+\omega^2}"
     source: ClassVar = "Ewins 2000, Modal testing; sizes assumed: 1 to 10 % of 1/M for M of 15 to 50 kg"
     gain: float = parameter("1/kg", "modal gain k", 2e-4, 7e-3, "amplitude", at_least=0)
-    frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", above=0)
-    damping: float = parameter("1", "damping ratio", 5e-3, 5e-2, "shape", at_least=0, below=1)
+    frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", points=22, above=0)
+    damping: float = parameter("1", "damping ratio", 5e-3, 5e-2, "shape", points=2, at_least=0, below=1)
 
     def modes(self) -> tuple[Mode, ...]:
         """The mode, unless its gain is 0."""
@@ -44,9 +44,9 @@ class FloorVibration(Effect):
         "0.4 mm/s2 of 45 kg"
     )
     hooks: ClassVar = {"force": _shaking}
-    clocked: ClassVar = True
+    depends_on_time: ClassVar = True
     amplitude: float = parameter("N", "amplitude A", 0.02, 1.0, "amplitude", at_least=0)
-    frequency: float = parameter("Hz", "frequency f", 2.0, 30.0, "shape", above=0)
+    frequency: float = period("Hz", "frequency f", 2.0, 30.0, "time", above=0)
     phase: float = phase()
 
 

@@ -32,7 +32,7 @@ class Made:
 def made(machine: Machine, seed: int, *, quick: bool) -> Made:
     """Records of a table like the machine; quick: short ones."""
     known = replace(machine, effects=(), scale=machine.scale.noisy())
-    effect = known.kinds[FrictionRelaxation.name].typical()
+    effect = known.kinds[FrictionRelaxation.name].typical(known.priors)
     schedules = _schedules(known, quick=quick)
     layout = parameters(known, len(schedules))
     draw = np.random.default_rng([seed, 7])

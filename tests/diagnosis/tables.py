@@ -21,7 +21,8 @@ from diagnosis.model.parameters import applied, bounded, parameters
 from models.controller import Controller, References
 from models.effects.base import Effect
 from models.effects.base import parameters as ranges_of
-from models.effects.catalogue import SIZES, every, sizes
+from models.effects.catalogue import SIZES, every
+from models.effects.priors import Priors
 from models.friction import deflections
 from models.machine import Machine, load
 from models.records.record import Record
@@ -37,13 +38,14 @@ def table() -> Machine:
 
 
 def asking(machine: Machine) -> Machine:
-    """The machine whose file asks for the effects that are not usual, with the sizes that they have elsewhere."""
-    stated = []
-    for kind in every().values():
-        if not kind.usual:
-            ranges = {item.name: (item.low, item.high) for item in ranges_of(kind) if item.role in SIZES}
-            stated.append(sizes(kind)(**ranges))
-    return replace(machine, priors=tuple(stated))
+    """The machine whose file asks for the effects that are not common, with the sizes that they have elsewhere."""
+    stated = {
+        (name, item.name): (item.low, item.high)
+        for name, kind in every().items()
+        for item in ranges_of(kind)
+        if not kind.common and item.role in SIZES
+    }
+    return replace(machine, priors=Priors.of(stated))
 
 
 def short(machine: Machine) -> Schedule:

@@ -195,8 +195,8 @@ def test_an_effect_of_the_machine_files_own_neither_makes_a_series_nor_bends_wha
     """At the end of its range, and of the same name as the one that was found."""
     own, found, another = (Cogging(size, pitch, 0.0) for size, pitch in ((9.0, 1.0), (1.0, 0.03), (1.0, 0.04)))
     first, second = _with(own, cost=9000.0), _with(own, found, cost=1000.0, promised=6000.0)
-    assert at_bounds(own)
-    assert not at_bounds(found)
+    assert at_bounds(own, MACHINE.priors)
+    assert not at_bounds(found, MACHINE.priors)
     assert not _bent([first, second])
     assert _endless([first, second]) == set()
     assert _endless([first, second, _with(own, found, another, cost=900.0, promised=6000.0)]) == {"cogging"}

@@ -65,7 +65,7 @@ def by_chance() -> dict[str, float]:
 @pytest.mark.parametrize("law", [law for law, effect in laws().items() if effect.shown_in() in SHOWN])
 def test_the_effect_that_is_in_the_table_is_the_strongest_finding(law: str, by_chance: dict[str, float]) -> None:
     first, name = [], laws()[law].name
-    machine = MACHINE if laws()[law].usual else ASKING
+    machine = MACHINE if laws()[law].common else ASKING
     for seed, severity in enumerate(SEVERITIES):
         best = _scanned(recorded(MACHINE, PLAN, [_sized(law, severity)], seed=10 + seed), machine)[0]
         if best.held_out > max(LEAST, SAFETY * by_chance[best.effect.name]):

@@ -26,9 +26,10 @@ from diagnosis.which.random_force import _steady
 from diagnosis.which.scan import freed, peaks, scan
 from diagnosis.which.select import ANOTHER, FORM, MOST, REST, SECOND, Step, further, search_effects
 from models.effects.base import Effect
-from models.effects.catalogue import in_order, sizes
+from models.effects.catalogue import in_order
 from models.effects.friction_laws import DirectionalFriction, FrictionDrift, PositionDependentFriction, Stribeck
 from models.effects.motor import Cogging, DacQuantisation, ThrustRipple
+from models.effects.priors import USUAL, Priors
 from models.friction import elements
 from models.machine import Tolerance
 from models.simulation.effect_kernel import ACTING
@@ -252,7 +253,7 @@ def test_a_period_is_found_in_however_narrow_a_range(range_: tuple[float, float]
 def test_a_period_far_below_the_usual_ones_is_found_where_a_machine_states_it(law: Effect) -> None:
     """By a spectrum over the path, as no grid of periods would be near enough."""
     period = "length" if law.name == "position_dependent_friction" else "pitch"
-    stated = replace(MACHINE, priors=(sizes(type(law))(**{period: (1e-3, 5e-3)}),))
+    stated = replace(MACHINE, priors=Priors.of({(law.name, period): (1e-3, 5e-3)}))
     records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
     nominal = refit_within(stated, records)
     found, _ = scan(nominal, records, freed(nominal, numbered(pieces(records), records)))
@@ -262,7 +263,7 @@ def test_a_period_far_below_the_usual_ones_is_found_where_a_machine_states_it(la
     (adopted,) = fitted.candidate.effects
     assert adopted.values()[:2] == pytest.approx(law.values()[:2], rel=0.1)
     assert adopted.values()[1] == pytest.approx(law.values()[1], rel=1e-3)
-    assert not at_bounds(adopted)
+    assert not at_bounds(adopted, stated.priors)
 
 
 def test_what_is_known_of_a_scan_tells_the_next_stage_what_its_own_columns_would() -> None:
@@ -305,6 +306,6 @@ def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(mon
 
 def test_a_step_beyond_its_prior_range_is_no_bent_law() -> None:
     """Many steps tell their size; a shape that only its bound keeps is another law."""
-    assert not at_bounds(DacQuantisation(0.15, 1))
-    assert not at_bounds(Cogging(1.0, 0.05, 0.3))
-    assert at_bounds(Cogging(1.0, 0.09, 0.3))
+    assert not at_bounds(DacQuantisation(0.15, 1), USUAL)
+    assert not at_bounds(Cogging(1.0, 0.05, 0.3), USUAL)
+    assert at_bounds(Cogging(1.0, 0.09, 0.3), USUAL)

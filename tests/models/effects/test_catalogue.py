@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import models.effects
-from models.effects.base import FAMILIES, PLACES, ROLES, SHOWN, parameter, parameters
+from models.effects.base import COORDINATES, FAMILIES, PLACES, ROLES, SHOWN, parameter, parameters, period
 from models.effects.catalogue import beyond, every, in_order, looked_for, named
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
@@ -68,6 +68,7 @@ def test_an_effect_says_all_that_is_asked_of_it(name: str) -> None:
     for item in parameters(kind):
         assert item.role in ROLES
         assert item.low < item.typical < item.high or item.role == "switch"
+        assert (item.role == "period") <= (item.periodic_in in COORDINATES)
         assert item.low > 0 or item.role in {"phase", "switch"} or item.low == -item.high
     assert kind.typical().values().tolist() == [item.typical for item in parameters(kind)]
 
@@ -81,8 +82,16 @@ def test_where_a_record_shows_an_effect() -> None:
 
 
 def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:
-    with pytest.raises(ValueError, match="role 'size' is unknown; give one of amplitude, shape, phase, width, switch"):
+    with pytest.raises(
+        ValueError, match="role 'size' is unknown; give one of amplitude, shape, period, phase, width, switch"
+    ):
         parameter("N", "a size", 1.0, 2.0, "size")
+    with pytest.raises(ValueError, match=r"role 'period': declare it with models\.effects\.base\.period"):
+        parameter("m", "a lead", 1e-3, 1e-2, "period")
+    with pytest.raises(ValueError, match="periodic_in='speed' is unknown; give one of position, reading, command, ti"):
+        period("m/s", "a speed", 1e-3, 1e-2, "speed")
+    with pytest.raises(ValueError, match="a period in position has the unit m or 1/m, not mm"):
+        period("mm", "a lead", 1.0, 10.0, "position")
     assert parameters(every()["cogging"])[0].typical == pytest.approx(math.sqrt(0.5 * 5))
 
 

@@ -6,17 +6,18 @@ import pickle
 import re
 import subprocess
 import sys
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from diagnosis.model.fit import OF_PERIOD, at_bounds, fineness
-from models.effects.base import parameters
-from models.effects.catalogue import SIZES, every, looked_for, ranged, sizes
-from models.effects.friction_laws import Stribeck
+from diagnosis.model.fit import OF_PERIOD, at_bounds, fine_step
+from models.effects.base import POSITIVE, Effect, parameters
+from models.effects.catalogue import SIZES, every, looked_for, range_declarations
+from models.effects.friction_laws import DirectionalFriction, Stribeck, VelocityStrengthening
 from models.effects.motor import Cogging
+from models.effects.priors import USUAL, Priors
 from models.effects.scale import ScalePeriodicError
 from models.machine import MachineError, load, to_json
 from models.machine import parameters as values
@@ -41,74 +42,75 @@ phase = 0.5
 """
 
 
-def ranges(kind: type) -> dict[str, tuple[float, float]]:
-    return {item.name: (item.low, item.high) for item in parameters(kind)}
+def ranges(kind: type[Effect], priors: Priors = USUAL) -> dict[str, tuple[float, float]]:
+    return {item.name: (item.low, item.high) for item in parameters(kind, priors)}
 
 
-def test_stated_sizes_replace_the_usual_ones(tmp_path: Path) -> None:
-    kinds = load(machine_file(tmp_path, SCREW)).kinds
-    assert ranges(kinds["cogging"]) == ranges(Cogging) | {"pitch": (1e-3, 1e-2)}
-    assert kinds["cogging"].typical().values()[1] == pytest.approx(10**-2.5)
-    assert ranges(kinds["directional_friction"])["asymmetry"] == (-0.4, 0.4)  # of either sign, as ever
-    assert kinds["stribeck"] is every()["stribeck"]
+def test_they_stand_in_the_place_of_the_usual_ones(tmp_path: Path) -> None:
+    priors = load(machine_file(tmp_path, SCREW)).priors
+    assert ranges(Cogging, priors) == ranges(Cogging) | {"pitch": (1e-3, 1e-2)}
+    assert Cogging.typical(priors).values()[1] == pytest.approx(10**-2.5)
+    assert ranges(DirectionalFriction, priors)["asymmetry"] == (-0.4, 0.4)  # of either sign, as ever
+    assert parameters(Stribeck, priors) is parameters(Stribeck)
+    assert [item.stated for item in parameters(Cogging, priors)] == [False, True, False]
 
 
-def test_stated_sizes_add_an_effect_that_is_not_looked_for_by_default(tmp_path: Path) -> None:
+def test_they_are_a_frozen_mapping(tmp_path: Path) -> None:
+    priors = load(machine_file(tmp_path, SCREW)).priors
+    assert priors["cogging", "pitch"] == (1e-3, 1e-2)
+    assert ("cogging", "amplitude") not in priors
+    assert list(priors) == [
+        ("velocity_strengthening", "rise"),
+        ("directional_friction", "asymmetry"),
+        ("cogging", "pitch"),
+    ]
+    assert len(priors) == 3
+    assert priors == Priors.of(dict(priors))
+    assert hash(priors) == hash(Priors.of(dict(priors)))
+    with pytest.raises(ValueError, match="cogging: pitch: is no range"):
+        Priors.of({("cogging", "pitch"): (2.0, 1.0)})
+
+
+def test_they_ask_for_an_effect_that_is_not_common(tmp_path: Path) -> None:
     assert "velocity_strengthening" not in load().kinds
-    kinds = load(machine_file(tmp_path, SCREW)).kinds
-    assert list(kinds) == list(every())
-    assert ranges(kinds["velocity_strengthening"])["rise"] == (0.01, 0.4)
-
-
-def test_the_machines_own_effects_have_them_too(tmp_path: Path) -> None:
     machine = load(machine_file(tmp_path, SCREW))
-    (own,) = machine.effects
-    assert type(own) is machine.kinds["cogging"]
-    assert own.values().tolist() == [1.0, 5e-3, 0.5]
+    assert list(machine.kinds) == list(every())
+    assert ranges(VelocityStrengthening, machine.priors)["rise"] == (0.01, 0.4)
+
+
+def step(effect: Effect, records: list[Record], priors: Priors = USUAL) -> float:
+    """What the fit takes for the linear range of the effect's period or width [1]."""
+    items = [item for item in parameters(type(effect), priors) if item.role in POSITIVE]
+    return fine_step(items[-1], effect, records)
 
 
 def test_a_stated_period_is_told_by_the_travel(tmp_path: Path) -> None:
     """The last of 50 periods is moved by a part of one."""
-    (own,) = load(machine_file(tmp_path, SCREW)).effects
+    machine = load(machine_file(tmp_path, SCREW))
+    (own,) = machine.effects
     still = np.zeros(100)
     moved = Record(1e-3, still, still, still, still, np.linspace(0.0, 0.25, 100))
-    assert fineness(own, [moved]) == pytest.approx(OF_PERIOD * 5e-3 / 0.25)
-    assert fineness(Cogging(1.0, 5e-3, 0.0), [moved]) == 0
+    assert step(own, [moved], machine.priors) == pytest.approx(OF_PERIOD * 5e-3 / 0.25)
+    assert step(own, [moved]) == 0
     for short in (1e-5, 0.0):  # through less than one period the usual step will do
-        assert fineness(own, [replace(moved, position=np.linspace(0.0, short, 100))]) == OF_PERIOD
-    assert not load(machine_file(tmp_path, SCREW)).kinds["velocity_strengthening"].period_stated
-    assert fineness(ScalePeriodicError(1e-8, 2e-5, 0.0), [moved]) == ScalePeriodicError.fine
+        assert step(own, [replace(moved, position=np.linspace(0.0, short, 100))], machine.priors) == OF_PERIOD
+    assert step(VelocityStrengthening(0.1, 1e-3), [moved], machine.priors) == 0
+    assert step(ScalePeriodicError(1e-8, 2e-5, 0.0), [moved]) == 1e-5
 
 
 def test_a_stated_period_at_its_bound_is_bent(tmp_path: Path) -> None:
-    kind = load(machine_file(tmp_path, SCREW)).kinds["cogging"]
-    assert at_bounds(kind(1.0, 1.5e-2, 0.0))  # type: ignore[call-arg]
-    assert not at_bounds(kind(1.0, 5e-3, 0.0))  # type: ignore[call-arg]
-
-
-def test_an_effect_that_is_put_in_has_them(tmp_path: Path) -> None:
-    machine = load(machine_file(tmp_path, SCREW))
-    changed = replace(machine, effects=(Cogging(2.0, 3e-3, 0.0), Stribeck(0.1, 2e-3)))
-    assert [type(one) for one in changed.effects] == [machine.kinds["cogging"], Stribeck]
+    priors = load(machine_file(tmp_path, SCREW)).priors
+    assert at_bounds(Cogging(1.0, 1.5e-2, 0.0), priors)
+    assert not at_bounds(Cogging(1.0, 5e-3, 0.0), priors)
 
 
 def test_another_process_can_have_the_machine(tmp_path: Path) -> None:
     machine, packed = load(machine_file(tmp_path, SCREW)), tmp_path / "machine.pickle"
     packed.write_bytes(pickle.dumps(machine))
-    again = pickle.loads(packed.read_bytes())
-    assert again == machine
-    assert type(again.effects[0]) is machine.kinds["cogging"]
-    there = f"import pickle; print(pickle.load(open({str(packed)!r}, 'rb')).effects[0].pitch)"
+    assert pickle.loads(packed.read_bytes()) == machine
+    there = f"import pickle; print(pickle.load(open({str(packed)!r}, 'rb')).priors['cogging', 'pitch'])"
     asked = subprocess.run([sys.executable, "-c", there], capture_output=True, text=True, check=True)
-    assert asked.stdout.strip() == "0.005"
-
-
-def test_the_same_sizes_make_the_same_class(tmp_path: Path) -> None:
-    """Or an effect of one load would not equal that of another."""
-    first, second = (load(machine_file(tmp_path, SCREW)) for _ in range(2))
-    assert first == second
-    assert first.kinds["cogging"] is second.kinds["cogging"]
-    assert hash(first.effects) == hash(second.effects)
+    assert asked.stdout.strip() == "(0.001, 0.01)"
 
 
 def test_a_file_keeps_them_with_their_sources(tmp_path: Path) -> None:
@@ -135,20 +137,18 @@ def test_every_effect_can_have_its_usual_sizes_stated(name: str) -> None:
     """Which leave the ranges as they are; no phase and no switch has a size."""
     kind = every()[name]
     usual = {item.name: (item.typical**2 / item.high, item.high) for item in parameters(kind) if item.role in SIZES}
-    assert {field.name for field in fields(sizes(kind))} == set(usual)
-    stated = ranged(kind, sizes(kind)(**usual))
-    assert stated is not kind
-    for ours, theirs in zip(parameters(stated), parameters(kind), strict=True):
-        assert (ours.name, ours.unit, ours.role) == (theirs.name, theirs.unit, theirs.role)
+    assert set(range_declarations(kind)) == set(usual)
+    priors = Priors.of({(name, item): ends for item, ends in usual.items()})
+    for ours, theirs in zip(parameters(kind, priors), parameters(kind), strict=True):
+        assert ours.stated == (ours.name in usual)
+        assert replace(ours, low=0, high=0, typical=0, stated=False) == replace(theirs, low=0, high=0, typical=0)
         assert [ours.low, ours.high, ours.typical] == pytest.approx([theirs.low, theirs.high, theirs.typical])
-    assert (stated.equation, stated.hooks, stated.fine) == (kind.equation, kind.hooks, kind.fine)
-    assert kind.typical().strength() == abs(stated.typical().strength())
-    assert ranged(kind, None) is kind
+    assert kind.typical().strength() == pytest.approx(kind.typical(priors).strength())
 
 
-def test_without_any_the_usual_effects_are_looked_for() -> None:
+def test_without_any_the_common_effects_are_looked_for() -> None:
     assert list(load().kinds.items()) == list(looked_for().items())
-    assert all(kind.usual for kind in looked_for().values())
+    assert all(kind.common for kind in looked_for().values())
 
 
 @pytest.mark.parametrize(

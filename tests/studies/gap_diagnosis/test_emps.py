@@ -132,7 +132,7 @@ def test_the_machine_without_its_priors_is_not_explained(data: Path, tmp_path: P
     """Sizes that are those of a linear motor's table fit no screw: directional friction is the first all the same."""
     text, plain = MACHINE.read_text(encoding="utf-8"), tmp_path / "plain.toml"
     plain.write_text(re.sub(r"\[priors\..*?(?=\n\[control\])", "", text, flags=re.DOTALL), encoding="utf-8")
-    assert load(plain).priors == ()
+    assert not load(plain).priors
     output = tmp_path / "out"
     assert main(STUDY, [str(data), "--machine", str(plain), "--no-report", "--output", str(output)]) == DONE
     verdict = json.loads((output / "results.json").read_text(encoding="utf-8"))["results"]["verdict"]
