@@ -13,6 +13,7 @@ from typing import Any, Final
 
 ROOT: Final = Path(__file__).parents[1]
 SOURCES: Final = ("models", "design", "diagnosis", "studies", "reports")
+PROJECT: Final = "rolling-friction-positioning"
 SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua"}
 
 
@@ -44,7 +45,7 @@ def manifest(study: str, options: Mapping[str, Any], machine: Path, folder: Path
                 if name != "machine"
             ],
             "source": {"sha256": tree_hash(source_files()), **_commit()},
-            "lock": {"file": "requirements.lock", "sha256": sha256(ROOT / "requirements.lock")},
+            "lock": {"file": "requirements.lock", "sha256": lock_hash()},
         },
         "versions": versions(),
         "outputs": {file.relative_to(folder).as_posix(): sha256(file) for file in outputs},
@@ -87,9 +88,16 @@ def source_files() -> list[Path]:
     return sorted(file for file in found if file.suffix in SUFFIXES and not file.is_relative_to(generated))
 
 
+def lock_hash() -> str | None:
+    """The hash of the pinned versions; None where the project was installed without its lock."""
+    lock = ROOT / "requirements.lock"
+    return sha256(lock) if lock.is_file() else None
+
+
 def versions() -> dict[str, str]:
-    """Versions of Python and of every package that requirements.in names."""
-    lines = (ROOT / "requirements.in").read_text(encoding="utf-8").splitlines()
+    """Versions of Python and of every package that requirements.in names, or the installed project's metadata."""
+    named = ROOT / "requirements.in"
+    lines = named.read_text(encoding="utf-8").splitlines() if named.is_file() else metadata.requires(PROJECT) or []
     names = [match.group() for line in lines if (match := re.match(r"[\w-]+", line))]
     return {"python": platform.python_version(), **{name: _version(name) for name in names}}
 

@@ -16,7 +16,7 @@ def columns_of(machine: Machine, entries: Sequence[str]) -> Columns:
     for entry in entries:
         signal, _, text = entry.partition("=")
         if signal not in Columns.__dataclass_fields__:
-            raise BadInputError(f"--column {entry}: {signal!r} is no signal; known: {', '.join(vars(Columns()))}")
+            raise BadInputError(f"--column {entry}: {signal!r} is not a signal; known: {', '.join(vars(Columns()))}")
         changes[signal] = text
     try:
         return replace(machine.record or Columns(), **changes)

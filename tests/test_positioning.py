@@ -11,6 +11,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -134,3 +135,14 @@ def test_it_is_imported_from_any_folder_without_what_it_leads_to(tmp_path: Path)
         [sys.executable, "-c", said], cwd=tmp_path, env=around, capture_output=True, text=True, check=True
     )
     assert not {"numpy", "casadi", "models", "design", "diagnosis", "studies"} & set(done.stdout.split())
+
+
+def test_an_installed_project_has_every_file_that_its_code_reads() -> None:
+    setuptools = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    patterns = setuptools["package-data"]["*"]
+    kept = {ROOT / "reports" / name for name in ("out", "baseline", "trial", "withheld")}
+    for package in ("models", "design", "diagnosis", "studies", "reports"):
+        assert (ROOT / package / "py.typed").is_file()
+        for file in (ROOT / package).rglob("*"):
+            if file.is_file() and not kept & set(file.parents) and file.suffix not in {".py", ".pyc", ".nbi", ".nbc"}:
+                assert any(file.match(pattern) for pattern in patterns), file

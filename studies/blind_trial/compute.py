@@ -115,7 +115,7 @@ def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
         if options.cases is not None:
             raise BadInputError("--cases: a given --pack has its own; leave one of them out")
         if options.key is not None and not options.key.is_file():
-            raise BadInputError(f"--key {options.key}: is no file; give the key of this pack, or leave it out")
+            raise BadInputError(f"--key {options.key}: is not a file; give the key of this pack, or leave it out")
         forbidden = () if options.key is None else (options.key, *places(output).forbidden)
         return Trial(read_pack(options.pack), options.key, None, forbidden)
     if options.key is not None:

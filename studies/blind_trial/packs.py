@@ -44,7 +44,7 @@ def read_pack(folder: Path) -> Pack:
     """The pack in a folder. Raises BadInputError."""
     nominal = folder / "nominal.json"
     if not folder.is_dir():
-        raise BadInputError(f"--pack {folder}: is no folder; give one with case-*/, nominal.json, commitments.json")
+        raise BadInputError(f"--pack {folder}: is not a folder; give one with case-*/, nominal.json, commitments.json")
     if not nominal.is_file():
         raise BadInputError(f"--pack {folder}: has no nominal.json; give a folder with case-*/ and nominal.json")
     cases = []
@@ -67,7 +67,7 @@ def _disabled(file: Path) -> tuple[str, ...]:
         return ()
     names = json.loads(file.read_text(encoding="utf-8"))
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise BadInputError(f"--pack: {file} is no list of names; make the pack again")
+        raise BadInputError(f"--pack: {file} must be a list of names; make the pack again")
     return tuple(names)
 
 
@@ -77,9 +77,11 @@ def _json(file: Path, option: str) -> dict[str, Any]:
     except OSError as error:
         raise BadInputError(f"{option} {file}: can't be read ({error.strerror}); give an existing file") from error
     except ValueError as error:
-        raise BadInputError(f"{option} {file}: is no JSON ({error}); give the file that the sealer wrote") from error
+        raise BadInputError(
+            f"{option} {file}: is not valid JSON ({error}); give the one that the sealer wrote"
+        ) from error
     if not isinstance(content, dict):
-        raise BadInputError(f"{option} {file}: is no JSON object; give the file that the sealer wrote")
+        raise BadInputError(f"{option} {file}: must be a JSON object; give the file that the sealer wrote")
     return content
 
 

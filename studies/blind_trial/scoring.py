@@ -79,7 +79,7 @@ def label_of(case: str, body: str, catalogue: Sequence[str]) -> Label:
         names = [str(name) for name in ([named] if isinstance(named, str) else named)]
     except (ValueError, TypeError, KeyError) as error:
         raise KeyFileError(
-            f'{case}: its body is no JSON text with "case" and "name"; give the key of this pack'
+            f'{case}: its body must be JSON text with "case" and "name"; give the key of this pack'
         ) from error
     if raw.get("case") != case:
         raise KeyFileError(f"{case}: its body is of {raw.get('case')!r}; give the key of this pack")

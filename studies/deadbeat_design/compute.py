@@ -119,7 +119,7 @@ def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
             f"--settling-time: {show(time, 's')} is longer than a motion; give less than {show(interval, 's')}"
         )
     if stroke is not None and not 1e-9 <= stroke <= 1e3 and stroke != 0:
-        raise BadInputError(f"--stroke: {show(stroke, 'm')} is no stroke of an axis; give one from 1 nm to 1 km")
+        raise BadInputError(f"--stroke: {show(stroke, 'm')} is not a stroke of an axis; give one from 1 nm to 1 km")
     return {
         "settling_time_s": specification.reference_settling_time if time is None else time,
         "stroke_m": specification.stroke if stroke is None else stroke,

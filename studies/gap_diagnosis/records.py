@@ -59,7 +59,7 @@ def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
             hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
-            raise BadInputError(f"--disable {name}: is no effect that is looked for; {hint}")
+            raise BadInputError(f"--disable {name}: is not an effect that is looked for; {hint}")
     return tuple(names)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from models.machine import DEFAULT, MachineError, load, to_json
 from studies.catalogue import find
 from studies.command import BAD_INPUT, main, plain
-from studies.manifest import ROOT, sha256, source_files, tree_hash, versions
+from studies.manifest import ROOT, lock_hash, sha256, source_files, tree_hash, versions
 from studies.options import BadInputError
 from studies.review.differences import Difference, differences
 from studies.study import Progress
@@ -50,9 +50,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except OSError as error:
         raise BadInputError(f"{folder}: has no manifest.json; give a folder that a study wrote") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise BadInputError(f"{folder}/manifest.json: is no manifest of a study; run the study again") from error
+        raise BadInputError(f"{folder}/manifest.json: is not the manifest of a study; run the study again") from error
     if not isinstance(outputs, dict) or not isinstance(study, str):
-        raise BadInputError(f"{folder}/manifest.json: is no manifest of a study; run the study again")
+        raise BadInputError(f"{folder}/manifest.json: is not the manifest of a study; run the study again")
     return dict(content)
 
 
@@ -93,7 +93,7 @@ def _changed(folder: Path, manifest: Mapping[str, Any]) -> list[str]:
     inputs, found = manifest["inputs"], []
     if inputs["source"]["sha256"] != tree_hash(source_files()):
         found.append(f"source: another than at commit {inputs['source']['commit']}")
-    if inputs["lock"]["sha256"] != sha256(ROOT / "requirements.lock"):
+    if inputs["lock"]["sha256"] != lock_hash():
         found.append("requirements.lock: other pinned versions")
     now = versions()
     for name, before in sorted(manifest["versions"].items()):
@@ -137,7 +137,7 @@ def _ran(folder: Path, manifest: Mapping[str, Any], again: Path) -> bool:
     study = find(manifest["study"])
     if study is None:
         raise BadInputError(
-            f"{folder}: {manifest['study']!r} is no study of this version; check out the manifest's commit"
+            f"{folder}: {manifest['study']!r} is not a study of this version; check out the manifest's commit"
         )
     copy = folder / manifest["inputs"]["machine"]["copy"]
     arguments = ["--output", str(again)]

@@ -20,7 +20,7 @@ from studies.all import run as run_all
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, FAULT
 from studies.command import main as run_study
 from studies.deadbeat_design.__main__ import STUDY
-from studies.manifest import SOURCES, sha256, versions
+from studies.manifest import SOURCES, lock_hash, sha256, versions
 from studies.review.__main__ import main
 from studies.review.differences import differences
 
@@ -214,6 +214,15 @@ def test_a_study_that_cannot_run_stops_no_other_and_is_on_the_index(
     assert "NO REPORT" in page
     assert "broken/report.html" not in page
     assert "deadbeat_design/report.html" in page
+
+
+def test_what_was_installed_without_its_lock_names_its_packages_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("studies.manifest.ROOT", tmp_path)
+    monkeypatch.setattr("importlib.metadata.requires", lambda _: ["numpy>=2", "casadi"])
+    assert lock_hash() is None
+    assert set(versions()) == {"python", "numpy", "casadi"}
 
 
 def test_a_package_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

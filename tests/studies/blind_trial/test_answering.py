@@ -198,7 +198,7 @@ def test_a_pack_without_its_files_is_said(missing: str, small_pack: Packer, tmp_
 
 
 def test_folders_that_are_no_packs_are_said(tmp_path: Path, small_pack: Packer) -> None:
-    with pytest.raises(BadInputError, match="is no folder"):
+    with pytest.raises(BadInputError, match="is not a folder"):
         read_pack(tmp_path / "nowhere")
     folder = small_pack({"name": []})
     (folder / "case-01" / "suite.csv.gz").unlink()

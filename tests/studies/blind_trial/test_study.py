@@ -131,10 +131,10 @@ def test_the_time_of_fewer_cases_of_more_cores_or_of_a_given_pack_is_not_checked
         (("--cases", "0"), "must be a whole number from 1 on"),
         (("--machine", "models/machines/emps.toml"), "--machine: a trial runs on the nominal.json of its pack"),
         (("--cases", "two"), "--cases"),
-        (("--pack", "nowhere"), "is no folder"),
+        (("--pack", "nowhere"), "is not a folder"),
         (("--key", "key.json"), "--key"),
         (("--pack", "here", "--cases", "3"), "leave one of them out"),
-        (("--pack", "here", "--key", "nowhere.json"), "is no file"),
+        (("--pack", "here", "--key", "nowhere.json"), "is not a file"),
     ],
 )
 def test_bad_input_is_one_line(
