@@ -1,1 +1,1 @@
-"""What to record next, and what records can tell apart."""
+"""What to record next, and which effects records can distinguish."""

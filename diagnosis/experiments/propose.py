@@ -75,15 +75,15 @@ def _sentence(asked: Sequence[str], best: Experiment, reached: float, times: int
     how = "is the shortest that" if reached >= SPARE * THRESHOLD else "best"
     often = f" {times} times" if times > 1 else ""
     return (
-        f"Run{often} {best.words}: of {tried} experiments it {how} {_what(asked)} (chi-square {times * reached:.0f} of "
+        f"Run{often} {best.words}: of {tried} experiments it {how} {_what(asked)} (chi-square {times * reached:.0f}, "
         f"{THRESHOLD:.0f} needed)."
     )
 
 
 def _hopeless(asked: Sequence[str], best: Experiment, reached: float, tried: int) -> str:
     return (
-        f"None of {tried} experiments with this scale and command {_what(asked)}; the best, {best.words}, would give a "
-        f"chi-square of {reached:.2g} of {THRESHOLD:.0f} needed: measure the table with an external gauge meanwhile, "
+        f"None of {tried} experiments with this scale and command {_what(asked)}; the best, {best.words}, would reach "
+        f"a chi-square of {reached:.2g}, {THRESHOLD:.0f} needed: measure the table with an external gauge as well, "
         "such as an interferometer."
     )
 
@@ -102,13 +102,13 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
     for one in menu(machine):
         if coordinate in one.coordinates:
             sentence = (
-                f"No effect that was looked for explains what is left; it depends most on {words(coordinate)}. "
-                f"Run {one.words}, twice, and read the curve of the unknown force over it."
+                f"No effect of the catalogue explains the residual, which depends most on {words(coordinate)}. "
+                f"Run {one.words}, twice, and read off the curve of the unknown force over it."
             )
             return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
     one = menu(machine)[-1]
     sentence = (
-        "No effect that was looked for and no single coordinate explains what is left. "
+        "No effect of the catalogue and no single coordinate explains the residual. "
         f"Run {one.words}: it shows whether the force is the same every time."
     )
     return Proposal(sentence, one.schedule, float("nan"))
@@ -126,8 +126,8 @@ def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: fl
         return None
     found = [name for name, there in zip(asked, shown, strict=True) if there]
     sentence = (
-        f"Run {best.words}: of {len(seen)} experiments it shows the most of what these records could not show, "
-        f"{_named(found)}, if they are of a typical size."
+        f"Run {best.words}: of {len(seen)} experiments it shows the most of the effects that these records could not "
+        f"show, {_named(found)}, if they are of a typical size."
     )
     return Proposal(sentence, best.schedule, THRESHOLD)
 

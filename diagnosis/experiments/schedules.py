@@ -231,8 +231,8 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     high = min(800.0, 0.8 * nyquist)
     return (
         Experiment(
-            "a dwell sweep: moves of 17.3 µm in 25 ms behind rests of 0.06, 0.12, 0.25, 0.5, 1 and 1.5 s, on in the "
-            "same direction and back",
+            "a dwell sweep: moves of 17.3 µm in 25 ms after rests of 0.06, 0.12, 0.25, 0.5, 1 and 1.5 s, onward in "
+            "the same direction and back",
             dwell_sweep(machine),
             ("dwell", "time_in_motion"),
         ),
@@ -262,7 +262,9 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
             "a small multisine of 2 to 100 Hz and 0.3 N (rms) at rest, for 4 s", multisine(machine, (2.0, 100.0), 0.3)
         ),
         Experiment(
-            "nested loops of 30, 10, 3 and 1 µm to and fro, 0.2 s each way", nested_loops(machine), ("since_reversal",)
+            "nested loops of 30, 10, 3 and 1 µm back and forth, 0.2 s each way",
+            nested_loops(machine),
+            ("since_reversal",),
         ),
         Experiment(
             "an amplitude ladder: moves of 2, 5, 10, 20, 50, 100 and 200 µm within 30 ms, twice up and twice down",
@@ -274,7 +276,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
             ("command",),
         ),
         Experiment(
-            "fast moves of 1 mm to and fro, at half the rated thrust, at 6 places that are 10 mm apart",
+            "fast moves of 1 mm back and forth, at half the rated thrust, at 6 places 10 mm apart",
             moves_along(machine),
         ),
         Experiment(

@@ -125,7 +125,7 @@ def _remedies(record: Record, pid: PID, delay: int) -> Iterator[tuple[str, float
     ):
         if all(np.ptp(column) > 0 for column in columns):
             yield _scaled(record, made, words, columns)
-    yield "the feedforward left out", _rms(record, error)
+    yield "the feedforward omitted", _rms(record, error)
 
 
 def _parts(record: Record, pid: PID, delay: int) -> tuple[str, list[Array]]:

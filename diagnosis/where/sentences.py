@@ -20,7 +20,7 @@ MORE: Final = 1.3  # ratio of a part's share of the energy to its share of the t
 COORDINATES: Final = {
     "time": "The time since the record began",
     "time_in_motion": "The time since the motion began",
-    "dwell": "The rest before the motion",
+    "dwell": "The duration of the rest before the motion",
     "position": "The position",
     "pitch": "The position",
     "velocity": "The speed",
@@ -31,13 +31,13 @@ COORDINATES: Final = {
     "command_change": "The change of the command from one sample to the next",
 }
 PHASES: Final = {
-    "start": "while a motion starts (the first tenth of it)",
+    "start": "at the start of a motion (its first tenth)",
     "accelerate": "while the reference accelerates",
     "cruise": "while the reference moves at constant speed",
     "decelerate": "while the reference decelerates",
     "settle": "while the table settles",
-    "dwell": "at rest behind the settling",
-    "excitation": "under the excitation at rest",
+    "dwell": "at rest after the settling",
+    "excitation": "during the excitation at rest",
 }
 
 
@@ -92,16 +92,16 @@ def _controller(where: Where) -> Iterator[Statement]:
     for i, one in enumerate(where.controller):
         record = f"record {i + 1}" if len(where.controller) > 1 else "the record"
         if not one.checked:
-            text = f"Whether the stated controller made {record} can't be checked: it has no reference."
+            text = f"Whether the stated controller made {record} cannot be checked, because it has no reference."
             yield Statement(Topic.UNCHECKED, text)
         elif one.departs is not None:
-            fits = f"with {one.remedy}, {show(one.remains, 'N', 2)} (rms) would be left" if one.remedy else (
-                "no shift, delay or gain that was tried makes it fit"
+            fits = f"with {one.remedy}, {show(one.remains, 'N', 2)} (rms) would remain" if one.remedy else (
+                "none of the delays, gains and filters that were tried reproduces it"
             )  # fmt: skip
             yield Statement(
                 Topic.CONTROLLER,
-                f"The stated controller did not make {record}: replayed, it departs from sample {one.departs} on, by "
-                f"up to {show(one.largest, 'N', 3)} ({show(one.rms, 'N', 3)} rms); {fits}.",
+                f"The stated controller did not make {record}: from sample {one.departs} on, its replay differs from "
+                f"the logged command by up to {show(one.largest, 'N', 3)} ({show(one.rms, 'N', 3)} rms); {fits}.",
             )
 
 
@@ -119,13 +119,13 @@ def _size(where: Where) -> Statement:
     if where.is_noise:
         return Statement(
             Topic.SIZE,
-            f"What is left as an unknown force, {show(size, 'N', 2)} (rms), is no more than the scale's noise leaves "
-            f"of the forces, {show(least, 'N', 2)}: there is no force to locate.",
+            f"The unknown force that remains, {show(size, 'N', 2)} (rms), is no larger than the scale's noise alone "
+            f"would make it, {show(least, 'N', 2)}: there is no force to locate.",
         )
     return Statement(
         Topic.SIZE,
-        f"An unknown force of {show(size, 'N', 3)} (rms) is left, {size / least:.1f} times what the scale's noise "
-        f"would leave ({show(least, 'N', 2)}).",
+        f"An unknown force of {show(size, 'N', 3)} (rms) remains, {size / least:.1f} times what the scale's noise "
+        f"alone would cause ({show(least, 'N', 2)}).",
     )
 
 
@@ -134,8 +134,8 @@ def _spike(where: Where) -> Iterator[Statement]:
         yield Statement(
             Topic.SPIKE,
             f"Single samples stand out: the reading at {where.spike.sample * where.sample_time:.4g} s of record "
-            f"{where.spike.record + 1} is {where.spike.deviations:.0f} deviations of noise off, as where a reading was "
-            "lost or held, or something struck the table.",
+            f"{where.spike.record + 1} is {where.spike.deviations:.0f} standard deviations of the noise off, as if a "
+            "reading had been lost or held, or something had struck the table.",
         )
 
 
@@ -144,17 +144,17 @@ def _floor(where: Where) -> Statement:
     if floor.repeats is None:
         return Statement(
             Topic.FLOOR,
-            "No motion repeats another, so there is no floor from repeats; beside a force that may follow anything, "
-            f"the readings leave {show(floor.position, 'm', 2)} and {show(floor.force, 'N', 2)}.",
+            "No two motions are equal, so that repeats give no noise floor; the innovations put it at "
+            f"{show(floor.position, 'm', 2)} and {show(floor.force, 'N', 2)}.",
         )
-    repeats = f"{percent(floor.repeats)} of the force's variance repeats: a mean, which an effect can close"
+    repeats = f"{percent(floor.repeats)} of the force's variance repeats, which an effect could explain"
     if floor.repeats < LEAST:
-        repeats = "nothing of the force repeats"
+        repeats = "none of the force repeats"
     groups = f"{floor.motions} in {floor.groups} group{'s' * (floor.groups > 1)}"
     return Statement(
         Topic.FLOOR,
         f"Between equal motions ({groups}) {repeats}. What does not, {show(floor.force, 'N', 2)} and "
-        f"{show(floor.position, 'm', 2)} of position, is variance; the scale's noise would leave "
+        f"{show(floor.position, 'm', 2)} of position, is the noise floor; the scale's noise alone would cause "
         f"{show(where.unknown.noise, 'N', 2)}.",
     )
 
@@ -168,7 +168,7 @@ def _standing_out(shares: Shares) -> int | None:
 def _part(shares: Shares, i: int, name: str) -> Statement:
     share, time, low = float(shares.share[i]), float(shares.time[i]), float(shares.low[i])
     span = _interval(low, float(shares.high[i]))
-    text = f"{percent(share)} ({span}) of its energy lies {name}, which is {percent(time)} of the time."
+    text = f"{percent(share)} ({span}) of its energy falls {name}, over {percent(time)} of the time."
     return Statement(Topic.ENERGY, text, low - time)
 
 
@@ -178,11 +178,15 @@ def _energy(where: Where) -> Iterator[Statement]:
         yield _part(where.energy.motion, motion, f"in {where.energy.motion.names[motion]}")
     if phase is not None and where.energy.phase.names[phase] != "excitation":  # a kind of motion says the same
         yield _part(where.energy.phase, phase, PHASES[where.energy.phase.names[phase]])
-    for shares, verb in ((where.energy.band, "at"), (where.energy.wavelength, "while moving, in waves")):
+    spectra = (
+        (where.energy.band, "of its energy falls within"),
+        (where.energy.wavelength, "of its energy while moving falls in wavelengths"),
+    )
+    for shares, part in spectra:
         i = shares.ranked()[0]
         if shares.low[i] > LEAST:
             span = _interval(float(shares.low[i]), float(shares.high[i]))
-            text = f"{percent(float(shares.share[i]))} ({span}) of its energy lies {verb} {shares.names[i]}."
+            text = f"{percent(float(shares.share[i]))} ({span}) {part} {shares.names[i]}."
             yield Statement(Topic.ENERGY, text, float(shares.low[i]) - 0.5)
 
 
@@ -194,7 +198,7 @@ def _coordinates(where: Where) -> Iterator[Statement]:
         best = where.dependence.coordinates[0]
         yield Statement(
             Topic.NO_COORDINATE,
-            f"No single coordinate explains it on motions left out: the best, {words(best.name)}, explains "
+            f"No single coordinate explains it on held-out motions: the best, {words(best.name)}, explains "
             f"{percent(best.share)} (p = {best.p:.2g}).",
         )
 
@@ -203,10 +207,10 @@ def _explains(one: Explained) -> str:
     modulo = f" modulo {show(one.pitch, 'm', 3)}" if one.pitch else ""
     turns = ""
     if one.turning > 0.5 * one.share:
-        turns = ", turning with the direction of motion"
+        turns = ", with a sign that follows the direction of motion"
     return (
         f"{COORDINATES[one.name]}{modulo} explains {percent(one.share)} ({_interval(one.low, one.high)}) of its "
-        f"variance on motions left out{turns} (p = {one.p:.2g})."
+        f"variance on held-out motions{turns} (p = {one.p:.2g})."
     )
 
 
@@ -215,8 +219,8 @@ def _parity(where: Where) -> Iterator[Statement]:
     if max(even.share, odd.share) > LEAST and min(even.p, odd.p) < SURE:
         yield Statement(
             Topic.PARITY,
-            f"While the table moves, {percent(even.share)} of it is an even function of the speed (the same both ways) "
-            f"and {percent(odd.share)} an odd one (it turns with the speed).",
+            f"While the table moves, {percent(even.share)} of it is an even function of the speed (the same in both "
+            f"directions) and {percent(odd.share)} an odd one (it changes sign with the speed).",
             max(even.low, odd.low),
         )
 
@@ -226,8 +230,8 @@ def _scatter(where: Where) -> Iterator[Statement]:
         if one.p < SURE and one.share > LEAST:
             yield Statement(
                 Topic.SCATTER,
-                f"While the table moves, the size of what is left from sample to sample depends on {words(one.name)} "
-                f"({percent(one.share)} of its variance, p = {one.p:.2g}), whatever its sign.",
+                f"While the table moves, the magnitude of the innovations depends on {words(one.name)} "
+                f"({percent(one.share)} of its variance, p = {one.p:.2g}).",
                 one.low,
             )
 
@@ -236,15 +240,15 @@ def _side(where: Where) -> Statement:
     force = max(where.sides, key=lambda one: one.force)
     reading = max(where.sides, key=lambda one: one.reading)
     start = {
-        "force": "It acts as a force, not in the scale",
-        "scale": "It is in the scale's reading, not a force",
-        "either": "A force and an error of the scale explain it about equally",
-        "neither": "Neither a force nor an error of the scale over one coordinate explains it",
+        "force": "It acts as a force, not as an error of the scale",
+        "scale": "It acts as an error of the scale, not as a force",
+        "either": "A force and an error of the scale explain it about equally well",
+        "neither": "Neither a force nor an error of the scale over a single coordinate explains it",
     }[force_or_reading(where.sides)]
     return Statement(
         Topic.SIDE,
-        f"{start}: on motions left out, curves over {_over(force)} as a force take {force.force:.0f} off chi-square, "
-        f"over {_over(reading)} as an addition to the reading {reading.reading:.0f}.",
+        f"{start}: on held-out motions, curves over {_over(force)} as a force lower chi-square by {force.force:.0f}, "
+        f"curves over {_over(reading)} as an error of the reading by {reading.reading:.0f}.",
     )
 
 

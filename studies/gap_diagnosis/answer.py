@@ -1,4 +1,4 @@
-"""The answer in three sentences: where, which, how far; made of results.json's numbers alone."""
+"""The answer in three sentences: where, which, how far; made from results.json alone."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from studies.wording import effect, fitted
 
 Results = Mapping[str, Any]
 
-UNNAMED: Final = 2  # stages without an effect: as delivered, and re-fitted
-MUCH: Final = 0.1  # of the gap that is left for sure without a name, from which on that is said
+UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
+MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
 
 
 def sentences(results: Results) -> dict[str, str]:
@@ -31,18 +31,18 @@ def effects_listed(names: Sequence[str], last: str = "and") -> str:
 
 
 def _outcome(verdict: Results) -> str:
-    alike = f"; in part it looks like {effects_listed(verdict['partly'])}" if verdict["partly"] else ""
+    alike = f"; in part it resembles {effects_listed(verdict['partly'])}" if verdict["partly"] else ""
     return {
         "attributed": f"Attributed to {effects_listed(verdict['effects'])}",
         "ambiguous": f"Either {effects_listed(_rivals(verdict), 'or')}",
-        "none_of_these": f"No effect that was looked for explains it{alike}",
+        "none_of_these": f"No effect of the catalogue explains it{alike}",
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {effects_listed(verdict['effects'])}",
     }[verdict["outcome"]]
 
 
 def _rivals(verdict: Results) -> Sequence[str]:
-    """The names of which an ambiguous verdict can't tell one from another."""
+    """The effects that an ambiguous verdict cannot distinguish."""
     return list(verdict["equivalent"][0]) if verdict["equivalent"] else list(verdict["effects"])
 
 
@@ -62,33 +62,33 @@ def _which(results: Results) -> str:
     verdict = results["verdict"]
     outcome, names = verdict["outcome"], verdict["effects"]
     if outcome == "nothing_to_explain":
-        return "The machine file explains the records as it is: no effect is missing, as far as they can show."
+        return "The machine file explains the records as it is: as far as they can show, no effect is missing."
     if outcome == "parameters":
         return (
             f"Nominal values are off, {effects_listed(names)}; re-fitted within their tolerances, no effect is missing."
         )
     if outcome == "none_of_these":
         told = (
-            "No effect that was looked for, alone or with others, explains it within its prior range: something else "
-            "is at work"
+            "No effect of the catalogue, alone or with others, explains it within its prior range: the cause is out of "
+            "catalogue"
         )
         if verdict["partly"]:
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
             told += (
-                f". In part it looks like {listed(shown)}: with that, {show(after, 'N', 3)} (rms) of unknown "
-                f"force are left of {show(before, 'N', 3)}"
+                f". In part it resembles {listed(shown)}, with which the unknown force falls from "
+                f"{show(before, 'N', 3)} to {show(after, 'N', 3)} (rms)"
             )
         told += _rough(results["white_force_N"])
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return f"{told}."
-        return f"{told}; put the log or the controller right first, because what is left may be theirs."
+        return f"{told}. Correct the log or the controller first, because the rest may be due to it."
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
         alike = f"{_others(verdict)}{_rough(results['white_force_N'])}"
-        return f"It is {listed(shown)}, or else what these records cannot tell from it: {alike}."
+        return f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
     return f"It is {listed(shown)}{_rough(results['white_force_N'])}."
 
 
@@ -97,7 +97,7 @@ def _rough(force: Results) -> str:
         return ""
     return (
         f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample to "
-        "sample, for which no effect here is a law"
+        "sample, which no effect of the catalogue describes"
     )
 
 
@@ -109,7 +109,7 @@ def _others(verdict: Results) -> str:
 
 
 def _parameters(row: Results | None) -> str:
-    """The fitted values in brackets, the strongest member's first; phases and switches are left to the table."""
+    """The fitted values in brackets, those of the strongest member first; phases and switches stand in the table."""
     if row is None or not row["parameters"]:
         return ""
     return f" ({'; and '.join(_values(one) for one in (row['parameters'], *row['further_members']))})"
@@ -126,37 +126,38 @@ def _values(parameters: Results) -> str:
 def _how_far(verdict: Results, far: Results) -> str:
     floor = _gap(far["floor"])
     if far["floor_source"] == "repeats":
-        floor += ", which is what does not repeat between equal motions"
+        floor += ", the scatter between equal motions"
     if verdict["outcome"] == "nothing_to_explain":
         return (
-            f"As delivered the model leaves {_gap(far['gap_as_delivered'])} of position; a table that is exactly the "
-            f"model would leave {floor}."
+            f"The model as delivered leaves {_gap(far['gap_as_delivered'])} of position; the noise floor of a complete "
+            f"model is {floor}."
         )
     if verdict["outcome"] == "parameters":
         moved = _from_to(far["gap_as_delivered"], far["gap_refitted"])
-        return f"The re-fit takes it {moved}; the floor is {floor}."
+        return f"The re-fit reduces the gap {moved}; the noise floor is {floor}."
     low, high = far["closure_interval"]
     if verdict["outcome"] == "none_of_these" and len(far["stages"]) <= UNNAMED:
         return (
-            "No effect takes enough off it to go into the model; the re-fitted model leaves "
-            f"{_gap(far['gap_refitted'])} of position, its floor is {floor}."
+            "No effect reduces the gap by enough to go into the model; the re-fitted model leaves "
+            f"{_gap(far['gap_refitted'])} of position, and the noise floor is {floor}."
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     part = verdict["outcome"] == "none_of_these"
     return (
-        f"On motions left out {'what goes into the model' if part else 'this'} closes {100 * far['closure']:.0f} % "
-        f"({100 * low:.0f} to {100 * high:.0f} %) of what separates the re-fitted model from its floor"
-        f"{', which is not the whole answer' if part else ''}: {moved}{_nameless(verdict, far)}; the floor is {floor}."
+        f"On held-out motions {'what goes into the model' if part else 'this'} closes {100 * far['closure']:.0f} % "
+        f"({100 * low:.0f} to {100 * high:.0f} %) of the gap between the re-fitted model and the noise floor"
+        f"{', which is not the whole answer' if part else ''}: {moved}{_unexplained(verdict, far)}; the noise floor is "
+        f"{floor}."
     )
 
 
-def _nameless(verdict: Results, far: Results) -> str:
-    """What several names surely leave of the gap. One may leave as much where nothing more is missing, so that its
-    closure is all that is said; how much a mismatch or late commands explain, no closure tells."""
+def _unexplained(verdict: Results, far: Results) -> str:
+    """The share of the gap that several effects surely leave unexplained. A single effect may leave as much where
+    nothing more is missing, and the closure does not measure a controller mismatch or late commands."""
     names, (low, high) = verdict["effects"], far["closure_interval"]
     if len(names) < 2 or {"controller_mismatch", "timing_jitter"} & set(names) or 1 - high < MUCH:
         return ""
-    return f"; {100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap have no name here"
+    return f"; {100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap remain unexplained"
 
 
 def _from_to(before: Results, after: Results) -> str:

@@ -1,4 +1,5 @@
-"""Records diagnosed: verdict, where, which, how far; what they cannot tell; the improved machine; what to run next."""
+"""The diagnosis of records: verdict, where, which, how far; what they cannot distinguish; the improved machine; the
+next experiment."""
 
 from __future__ import annotations
 
@@ -26,14 +27,14 @@ from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded
 from studies.study import Answer, Check, Progress
 
-CACHE: Final = Path("reports/out/.null")  # thresholds of a machine and a schedule, kept from run to run
-CLOSED: Final = 0.9  # of the gap that the effect put into own records has to close
+CACHE: Final = Path("reports/out/.null")  # keeps the thresholds of a machine and a schedule from run to run
+CLOSED: Final = 0.9  # share of the gap that the effect in simulated records has to close
 
 
 @dataclass(frozen=True)
 class Given:
-    """What is diagnosed: the machine, the records with their names and what is to be said of each, and, of own ones,
-    the effect that is in them."""
+    """What is diagnosed: the machine, the records with what the report says about each and, of simulated ones, the
+    effect that is in them."""
 
     machine: Machine
     records: tuple[Record, ...]
@@ -75,7 +76,7 @@ def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> G
         return Given(
             machine, records, tuple(_shown(one.name, one.sha256, one.content, one.findings) for one in found), None
         )
-    progress(0.01, "simulating a table that has an effect which its model lacks")
+    progress(0.01, "simulating a table with an effect that its model lacks")
     made = own_records.made(machine, options.seed, quick=options.quick)
     names = ("simulated suite",) if len(made.records) == 1 else ("simulated sequence", "simulated suite")
     shown = tuple(
@@ -99,7 +100,7 @@ def _shown(name: str, sha256: str, record: Any, findings: Sequence[str]) -> dict
 
 
 def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -> dict[str, Any]:
-    """The keys that others rely on, and what the report is made from."""
+    """The agreed keys, and what the report needs besides."""
     more, plain = beside.to_json(), verdict_of(found)
     verdict = {**plain["verdict"], **more["verdict"]}
     results = {
@@ -128,7 +129,8 @@ def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -
 
 
 def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
-    """By how many deviations of its tolerance the re-fit moved each kind of nominal value at most; starts left out."""
+    """By how many standard deviations of its tolerance the re-fit moved each kind of nominal value at most, without the
+    friction's initial state."""
     layout, theta = found.baseline.nominal.candidate.layout, found.baseline.nominal.candidate.theta
     rows = []
     for name in dict.fromkeys(layout.names):
@@ -160,7 +162,7 @@ def _next(beside: Evidence, machine: Machine) -> dict[str, Any] | None:
 
 
 def _checks(found: Diagnosis, given: Given) -> list[Check]:
-    """Of own records: that the effect in them is named, and closes the gap. Of others the truth is not known."""
+    """For simulated records: that the effect in them is named and closes the gap. For others the truth is unknown."""
     if given.truth is None:
         return []
     name = given.truth["effect"]
@@ -168,5 +170,5 @@ def _checks(found: Diagnosis, given: Given) -> list[Check]:
     title = name.replace("_", " ")
     return [
         Check(f"place of {title} among the effects named", float(place), "1", 1.0, "the simulated table has it"),
-        Check(f"share of the gap that {title} closes", found.how_far.closure, "1", CLOSED, "on motions left out", ">="),
+        Check(f"share of the gap that {title} closes", found.how_far.closure, "1", CLOSED, "on held-out motions", ">="),
     ]

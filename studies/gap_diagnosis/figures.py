@@ -1,4 +1,4 @@
-"""The figures of a diagnosis, each from what results.json holds."""
+"""The figures of a diagnosis, each drawn from the content of results.json."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Results = Mapping[str, Any]
 Array = NDArray[np.float64]
 
 STARTING = 60  # samples at a record's start that do not count
-MOST = 12  # bars of a figure that names effects
-LIGHT = "#c9dbe8"  # a band or an area that stays light in print
+MOST = 12  # effects in a bar chart at most
+LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
 GAPS = (
     ("force_N", 1.0, "unknown force [N]"),
     ("position_m", 1e6, "position [µm]"),
@@ -78,7 +78,7 @@ def force(whole: Results) -> Drawing:
         )  # fmt: skip
         ax.fill_between(time, slow - band, slow + band, facecolor="#7fb2d6", edgecolor="none", label="slow, 95 % band")
         ax.plot(time, slow, color=style.BLUE, linewidth=0.8, linestyle="-", label="slow")
-        counts = time > STARTING * record["sample_time_s"]  # before that the states are only being found
+        counts = time > STARTING * record["sample_time_s"]  # before that the smoother has not settled
         ends = np.concatenate([(slow - band)[counts], (slow + band)[counts], np.array(one["fast_low_N"])[counts],
                                np.array(one["fast_high_N"])[counts]])  # fmt: skip
         if ends.size and np.ptp(ends) > 0:
@@ -96,7 +96,7 @@ def force(whole: Results) -> Drawing:
 
 
 def courses(whole: Results) -> Drawing:
-    """The force over the motions that hold most of it."""
+    """The force during the motions where it is largest."""
     rows = whole["results"]["pictures"]["courses"]
     figure, axes = style.subplots(2, len(rows), 80, height_ratios=[3, 1.2], sharex="col")
     for i, row in enumerate(rows):
@@ -144,7 +144,7 @@ def _percent(share: float) -> str:
 
 
 def coordinates(whole: Results) -> Drawing:
-    """What each coordinate explains on motions left out, and the curve of the best that has one."""
+    """What each coordinate explains on held-out motions, and the curve of the best one that has a curve."""
     rows = whole["results"]["where"]["details"]["coordinates"]
     figure, axes = style.subplots(1, 2, 70, width_ratios=[1.3, 1])
     ax, curve = axes[0]
@@ -154,11 +154,13 @@ def coordinates(whole: Results) -> Drawing:
     ax.errorbar(share, place, xerr=[np.maximum(share - low, 0), np.maximum(high - share, 0)], fmt="none",
                 ecolor=style.BLACK, elinewidth=0.8, capsize=2)  # fmt: skip
     turning = np.array([row["turning"] for row in rows])
-    ax.plot(turning, place, linestyle="none", marker="D", markersize=3.5, color=style.VERMILION, label="turning alone")
+    ax.plot(
+        turning, place, linestyle="none", marker="D", markersize=3.5, color=style.VERMILION, label="directional part"
+    )
     names = [effect(row["name"]) + (f" {1e3 * row['pitch_m']:.3g} mm" if row["pitch_m"] else "") for row in rows]
     ax.set_yticks(place, [f"{name}, p = {row['p']:.2g}" for name, row in zip(names, rows, strict=True)])
     ax.set_xlim(0, 1)
-    ax.set_xlabel("share of variance, motions left out")
+    ax.set_xlabel("share of variance, held-out motions")
     ax.grid(axis="y", visible=False)
     ax.legend(loc="lower right")
     best = next((row for row in rows if len(row["knots"]) > 2), rows[0])
@@ -172,9 +174,9 @@ def _curve(ax: Any, row: Results) -> None:
     positive = knots[knots > 0]
     even = positive.size > 3 and knots.max() / positive.min() > 100
     at = np.arange(knots.size) if even else knots
-    ax.plot(at, row["curve"], marker="o", label="either direction")
+    ax.plot(at, row["curve"], marker="o", label="both directions")
     if row["turned"]:
-        ax.plot(at, row["turned"], marker="s", label="turning")
+        ax.plot(at, row["turned"], marker="s", label="directional")
         ax.legend()
     if even:
         ax.set_xticks(at, [f"{knot:.2g}" for knot in knots], rotation=90)
@@ -183,21 +185,21 @@ def _curve(ax: Any, row: Results) -> None:
 
 
 def spectra(whole: Results) -> Drawing:
-    """Power density of the fast force over frequency, and what sines of the place take, over their period."""
+    """Power spectral density of the fast force, and the share of variance that sines of the position explain."""
     pictures = whole["results"]["pictures"]
     figure, axes = style.subplots(1, 2, 60)
     ax, place = axes[0]
     line = pictures["spectrum"]
     ax.loglog(line["frequency_Hz"], line["force_N2_per_Hz"], label="unknown force, fast")
     ax.loglog(
-        line["frequency_Hz"], line["noise_N2_per_Hz"], color=style.LIMIT, linestyle=(0, (4, 2)), label="of noise alone"
+        line["frequency_Hz"], line["noise_N2_per_Hz"], color=style.LIMIT, linestyle=(0, (4, 2)), label="noise alone"
     )
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("power density [N$^2$/Hz]")
     ax.legend()
     periods = pictures["periods"]
     if periods is None:
-        place.text(0.5, 0.5, "the table moved too little\nfor a period over position", ha="center", va="center",
+        place.text(0.5, 0.5, "too little travel\nfor a period over position", ha="center", va="center",
                    transform=place.transAxes)  # fmt: skip
         place.set_axis_off()
     else:
@@ -207,13 +209,13 @@ def spectra(whole: Results) -> Drawing:
         place.set_xticks(ticks, [str(tick) for tick in ticks])
         place.minorticks_off()
         place.set_xlabel("period over position [mm]")
-        place.set_ylabel("share of variance taken")
+        place.set_ylabel("share of variance explained")
         place.set_ylim(0)
     return figure
 
 
 def gains(whole: Results) -> Drawing:
-    """What effects gain of chi-square on motions left out, beside their thresholds; those named are marked."""
+    """The effects' held-out gain in chi-square, with their thresholds; the named ones are marked."""
     results = whole["results"]
     named = set(results["verdict"]["effects"])
     rows = [row for row in results["which"] if row["held_out_gain"] is not None][:MOST]
@@ -227,18 +229,18 @@ def gains(whole: Results) -> Drawing:
                 edgecolor=style.BLUE, hatch="////" if inside else "")  # fmt: skip
         ax.plot([row["threshold"]] * 2, [at - 0.38, at + 0.38], color=style.VERMILION, linestyle="-", linewidth=1.6)
     ax.plot([], [], color=style.VERMILION, linestyle="-", linewidth=1.6, label="threshold")
-    ax.bar(0, 0, facecolor=style.SKY, edgecolor=style.BLUE, hatch="////", label="in the answer")
+    ax.bar(0, 0, facecolor=style.SKY, edgecolor=style.BLUE, hatch="////", label="named")
     ax.set_xscale("log")
     ax.set_xlim(least)
     ax.set_yticks(place, [effect(row["effect"]) for row in rows])
-    ax.set_xlabel("gain of chi-square on motions left out")
+    ax.set_xlabel("held-out gain in chi-square")
     ax.grid(axis="y", visible=False)
     ax.legend(loc="lower right")
     return figure
 
 
 def confusable(whole: Results) -> Drawing:
-    """By what chi-square each effect would win over each other, along these records; too little of it is marked."""
+    """The chi-square by which each effect would win over each other for these records; marked where it is too small."""
     found = whole["results"]["confusability"]
     names = [effect(name) for name in found["names"]]
     distance = np.array([[np.nan if item is None else item for item in row] for row in found["distance"]], float)
@@ -255,8 +257,8 @@ def confusable(whole: Results) -> Drawing:
             ax.plot(column, row, marker="x", **look)
     ax.set_yticks(range(len(names)), names, fontsize=6.5)
     ax.set_xticks(range(len(names)), names, rotation=90, fontsize=6.5)
-    ax.set_ylabel("is there, at its typical size")
-    ax.set_xlabel("is fitted instead, with all that is nominal")
+    ax.set_ylabel("effect that acts, at its typical size")
+    ax.set_xlabel("effect that is fitted, with the nominal values")
     ax.grid(visible=False)
     bar = figure.colorbar(image, ax=ax, label="chi-square by which the row's wins over the column's", extend="both")
     bar.ax.axhline(enough, color=style.VERMILION, linewidth=1.6)

@@ -14,8 +14,8 @@ class DiagnosisOptions(Options):
 
     record: tuple[Path, ...] = paths(
         "RECORD",
-        ".csv, .csv.gz, .mat or .parquet of one machine, one or several. Without any, records of a simulated table are "
-        "diagnosed that has an effect the model lacks, so that the answer can be judged",
+        ".csv, .csv.gz, .mat or .parquet files of one machine, one or several. Without any, a simulated table with an "
+        "effect that the model lacks is diagnosed, so that the answer can be judged",
     )
     disable: tuple[str, ...] = texts(
         "NAME", "an effect of the catalogue that is not to be used, such as cogging; may be repeated"

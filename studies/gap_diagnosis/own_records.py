@@ -1,6 +1,6 @@
-"""Records of a simulated table with an effect that its model lacks: what a user would measure, with the answer known.
+"""Simulated records of a table with an effect that its model lacks, for which the answer is known.
 
-The table's nominal values are off by their tolerances, its friction begins anywhere, its scale is noisy.
+The table's nominal values are off by their tolerances, its friction starts in a random state, and its scale is noisy.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from models.records.record import Record
 
 @dataclass(frozen=True)
 class Made:
-    """The machine that is diagnosed, the records, and the effect that is in them at its typical size."""
+    """The machine to be diagnosed, the records, and the effect that is in them at its typical size."""
 
     machine: Machine
     records: tuple[Record, ...]

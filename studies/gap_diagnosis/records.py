@@ -1,4 +1,4 @@
-"""The records of a diagnosis: read, and refused in one line where they can't be diagnosed."""
+"""The records of a diagnosis: read, and refused with one sentence where they cannot be diagnosed."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def loaded(machine: Machine, options: DiagnosisOptions) -> tuple[Loaded, ...]:
 
 
 def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:
-    """The effects of --disable. Raises BadInputError for one that is not looked for in this machine."""
+    """The effects of --disable. Raises BadInputError for one that is not searched for in this machine."""
     known = list(machine.kinds)
     for name in names:
         if name not in known:

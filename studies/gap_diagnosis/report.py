@@ -1,4 +1,4 @@
-"""How a diagnosis is told: its figures and the words around them (report.md)."""
+"""The report on a diagnosis: its figures and captions; the text is in report.md."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Results = Mapping[str, Any]
 
 
 def tell(whole: Results) -> Report:
-    """The report on what results.json holds."""
+    """The report on the content of results.json."""
     results = whole["results"]
     shown = [
         Figure("waterfall", WATERFALL, ("results.how_far", "results.where"), figures.waterfall),
@@ -50,32 +50,32 @@ TABLES = {
     "parameters": ("parameters",),
 }
 WATERFALL = (
-    "What each model leaves: the unknown force, the position of the simulated closed loop against the record, and how "
-    "far its settling times are from the record's. Dashed: the floor, what the last model leaves of a record that it "
-    "made itself or, of a drive rougher than its model, what does not repeat where motions do. Dotted: what "
-    "flexible curves over all coordinates, which name nothing, leave of the force on motions left out."
+    "The residual of each model: the unknown force, the position error of the simulated closed loop against the "
+    "record, and the error of its settling times. Dashed: the noise floor, which is what the last model leaves of a "
+    "record that it made itself or, for a drive rougher than its model, the scatter between equal motions. Dotted: the "
+    "force that flexible curves over all coordinates, which name no cause, leave on held-out motions."
 )
 FORCE = (
-    "The force $d$ that the re-fitted model lacks, from all of the record (past and future), at two settings: a slow "
-    "one with its 95 % band, and a fast one as its extremes; below, the reference."
+    "The force $d$ that the re-fitted model lacks, smoothed over the whole record (past and future), at two settings: "
+    "slow, with its 95 % band, and fast, shown by its extremes; below, the reference."
 )
-COURSES = "The force over the motions that hold most of it, mean and scatter over equal ones; below, the reference."
+COURSES = "The force during the motions where it is largest, mean and scatter over equal ones; below, the reference."
 MAPS = (
-    "Size of the force by kind of motion and phase; the numbers are the shares of its energy, what noise alone would "
-    "give taken off."
+    "Size of the force by kind of motion and phase; the numbers are its shares of the energy, less what noise alone "
+    "would give."
 )
 COORDINATES = (
-    "Left: share of the force's variance that a curve over one coordinate explains on motions left out, with its 95 % "
-    "interval, and the part that turns with the direction of motion; p by turning the sign of whole motions at random. "
-    "Right: the curve over the first of them."
+    "Left: share of the force's variance that a curve over one coordinate explains on held-out motions, with its 95 % "
+    "interval, and the part that changes sign with the direction of motion; p by randomly flipping the sign of whole "
+    "motions. Right: the curve over the best coordinate."
 )
-SPECTRA = "The force over frequency, beside what the scale's noise makes of it, and its periods over position."
-GAINS = "What the catalogue's effects gain on motions left out, beside the re-fitted model, and what counts as chance."
+SPECTRA = "Power spectral density of the force, with the part due to the scale's noise, and its periods over position."
+GAINS = "Held-out gain of the catalogue's effects over the re-fitted model, and the thresholds for chance."
 CONFUSABLE = (
-    "What these records can tell apart, from their paths alone: by what chi-square the row's effect, at its typical "
-    "size, would win over the best that the column's and all that is nominal can make (on the diagonal: the nominal "
-    "values alone; white: a thousand times the threshold or more). A cross: below the threshold (the line on the "
-    "scale), the one can be passed off as the other. A circle: it does not show at all."
+    "Which effects these records can distinguish, from their paths alone: the chi-square by which the row's effect, at "
+    "its typical size, would win over the best fit by the column's effect and the nominal values (on the diagonal: by "
+    "the nominal values alone; white: a thousand times the threshold or more). A cross: below the threshold (the line "
+    "on the scale), so that one could be mistaken for the other. A circle: not detectable."
 )
 NEXT = "The references of the proposed experiment, `next_experiment.csv`."
 
@@ -85,6 +85,6 @@ def _share(share: float) -> str:
 
 
 def _fitted(results: Results) -> list[Results]:
-    """The rows of the effects in the answer that have fitted values."""
+    """The rows of the named effects that have fitted values."""
     names = results["verdict"]["effects"] + results["verdict"]["partly"]
     return [row for row in results["which"] if row["effect"] in names and row["parameters"]]

@@ -74,7 +74,7 @@ def test_friction_that_differs_by_direction_is_named_first(results: dict[str, An
     assert verdict["equivalent"] == []
     assert 0.2 < verdict["unexplained_fraction"] < 0.4
     low, high = results["how_far"]["closure_interval"]
-    nameless = f"{100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap have no name here"
+    nameless = f"{100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap remain unexplained"
     assert nameless in results["answer"]["how_far"]
 
 

@@ -125,8 +125,8 @@ def test_the_first_page_chooses_what_was_found_by_its_topic(
     [
         ("nothing_to_explain", [], [], "explains the records as it is"),
         ("parameters", ["payload_mass", "dead_time"], [], "payload mass and dead time"),
-        ("none_of_these", [], [], "something else is at work"),
-        ("ambiguous", ["cogging"], [["cogging", "cable_spring"]], "cannot tell from it: cable spring"),
+        ("none_of_these", [], [], "the cause is out of catalogue"),
+        ("ambiguous", ["cogging"], [["cogging", "cable_spring"]], "cannot distinguish from it: cable spring"),
         ("attributed", ["friction_relaxation"], [], "It is friction relaxation"),
     ],
 )
@@ -218,7 +218,7 @@ def test_a_log_that_is_late_is_said_with_its_shift(own: Made, tmp_path: Path) ->
     late = replace(own.records[0], command=np.roll(own.records[0].command, 1))
     assert run(tmp_path, [late], own.machine) == DONE
     found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]
-    assert "departs from sample 60 on" in found["answer"]["where"]
+    assert "from sample 60 on" in found["answer"]["where"]
     assert "with the command logged 1 sample late" in found["answer"]["where"]
 
 
@@ -226,14 +226,14 @@ def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, 
     details = {**results["where"]["details"], "controller": [{"replays": False}]}
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
     told = sentences({**results, "verdict": verdict, "where": {**results["where"], "details": details}})
-    assert "put the log or the controller right first" in told["which"]
+    assert "Correct the log or the controller first" in told["which"]
 
 
 def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]) -> None:
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
     far = {**results["how_far"], "stages": results["how_far"]["stages"][:2]}
     told = sentences({**results, "verdict": verdict, "how_far": far})
-    assert told["how_far"].startswith("No effect takes enough off it to go into the model")
+    assert told["how_far"].startswith("No effect reduces the gap by enough to go into the model")
     assert "%" not in told["how_far"]
 
 
@@ -266,7 +266,7 @@ def test_of_an_effect_that_is_in_the_model_twice_both_members_are_said(results: 
 @pytest.mark.parametrize(
     ("names", "interval", "says"),
     [
-        (["cogging", "play"], [0.6, 0.8], "; 20 to 40 % of the gap have no name here; the floor is"),
+        (["cogging", "play"], [0.6, 0.8], "; 20 to 40 % of the gap remain unexplained; the noise floor is"),
         (["cogging", "play"], [0.6, 0.95], ""),  # perhaps all of it has one
         (["cogging"], [0.3, 0.6], ""),  # one is named so where nothing more is missing
         (["controller_mismatch", "play"], [0.0, 0.0], ""),
@@ -278,7 +278,7 @@ def test_what_surely_has_no_name_beside_names_is_said(
 ) -> None:
     verdict = {**results["verdict"], "outcome": "attributed", "effects": names}
     told = sentences({**results, "verdict": verdict, "how_far": {**results["how_far"], "closure_interval": interval}})
-    assert ("no name" in told["how_far"]) == bool(says)
+    assert ("unexplained" in told["how_far"]) == bool(says)
     assert says in told["how_far"]
 
 
@@ -293,9 +293,7 @@ def test_the_first_page_tells_no_switch_of_the_effect_that_was_put_in(quick: Pat
 def test_what_stands_in_for_a_floor_is_said_where_nothing_repeats(results: dict[str, Any]) -> None:
     """The quick run's moves are all different."""
     text = results["where"]["statements"][-1]
-    assert text.startswith(
-        "No motion repeats another, so there is no floor from repeats; beside a force that may follow"
-    )
+    assert text.startswith("No two motions are equal, so that repeats give no noise floor; the innovations put it at ")
     assert results["where"]["details"]["floor"]["repeats"] is None
 
 
