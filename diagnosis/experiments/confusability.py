@@ -174,10 +174,11 @@ def distances(found: Columns, names: Sequence[str]) -> Array:
         for j, other in enumerate(names):
             if other not in known:
                 continue
-            left = [
-                min(_left(found, at, sign, point) for point in found.of(other) for sign in signs) for at in own
-            ] if i != j else [alone]  # fmt: skip
-            whole[i, j] = np.sqrt(max(float(np.mean(left)), 0.0))
+            nearest = [alone] if i == j else [
+                min(_squared_distance(found, at, sign, point) for point in found.of(other) for sign in signs)
+                for at in own
+            ]  # fmt: skip
+            whole[i, j] = np.sqrt(max(float(np.mean(nearest)), 0.0))
     return whole
 
 
@@ -185,7 +186,7 @@ def _size(kind: type[Effect], priors: Priors) -> Parameter:
     return next(item for item in parameters(kind, priors) if item.role in {"amplitude", "width"})
 
 
-def _left(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]]) -> float:
+def _squared_distance(found: Columns, at: int, sign: float, point: tuple[Effect, list[int]]) -> float:
     """Squared distance of a column from the best fit by another effect, at one point of its grid, with a size and sign
     within its range."""
     effect, where = point

@@ -56,12 +56,12 @@ class Replayed:
 def replayed(machine: Machine, record: Record) -> Replayed:
     """The machine's PID and reference delay, replayed on a record; forces in [N]."""
     pid, delay = machine.control.pid, machine.control.reference_delay
-    left = _left(record, replay(record, pid, delay))
+    difference = _difference(record, replay(record, pid, delay))
     steps = quantisation(record.command)
     spread = float(np.std(record.command[STARTING:]))
     tolerance = max(TOLERANCE * spread, steps, _resolution(machine, record))
-    beyond = np.flatnonzero(np.abs(left) > tolerance)
-    largest, rms = float(np.max(np.abs(left), initial=0.0)), float(np.sqrt(np.mean(left**2)))
+    beyond = np.flatnonzero(np.abs(difference) > tolerance)
+    largest, rms = float(np.max(np.abs(difference), initial=0.0)), float(np.sqrt(np.mean(difference**2)))
     if beyond.size == 0:
         return Replayed(True, largest, rms, tolerance, None, None, rms)
     if np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution:
@@ -90,14 +90,14 @@ def _rounded(machine: Machine, record: Record) -> float:
     return float(np.linalg.norm(answer)) * machine.scale.resolution / 12**0.5
 
 
-def _left(record: Record, made: Array) -> Array:
+def _difference(record: Record, made: Array) -> Array:
     """Logged less replayed command (n - STARTING,) [N], its median removed."""
-    left = (record.command - made)[STARTING:]
-    return left - np.median(left)
+    difference = (record.command - made)[STARTING:]
+    return difference - np.median(difference)
 
 
 def _rms(record: Record, made: Array) -> float:
-    return float(np.sqrt(np.mean(_left(record, made)[LONGEST:-LONGEST] ** 2)))
+    return float(np.sqrt(np.mean(_difference(record, made)[LONGEST:-LONGEST] ** 2)))
 
 
 def _remedies(record: Record, pid: PID, delay: int) -> Iterator[tuple[str, float]]:

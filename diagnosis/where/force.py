@@ -186,11 +186,11 @@ def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
     """A fast unknown force absorbs everything else, so that what it leaves of the readings is the scale's noise."""
     candidate, ts = fitted.candidate, records[0].sample_time
     model = seeing(candidate, ts, FAST)
-    left = []
+    residual = []
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
-        left.append(innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:])
-    size = float(np.sqrt(np.mean(np.concatenate(left) ** 2))) / model.deviation
+        residual.append(innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:])
+    size = float(np.sqrt(np.mean(np.concatenate(residual) ** 2))) / model.deviation
     force = size * noise_deviation(candidate, ts, smoothed_force(fitted, records, SLOW))
     return Floor("innovations", force, size * noise(candidate.machine), size, 0, 0, None)
 
