@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from models.friction import Friction
     from models.friction import branch as friction_branch
     from models.friction import elements as friction_elements
+    from models.identification.pipeline import Identified, identify
     from models.machine import Machine, MachineError
     from models.machine import load as load_machine
     from models.plant import Mode, Plant, frequency_response
@@ -49,6 +50,7 @@ _WHERE: Final = {
     "DesignError": "design.deadbeat",
     "Diagnosis": "diagnosis.diagnose",
     "Friction": "models.friction",
+    "Identified": "models.identification.pipeline",
     "Machine": "models.machine",
     "MachineError": "models.machine",
     "Mode": "models.plant",
@@ -71,6 +73,7 @@ _WHERE: Final = {
     "friction_branch": "models.friction:branch",
     "friction_elements": "models.friction:elements",
     "improved_machine": "diagnosis.improved",
+    "identify": "models.identification.pipeline",
     "load_controller": "models.controller:load",
     "load_machine": "models.machine:load",
     "plot": "reports.plot",
@@ -93,6 +96,7 @@ __all__ = [
     "DesignError",
     "Diagnosis",
     "Friction",
+    "Identified",
     "Machine",
     "MachineError",
     "Mode",
@@ -114,6 +118,7 @@ __all__ = [
     "frequency_response",
     "friction_branch",
     "friction_elements",
+    "identify",
     "improved_machine",
     "load_controller",
     "load_machine",

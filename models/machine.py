@@ -231,6 +231,11 @@ class Machine:
         changed: Machine = _with_part_at(self, parents, dataclasses.replace(part, **{last: number}))
         return dataclasses.replace(changed, sources={**self.sources, name: provenance})
 
+    def sources_of(self, name: str) -> Mapping[str, Provenance]:
+        """The sources of a part's values by their names within it: of "plant" that of "modes.1.gain"; no unit [-]."""
+        begins = f"{name}."
+        return {path.removeprefix(begins): one for path, one in self.sources.items() if path.startswith(begins)}
+
     def with_part(self, name: str, part: Any, provenances: Mapping[str, Provenance]) -> Machine:
         """The machine with another part, such as "plant", "friction" or "control.pid", and the sources of its values.
 
@@ -287,9 +292,9 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
         if not isinstance(name, str):
             raise MachineError(f"name: {name!r} is no text; write it in quotes")
         machine = _read(Machine, {"name": name, **table}, "", sources)
-        if machine.presliding is None:
-            machine = _with_presliding(machine, sources)
         machine = dataclasses.replace(machine, sources=sources)
+        if machine.presliding is None:
+            machine = with_derived_presliding(machine)
         _check(machine)
     except ValueError as error:
         raise MachineError(f"{path}: {error}") from error
@@ -510,8 +515,11 @@ def _provenance(entry: object, where: str) -> tuple[object, Provenance]:
     return entry["value"], Provenance(kind.strip(), detail.strip(), note, record, sha256)
 
 
-def _with_presliding(machine: Machine, sources: dict[str, Provenance]) -> Machine:
-    """The machine with the facts of its hysteresis curve taken from its elements; Region 1 is one stroke long."""
+def with_derived_presliding(machine: Machine) -> Machine:
+    """The machine with the facts of its hysteresis curve [N], [N/m], [m] taken from its elements, whatever was stated.
+
+    Region 1 is one stroke long.
+    """
     friction, boundary = machine.friction, machine.specification.stroke
     end = max(2 * max(friction.limit), 2 * boundary)
     climbed = branch(friction, [boundary, end])
@@ -522,9 +530,10 @@ def _with_presliding(machine: Machine, sources: dict[str, Provenance]) -> Machin
         boundary=boundary,
         extent=max(friction.limit),
     )
-    for field in dataclasses.fields(Presliding):
-        sources[f"presliding.{field.name}"] = Provenance("derived", "from the friction elements")
-    return dataclasses.replace(machine, presliding=presliding)
+    derived = Provenance("derived", "from the friction elements")
+    return machine.with_part(
+        "presliding", presliding, {field.name: derived for field in dataclasses.fields(Presliding)}
+    )
 
 
 def _check_times(machine: Machine) -> None:

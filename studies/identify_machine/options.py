@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
+from models.records.kinds import KINDS
 from studies.options import Options, paths, quantity, text, texts, whole
-
-KINDS: Final = ("auto", "response", "excitation", "hysteresis", "motion", "dynamics")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +20,7 @@ class IdentificationOptions(Options):
     )
     kinds: str | None = text(
         "KIND,...",
-        f"what the records are, in their order, instead of being recognised: {', '.join(KINDS)}",
+        f"what the records are, in their order, instead of being recognised: auto, {', '.join(KINDS)}",
     )
     column: tuple[str, ...] = texts(
         "SIGNAL=ENTRY",

@@ -79,11 +79,11 @@ def test_the_study_writes_a_machine_file_of_it_that_is_as_good_as_the_fit(tmp_pa
     assert main(STUDY, arguments) == DONE
     machine = load_machine(tmp_path / "identified.toml")
     assert machine.sources["plant.modes.1.gain"].kind == "identified"
-    assert "6cf6814ae146" in machine.sources["friction.limit"].detail
+    assert machine.sources["friction.limit"].sha256.startswith("6cf6814ae146")
     assert [effect.name for effect in machine.effects] == ["viscous_friction", "directional_friction"]
     assert machine.effects[0].values()[0] == pytest.approx(203.5, rel=0.02)
     for name in ("effects.viscous_friction.coefficient", "drive.offset"):
-        assert "6cf6814ae146" in machine.sources[name].detail
+        assert machine.sources[name].sha256.startswith("6cf6814ae146")
     content = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["results"]
     ladder = content["dynamics"]["ladder"]
     assert {file.stem for file in (tmp_path / "figures").iterdir()} == {"dynamics", "friction"}

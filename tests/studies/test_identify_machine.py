@@ -17,7 +17,8 @@ from models.effects import catalogue
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.friction import elements
 from models.identification import modes
-from models.machine import DEFAULT, Machine, load, parameters
+from models.identification.recognise import recognised
+from models.machine import DEFAULT, Machine, load, parameters, with_derived_presliding
 from models.machine_file import to_toml
 from models.records.files import Loaded
 from models.records.record import Record
@@ -25,8 +26,6 @@ from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DESIGN
 from studies.identify_machine import own_records
 from studies.identify_machine.__main__ import STUDY
-from studies.identify_machine.compute import recognised
-from studies.identify_machine.found import own_curve
 from studies.identify_machine.round_trip import true_modes
 
 MACHINES = (DEFAULT, DEFAULT.parent / "emps.toml")
@@ -125,8 +124,9 @@ def test_every_identified_value_carries_hash_and_deviation(folder: Path) -> None
     found = [p for p in found if p.name.startswith(("plant", "friction"))]
     assert len(found) >= 10
     for parameter in found:
-        assert "std " in parameter.provenance.detail, parameter.name
-        assert any(hash_ in parameter.provenance.detail for hash_ in hashes), parameter.name
+        assert parameter.provenance.std is not None, parameter.name
+        assert parameter.provenance.sha256 in hashes, parameter.name
+        assert parameter.provenance.record in {"slow.csv", "moves.csv", "sweep.csv"}, parameter.name
 
 
 def test_damping_that_the_records_do_not_show_is_assumed_and_said(folder: Path) -> None:
@@ -144,7 +144,7 @@ def test_damping_that_a_record_shows_is_written(tmp_path: Path, table: Machine, 
     main(STUDY, [str(path), str(records[2]), "--no-report", "--output", str(tmp_path / "both")])
     found = load(tmp_path / "both" / "identified.toml")
     assert found.sources["friction.damping"].kind == "identified"
-    assert "std " in found.sources["friction.damping"].detail
+    assert found.sources["friction.damping"].std is not None
     assert found.friction.damping == pytest.approx(damped.friction.damping, rel=0.5)
     main(STUDY, [str(path), "--no-report", "--output", str(tmp_path / "alone")])
     assert load(tmp_path / "alone" / "identified.toml").sources["friction.damping"].kind == "assumed"
@@ -175,7 +175,7 @@ def test_with_friction_that_grows_with_speed_it_goes_into_others_too(tmp_path: P
     """Into those that optimise, too: tests/studies/test_improved_machine.py."""
     effects = catalogue.in_order([ViscousFriction(60.0), DirectionalFriction(0.05, 2e-6, 0)])
     path = tmp_path / "machine.toml"
-    path.write_text(to_toml(own_curve(replace(table, published=None, effects=effects))), encoding="utf-8")
+    path.write_text(to_toml(with_derived_presliding(replace(table, published=None, effects=effects))), encoding="utf-8")
     assert load(path).effects == effects
     arguments = ["--quick", "--no-report", "--machine", str(path), "--output", str(tmp_path / "out")]
     assert main(DESIGN, arguments) in {DONE, CHECK_MISSED}
@@ -195,7 +195,7 @@ def test_viscous_friction_and_its_direction_are_written(tmp_path: Path, table: M
     assert got["directional_friction"] == pytest.approx(0.1, rel=0.1)
     assert found.drive.offset == pytest.approx(table.drive.offset, abs=0.1)
     for name in ("effects.viscous_friction.coefficient", "effects.directional_friction.asymmetry", "drive.offset"):
-        assert "std " in found.sources[name].detail
+        assert found.sources[name].std is not None
 
 
 def test_the_report_is_written(folder: Path) -> None:
@@ -229,7 +229,7 @@ def test_a_motion_record_alone_changes_the_nominal_machine(tmp_path: Path) -> No
     assert found.plant.modes[0].gain == pytest.approx(heavier.plant.modes[0].gain, rel=0.01)
     assert found.friction.coulomb_force == pytest.approx(heavier.friction.coulomb_force, rel=0.02)
     assert found.drive.offset == pytest.approx(heavier.drive.offset, abs=0.1)
-    assert "std " in found.sources["drive.offset"].detail
+    assert found.sources["drive.offset"].std is not None
 
 
 def test_without_records_it_judges_itself(tmp_path: Path) -> None:

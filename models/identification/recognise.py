@@ -1,0 +1,61 @@
+"""What a record shows, and so how it is identified: by its target, its feedforward and its inertial force."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from models.identification.response import FrequencyResponse, period
+from models.machine import Machine
+from models.records.columns import Columns
+from models.records.files import Loaded, load
+from models.records.record import Record
+
+SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
+STRAIGHT: Final = 0.01  # of the way: by so much a reference of one speed may depart from a straight line
+
+
+def read(machine: Machine, path: Path, columns: Columns | None = None) -> Loaded:
+    """The record or frequency response in a file [SI], checked against the machine that it is said to be of.
+
+    columns: how the file calls its signals; by default as the machine file maps them. Raises RecordError.
+    """
+    return load(
+        path,
+        columns or machine.record,
+        pid=machine.control.pid,
+        reference_delay=machine.control.reference_delay,
+        sample_time=machine.sample_time,
+        mass=machine.plant.mass,
+        limit=machine.drive.rated_thrust,
+    )
+
+
+def recognised(machine: Machine, loaded: Loaded) -> str:
+    """Which of models.records.kinds.KINDS a file is [-].
+
+    A file with frequencies is a response. One whose target steps is a motion; one with a feedforward that repeats, or
+    that acts while the reference keeps its speed, an excitation; one whose inertial force stays below SLOW of the
+    command's scatter a hysteresis; any other shows the dynamics.
+    """
+    if isinstance(loaded.content, FrequencyResponse):
+        return "response"
+    record = loaded.content
+    steps = np.count_nonzero(np.diff(record.target))
+    if 0 < steps < record.target.size / 20:
+        return "motion"
+    if np.ptp(record.feedforward) > 0 and (_straight(record) or period(record.feedforward) is not None):
+        return "excitation"
+    width = max(round(0.05 / record.sample_time), 3)
+    smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
+    inertia = np.diff(smooth, 2) / record.sample_time**2 / machine.plant.rigid_gain
+    return "hysteresis" if np.std(inertia) < SLOW * np.std(record.command) else "dynamics"
+
+
+def _straight(record: Record) -> bool:
+    """Whether the reference stands still or moves at one speed, so that the feedforward is no motion's."""
+    line = np.linspace(record.reference[0], record.reference[-1], record.reference.size)
+    away = float(np.max(np.abs(record.reference - line)))
+    return away <= STRAIGHT * max(float(np.ptp(record.reference)), float(np.ptp(record.position)))

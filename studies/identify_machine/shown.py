@@ -1,0 +1,221 @@
+"""What results.json holds of an identification: for each record what its figures and tables need, and the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from models.identification import force, inverse_dynamics, modes, motion
+from models.identification.force_fit import ForceFit
+from models.identification.into_machine import WAYS, Holdable
+from models.identification.pipeline import (
+    BY_DIRECTION,
+    DYNAMICS,
+    FAST_BAND,
+    Difference,
+    Identified,
+    MotionStep,
+    ResponseStep,
+    Step,
+    half_of,
+    record_of,
+)
+from models.records.record import Record
+from studies.study import Check
+
+Array = NDArray[np.float64]
+
+SHOWN: Final = 3000  # samples of a signal that are kept, for the figures
+LINES: Final = 1200  # of a frequency response that are kept, for the figure
+BY_CHANCE: Final = 1e-3  # how often the check of two records against each other fails although the model is right
+LOST: Final = 1.05  # of the held-out error: friction by direction as a part of the force stands for one that is not
+PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # of the inverse dynamics as EMPS's authors do it
+
+
+def results_of(found: Identified, pass_band: float | None) -> dict[str, Any]:
+    """What each record gave, under its kind, and the rows of all estimates; pass_band [Hz] as it was asked for."""
+    results: dict[str, Any] = {}
+    estimates = []
+    for step in found.steps:
+        estimate = step.gave.estimate
+        shown = _shown(step, found.machine.sample_time, pass_band)
+        correlation = {"names": list(estimate.names), "matrix": estimate.correlation}
+        results[step.result] = {**shown, "correlation": correlation}
+        estimates += [
+            {"record": step.result, "name": name, "unit": unit, "number": float(value), "std": float(std)}
+            for name, unit, value, std in zip(
+                estimate.names, estimate.units, estimate.values, estimate.deviations, strict=True
+            )
+        ]
+    return {**results, "estimates": estimates}
+
+
+def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:
+    """What the records themselves say of the fits."""
+    for step in found.steps:
+        if isinstance(step.gave, ResponseStep) and np.all(np.isfinite(step.gave.measured.variance)):
+            name = "reduced chi-square of the frequency response"
+            yield Check(name, step.gave.fit.chi_square, "1", 3.0, "1 if the model is right")
+        if isinstance(step.gave, MotionStep) and step.gave.differences:
+            yield _agreement(step.gave.differences)
+        if step.kind == "dynamics":
+            ladder = results["dynamics"]["ladder"]
+            better, kept = (ladder[3]["held_out"] / row["held_out"] for row in (ladder[1], ladder[-1]))
+            source = "second half of the record, not fitted"
+            name = "held-out force error, over that of the published model by direction"
+            yield Check(name, better, "1", 1.0, source)
+            name = "held-out force error of the machine file, over that of the fit that it is made of"
+            yield Check(name, 1 / kept, "1", LOST, source)
+
+
+def _agreement(differences: Sequence[Difference]) -> Check:
+    name = f"largest difference between {len(differences)} values found by two records, in standard deviations"
+    largest = max(abs(one.size) / one.std for one in differences)
+    limit = float(norm.isf(BY_CHANCE / 2 / len(differences)))
+    return Check(name, largest, "1", limit, f"exceeded by chance once in {1 / BY_CHANCE:.0f} times (Bonferroni)")
+
+
+def _shown(step: Step, sample_time: float, pass_band: float | None) -> dict[str, Any]:
+    gave = step.gave
+    if isinstance(gave, ResponseStep):
+        return _response(gave)
+    if isinstance(gave, MotionStep):
+        return _motion(gave.fit, sample_time)
+    slip, spread = gave.fit.slip_force()
+    shown = {**_force(gave.fit), "slip_N": slip, "slip_std_N": spread}
+    if gave.held is None:
+        return shown
+    return shown | _dynamics(record_of(step.loaded), gave.fit, gave.held, pass_band or FAST_BAND)
+
+
+def _response(gave: ResponseStep) -> dict[str, Any]:
+    measured, fit = gave.measured, gave.fit
+    model = modes.model(fit.plant, measured.frequency, measured.sample_time)
+    phase = np.rad2deg(np.unwrap(np.angle(model)))
+    phase -= 360 * np.round((phase[0] + 180) / 360)  # a rigid body begins at -180 degrees
+    lines = {
+        "frequency_Hz": measured.frequency,
+        "measured_m_per_N": np.abs(measured.response),
+        "measured_deg": phase + np.rad2deg(np.angle(measured.response / model)),
+        "modelled_m_per_N": np.abs(model),
+        "modelled_deg": phase,
+        "residual": np.abs(model - measured.response) / np.abs(measured.response),
+        "deviation": np.sqrt(measured.variance) / np.abs(measured.response),
+        "coherence": measured.coherence,
+        "used": fit.used,
+    }
+    size = measured.frequency.size  # thousands after one long sweep: as many are shown over a decade as over another
+    some = np.unique(np.geomspace(1, size, LINES).astype(int)) - 1 if size > LINES else np.arange(size)
+    return {
+        **{name: values[some] for name, values in lines.items()},
+        "lowest_Hz": float(measured.frequency[fit.used][0]),
+        "rolling": measured.rolling,
+        "criterion": fit.criterion,
+        "chi_square": fit.chi_square if np.all(np.isfinite(measured.variance)) else None,
+        "modes": len(fit.plant.modes) - 1,
+    }
+
+
+def _motion(fit: motion.MotionFit, sample_time: float) -> dict[str, Any]:
+    every, residual = max(fit.command.size // SHOWN, 1), fit.command - fit.modelled
+    return {
+        "time_s": np.arange(fit.command.size)[::every] * sample_time,
+        "command_N": fit.command[::every],
+        "residual_N": residual[::every],
+        "residual_std_N": float(np.std(residual[motion.START :])),
+        "prediction_error_std_N": float(np.std(fit.prediction_error)),
+    }
+
+
+def _force(fit: ForceFit) -> dict[str, Any]:
+    every = max(fit.time.size // SHOWN, 1)
+    top = 2 * max(fit.friction.limit)
+    distance = np.geomspace(min(fit.friction.limit) / 3, 1.5 * top, 60)
+    climbed, std = fit.curve(distance)
+    return {
+        "time_s": fit.time[::every],
+        "path_m": fit.path[::every],
+        "measured_N": fit.measured[::every],
+        "modelled_N": fit.modelled[::every],
+        "rolling_N": fit.rolling[::every],
+        "error": fit.error(used=True),
+        "criterion": fit.criterion,
+        "elements": len(fit.friction.limit),
+        "damping": fit.lag and {"time_s": fit.lag[0], "std_s": fit.lag[1], "shown": fit.damped},
+        "curve": {"distance_m": distance, "climbed_N": climbed, "std_N": std},
+    }
+
+
+def _dynamics(record: Record, fit: ForceFit, held: Holdable, band: float) -> dict[str, Any]:
+    """What a fast record shows beyond its force: the ladder from the published models to the machine file's."""
+    half = half_of(record)
+    simple, bent = (
+        force.identify(record, terms, pass_band=band, fit_until=half)
+        for terms in (BY_DIRECTION, replace(DYNAMICS, bent=True))
+    )
+    fits = (
+        ("elements and viscous friction by direction", simple),
+        ("the same, a delay, and damping of the elements where it shows", fit),
+        ("the same and a bend of the viscous friction, which no machine file holds", bent),
+    )
+    parts = (
+        "elements",
+        *["viscous friction"] * (held.drag is not None),
+        *["friction by direction"] * (held.asymmetry is not None),
+    )
+    ladder = [
+        *_published(record, half, simple.time[[0, -1]]),
+        *({"model": name, "fitted": one.error(used=True), "held_out": one.error(used=False)} for name, one in fits),
+        {
+            "model": f"what the machine file holds: {', '.join(parts)}, offset",
+            "fitted": held.fitted,
+            "held_out": held.held_out,
+        },
+    ]
+    return {
+        "ladder": ladder,
+        "published": _reproduced(record),
+        "half_s": half,
+        "offset_N": held.offset[0],
+        "over_speed": _over_speed(fit),
+    }
+
+
+def _over_speed(fit: ForceFit) -> dict[str, Any]:
+    """All that is not inertia over speed, at the samples kept: as measured and as the fit has it [N]."""
+    speed = np.gradient(fit.path, fit.time)
+    ahead, back = (fit.estimate.value(name) for name in WAYS)
+    friction = fit.rolling + np.where(speed > 0, ahead, back) * speed + fit.estimate.value("offset")
+    every = max(fit.time.size // SHOWN, 1)
+    measured = fit.measured - fit.modelled + friction
+    return {"speed_m_per_s": speed[::every], "measured_N": measured[::every], "modelled_N": friction[::every]}
+
+
+def _published(record: Record, half: float, window: Array) -> Iterator[dict[str, Any]]:
+    """The authors' two models, fitted to the first half and judged on the same stretch as the others."""
+    for name, by_direction in (
+        ("published: viscous and Coulomb friction", False),
+        ("published: the same by direction", True),
+    ):
+        found = inverse_dynamics.regress(record, by_direction=by_direction, fit_until=half, **PUBLISHED)  # type: ignore[arg-type]
+        inside = (found.time >= window[0]) & (found.time <= window[1])
+        parts = [part & inside for part in (found.used, ~found.used)]
+        left = found.measured - found.modelled
+        errors = [float(np.linalg.norm(left[part]) / np.linalg.norm(found.measured[part])) for part in parts]
+        yield {"model": name, "fitted": errors[0], "held_out": errors[1]}
+
+
+def _reproduced(record: Record) -> list[dict[str, Any]]:
+    """The published least squares over the whole record."""
+    both = []
+    for by_direction in (False, True):
+        found = inverse_dynamics.regress(record, by_direction=by_direction, **PUBLISHED)  # type: ignore[arg-type]
+        rows = zip(found.estimate.names, found.estimate.units, found.estimate.values, strict=True)
+        values = [{"name": name, "unit": unit, "number": float(number)} for name, unit, number in rows]
+        both.append({"by_direction": by_direction, "error": found.error(), "values": values})
+    return both

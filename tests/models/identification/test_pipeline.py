@@ -1,0 +1,98 @@
+"""From records to a machine: which value goes where, with which source, and what is said of a record of no use."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.identification.estimate import Estimate
+from models.identification.into_machine import Found, with_drag, with_inertia, with_offset
+from models.identification.pipeline import identify
+from models.identification.response import FrequencyResponse
+from models.machine import Machine, Provenance, Tolerance, load
+from models.plant import frequency_response
+from models.records.checks import RecordError
+from models.records.files import Loaded
+
+MACHINE = load()
+FREQUENCY = np.geomspace(5, 400, 120)
+
+
+def measured(machine: Machine) -> Loaded:
+    """The machine's own frequency response, as a file would hold it, without stated deviations."""
+    noise = 1 + 0.001 * np.random.default_rng(0).standard_normal(FREQUENCY.size)
+    response = frequency_response(machine.plant, 2 * np.pi * FREQUENCY) * noise
+    unknown = np.full(FREQUENCY.size, np.nan)
+    return Loaded("frf.csv", "12ab", FrequencyResponse(FREQUENCY, response, unknown, unknown, 0.0), (), ())
+
+
+FOUND = Found(replace(measured(MACHINE), name="fast.csv"), "dynamics")
+
+
+def test_a_frequency_response_gives_the_plant_and_leaves_the_rest() -> None:
+    truth = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=0.9e-3))
+    found = identify(MACHINE, [measured(truth)])
+    assert [step.kind for step in found.steps] == ["response"]
+    assert found.machine.plant.dead_time == pytest.approx(0.9e-3, rel=0.01)
+    assert found.machine.plant.mass == pytest.approx(MACHINE.plant.mass, rel=0.01)
+    assert found.machine.friction == MACHINE.friction
+    source = found.machine.sources["plant.modes.1.gain"]
+    assert (source.kind, source.record, source.sha256) == ("identified", "frf.csv", "12ab")
+    assert source.std == found.estimates["frf.csv"].deviation("rigid body gain")
+    assert found.machine.sources["friction.limit"] == MACHINE.sources["friction.limit"]
+    assert any("no stated deviations" in remark for remark in found.remarks)
+
+
+def test_no_record_leaves_the_machine_but_for_what_was_published_of_it() -> None:
+    found = identify(MACHINE, [])
+    assert found.steps == ()
+    assert found.machine == replace(MACHINE, name=f"{MACHINE.name}, identified", published=None)
+
+
+def test_a_record_of_another_kind_is_said_with_its_name() -> None:
+    with pytest.raises(RecordError, match=r"frf\.csv: is a frequency response, not a record over time"):
+        identify(MACHINE, [measured(MACHINE)], kinds=["motion"])
+    for kinds in (["movement"], ["response", "response"]):
+        with pytest.raises(ValueError, match="kinds: must be one of auto, response"):
+            identify(MACHINE, [measured(MACHINE)], kinds=kinds)
+
+
+def test_an_offset_widens_its_tolerance_only_where_it_is_known_worse_than_usual() -> None:
+    usual = Tolerance().offset
+    vague = with_offset(MACHINE, -3.0, 2 * usual, FOUND)
+    assert (vague.drive.offset, vague.tolerance.offset) == (-3.0, 2 * usual)
+    assert vague.sources["drive.offset"] == vague.sources["tolerance.offset"]
+    assert vague.sources["drive.offset"].std == 2 * usual
+    sharp = with_offset(vague, -2.0, 0.1 * usual, FOUND)
+    assert (sharp.drive.offset, sharp.tolerance.offset) == (-2.0, usual)
+    assert "tolerance.offset" not in sharp.sources
+
+
+def test_inertia_goes_to_the_rigid_body_wherever_it_stands() -> None:
+    """With K_t = 2 the gain is half of what the mass alone would say."""
+    modes = [MACHINE.plant.modes[i] for i in (*MACHINE.plant.flexible, MACHINE.plant.rigid)]
+    machine = replace(MACHINE, plant=replace(MACHINE.plant, thrust_constant=2.0, modes=tuple(modes)))
+    estimate = Estimate(("mass", "delay"), ("kg", "s"), np.array([40.0, 1e-3]), np.diag([4.0, 1e-10]))
+    found = with_inertia(machine, estimate, FOUND)
+    assert found.plant.mass == pytest.approx(40.0)
+    assert found.plant.modes[:2] == machine.plant.modes[:2]
+    assert found.plant.dead_time == pytest.approx(1e-3 - 0.5 * machine.sample_time)
+    source = found.sources["plant.modes.3.gain"]
+    assert source.std == pytest.approx(found.plant.modes[2].gain * 2.0 / 40.0)
+
+
+def test_drag_takes_the_place_of_the_drag_that_was_there() -> None:
+    once = with_drag(MACHINE, (80.0, 4.0), (0.1, 0.01), FOUND)
+    assert [effect.name for effect in once.effects] == ["viscous_friction", "directional_friction"]
+    assert once.sources["effects.directional_friction.asymmetry"].std == 0.01
+    again = with_drag(once, (60.0, 3.0), None, FOUND)
+    assert [effect.values().tolist() for effect in again.effects] == [[60.0]]
+    assert {name for name in again.sources if name.startswith("effects")} == {"effects.viscous_friction.coefficient"}
+
+
+def test_a_deviation_that_is_not_finite_is_not_known() -> None:
+    assert FOUND.by(np.inf) == replace(FOUND.by(1.0), std=None)
+    assert FOUND.by([1.0, np.nan]).std is None
+    assert FOUND.by([1.0, 2.0]) == Provenance("identified", "inverse dynamics", "", "fast.csv", "12ab", (1.0, 2.0))
