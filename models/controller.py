@@ -114,7 +114,9 @@ def load(path: str | Path) -> Controller:
     except OSError as error:
         raise ControllerError(f"{path}: can't be read ({error.strerror}); give an existing controller.json") from error
     except ValueError as error:
-        raise ControllerError(f"{path}: is no JSON ({error}); give a controller.json that a study wrote") from error
+        raise ControllerError(
+            f"{path}: is not valid JSON ({error}); give a controller.json that a study wrote"
+        ) from error
     try:
         return _from_json(content)
     except KeyError as error:

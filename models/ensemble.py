@@ -35,7 +35,7 @@ def load_ensemble(path: Path = DEFAULT) -> tuple[Machine, ...]:
         table = copy.deepcopy(base)
         if not isinstance(changes, dict):
             raise MachineError(
-                f"{path}: member {number} is no table; write [[member]] with the values that differ below"
+                f"{path}: member {number} must be a table; write [[member]] with the values that differ below"
             )
         table["name"] = f"{base.get('name', path.stem)}, member {number}"
         for name, text in changes.items():
@@ -64,7 +64,7 @@ def _set(table: dict[str, Any], name: str, entry: Mapping[str, Any], where: str)
         try:
             place = place[int(parent) - 1 if int(parent) else len(place)] if parent.isdecimal() else place[parent]
         except (KeyError, IndexError, TypeError) as error:
-            raise MachineError(f"{where}: {name} is nowhere in the base machine; mend its name") from error
+            raise MachineError(f"{where}: {name} is not in the base machine; correct its name") from error
     if not isinstance(place, dict):
-        raise MachineError(f"{where}: {name} is nowhere in the base machine; mend its name")
+        raise MachineError(f"{where}: {name} is not in the base machine; correct its name")
     place[last] = entry

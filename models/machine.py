@@ -281,7 +281,7 @@ def read_table(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise MachineError(f"{path}: can't be read ({error.strerror}); give an existing machine file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MachineError(f"{path}: is no TOML ({error}); mend that line") from error
+        raise MachineError(f"{path}: is not valid TOML ({error}); correct that line") from error
 
 
 def from_table(content: Mapping[str, Any], path: Path) -> Machine:
@@ -290,7 +290,7 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
     try:
         name = table.pop("name", path.stem)
         if not isinstance(name, str):
-            raise MachineError(f"name: {name!r} is no text; write it in quotes")
+            raise MachineError(f"name: {name!r} must be text; write it in quotes")
         machine = _read(Machine, {"name": name, **table}, "", sources)
         machine = dataclasses.replace(machine, sources=sources)
         if machine.presliding is None:
@@ -368,7 +368,7 @@ def _first(part: Any, path: Sequence[str]) -> tuple[int | str, Sequence[str]]:
 def _read(kind: type[Part], table: object, where: str, sources: dict[str, Provenance]) -> Part:
     """An instance of the dataclass `kind` from a TOML table; fields with a `value` declaration are quantities."""
     if not isinstance(table, dict):
-        raise MachineError(f"{where}: is no table; write [{where}] with its values below")
+        raise MachineError(f"{where}: must be a table; write [{where}] with its values below")
     fields = {field.name: field for field in dataclasses.fields(kind) if field.name != "sources"}  # type: ignore[arg-type]
     for key in table:
         if key not in fields:
@@ -412,7 +412,7 @@ def _tables(known: Mapping[str, type[Effect]], table: object, where: str) -> Ite
     """What stands in [effects.NAME], say, or in [[effects.NAME]] where several are of one name: the effect's class, the
     path of the entry, the entry."""
     if not isinstance(table, dict):
-        raise MachineError(f"{where}: is no table; write [{where}.NAME] with what is stated of the effect below")
+        raise MachineError(f"{where}: must be a table; write [{where}.NAME] with what is stated of the effect below")
     for name, entry in table.items():
         path = _join(where, name)
         if name not in known:
@@ -439,7 +439,7 @@ def _ranges(
 ) -> dict[str, tuple[float, ...]]:
     """The ranges that a table states of one effect's sizes, in the order of its parameters."""
     if not isinstance(table, dict):
-        raise MachineError(f"{where}: is no table; write [{where}] with its values below")
+        raise MachineError(f"{where}: must be a table; write [{where}] with its values below")
     declared = catalogue.range_declarations(kind)
     for key in table:
         if key not in declared:
@@ -467,13 +467,13 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
     try:
         if hint is int:
             if not isinstance(text, int) or isinstance(text, bool):
-                raise QuantityError(f"{text!r} is no whole number; write one without a unit, such as 2")
+                raise QuantityError(f"{text!r} must be a whole number; write one without a unit, such as 2")
             check(text, declared)
             return text
         if hint is float:
             return _number(text, declared)
         if not isinstance(text, list) or not text:
-            raise QuantityError(f"{text!r} is no list; write one value an element, in brackets")
+            raise QuantityError(f"{text!r} must be a list; write one value for each element, in brackets")
         return tuple(_number(item, declared) for item in text)
     except QuantityError as error:
         raise MachineError(f"{where}: {error}") from error

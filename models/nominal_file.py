@@ -34,7 +34,7 @@ def load(path: Path) -> Machine:
     except OSError as error:
         raise MachineError(f"{path}: can't be read ({error.strerror}); give an existing nominal.json") from error
     except ValueError as error:
-        raise MachineError(f"{path}: is no JSON ({error}); give the nominal.json of a pack") from error
+        raise MachineError(f"{path}: is not valid JSON ({error}); give the nominal.json of a pack") from error
     try:
         table = _Reader(path.name).machine(content)
     except MachineError as error:
@@ -134,7 +134,7 @@ class _Reader:
 
 def _text(given: object, unit: str, where: str) -> str:
     if not isinstance(given, int | float) or isinstance(given, bool):
-        raise MachineError(f"{where}: {given!r} is no number; write one in SI units")
+        raise MachineError(f"{where}: {given!r} must be a number; write one in SI units")
     return f"{float(given)!r} {unit}" if unit != "1" else repr(float(given))
 
 
@@ -146,11 +146,11 @@ def _needed(names: Mapping[str, object], name: str, where: str) -> object:
 
 def _object(given: object, where: str) -> Mapping[str, object]:
     if not isinstance(given, dict):
-        raise MachineError(f"{where.rstrip('.') or 'the content'}: is no object with names; write {{...}}")
+        raise MachineError(f"{where.rstrip('.') or 'the content'}: must be an object with names; write {{...}}")
     return given
 
 
 def _list(given: object, where: str) -> list[object]:
     if not isinstance(given, list) or not given:
-        raise MachineError(f"{where}: is no list with an entry or more; write [...]")
+        raise MachineError(f"{where}: must be a list with at least one entry; write [...]")
     return given

@@ -80,7 +80,7 @@ def parse(text: object, unit: str) -> float:
         raise QuantityError(f"{text!r} has no unit; write it as text with one, such as {_example(unit)!r}")
     match = _NUMBER.fullmatch(text)
     if match is None:
-        raise QuantityError(f"{text!r} is no number with a unit; write it like {_example(unit)!r}")
+        raise QuantityError(f"{text!r} must be a number with a unit; write it like {_example(unit)!r}")
     number, unit_text = match.groups()
     magnitude = _finite(number, text)
     if not unit_text and unit != "1":

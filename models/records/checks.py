@@ -48,7 +48,7 @@ def check_samples(signals: Mapping[str, Array], names: Mapping[str, str]) -> flo
         wrong = np.flatnonzero(~np.isfinite(column))
         if wrong.size:
             raise RecordError(
-                f"column {names[signal]!r} has {wrong.size} values that are no numbers, the first in row "
+                f"column {names[signal]!r} has {wrong.size} values that are not numbers, the first in row "
                 f"{wrong[0] + 1}; cut the record there or export it again"
             )
     step = np.diff(time)

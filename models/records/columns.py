@@ -62,13 +62,16 @@ class Columns:
         entry = getattr(self, signal)
         match = _ENTRY.fullmatch(entry) if isinstance(entry, str) else None
         if match is None:
-            raise ValueError(f'{signal}: {entry!r} is no column; write it like "{signal} [mm]" or "x [V] * 35.2 N/V"')
+            raise ValueError(
+                f"{signal}: {entry!r} must be a column with its unit; "
+                f'write it like "{signal} [mm]" or "x [V] * 35.2 N/V"'
+            )
         unit, factor = match["unit"] or "", (match["factor"] or "1").strip()
         if unit.lower() == "db":
             return Source(match["name"], _factor("", factor, "1", signal), decibels=True)
         if signal == "phase":
             if unit and unit not in _ANGLES:
-                raise ValueError(f"phase: [{unit}] is no angle; write [deg] or [rad]")
+                raise ValueError(f"phase: [{unit}] must be an angle; write [deg] or [rad]")
             return Source(match["name"], _ANGLES[unit or "deg"] * _factor("", factor, "1", signal))
         return Source(match["name"], _factor(unit, factor, UNITS[signal], signal))
 
@@ -91,7 +94,9 @@ def _factor(unit: str, factor: str, wanted: str, signal: str) -> float:
     """The SI value of `factor` times one `unit`; no unit at all means that the column is in SI already."""
     match = _NUMBER.fullmatch(factor)
     if match is None:
-        raise ValueError(f'{signal}: the factor {factor!r} is no number with a unit; write it like "35.2 N/V" or "-1"')
+        raise ValueError(
+            f'{signal}: the factor {factor!r} must be a number with a unit; write it like "35.2 N/V" or "-1"'
+        )
     number, own = match.groups()
     units = " * ".join(part for part in (f"({own})" if own else "", f"({unit})" if unit else "") if part)
     try:

@@ -102,7 +102,7 @@ def read(path: Path) -> dict[str, Array]:
         raise
     except Exception as error:  # the readers of three formats raise what they like
         text = " ".join(str(error).split())[:200]
-        raise RecordError(f"{path}: is no readable {path.suffix} file ({text}); export it again") from error
+        raise RecordError(f"{path}: can't be read as a {path.suffix} file ({text}); export it again") from error
     return {name: column for name, column in found.items() if column.ndim == 1 and column.size > 1}
 
 
@@ -136,7 +136,9 @@ def _rows(path: Path, body: str, delimiter: str, count: int) -> Array:
         if not row:
             continue
         if len(row) != count:
-            raise RecordError(f"{path}: line {number} has {len(row)} cells and the first line {count}; mend that line")
+            raise RecordError(
+                f"{path}: line {number} has {len(row)} cells and the first line {count}; correct that line"
+            )
         try:
             rows.append([float(cell) if cell.strip() else np.nan for cell in row])
         except ValueError as error:

@@ -62,7 +62,7 @@ def test_a_controller_file_comes_back_as_it_was(tmp_path: Path) -> None:
         ("1900000.0", "NaN", "not finite"),
         ("1900000.0", "-1.0", "negative"),
         ('"sample_time_s": 0.0005', '"sample_time_s": 0', "sample_time_s must be above 0"),
-        ("{", "[", "is no JSON"),
+        ("{", "[", "is not valid JSON"),
     ],
 )
 def test_a_wrong_controller_file_is_said(tmp_path: Path, old: str, new: str, says: str) -> None:

@@ -39,7 +39,7 @@ def test_members_differ_only_where_the_file_says(tmp_path: Path) -> None:
     ("content", "says"),
     [
         ("member = []", "base is missing"),
-        (f'base = "{MACHINE}"\n[[member]]\n"plant.modes.9.gain" = "1 1/kg"', "nowhere in the base machine"),
+        (f'base = "{MACHINE}"\n[[member]]\n"plant.modes.9.gain" = "1 1/kg"', "not in the base machine"),
         (f'base = "{MACHINE}"\n[[member]]\n"plant.dead_tim" = "1 ms"', "did you mean 'dead_time'"),
         (f'base = "{MACHINE}"\n[[member]]\n"plant.dead_time" = "1 kg"', "is in kg"),
     ],

@@ -176,8 +176,8 @@ def test_a_tolerance_that_is_stated_to_be_the_usual_one_keeps_its_source(tmp_pat
             r"specification: .* have to follow each other",
         ),
         ('"500 us"', '"1 ns"', r"more than 100000 samples of control\.sample_time"),
-        (r"\[drive\]", "[drive", r"is no TOML"),
-        (r"\[\[plant.modes\]\] # the rigid body", "[plant.modes]", r"is no TOML"),
+        (r"\[drive\]", "[drive", r"is not valid TOML"),
+        (r"\[\[plant.modes\]\] # the rigid body", "[plant.modes]", r"is not valid TOML"),
     ],
 )
 def test_a_mistake_is_said_with_its_place(tmp_path: Path, old: str, new: str, says: str) -> None:

@@ -63,7 +63,7 @@ def test_the_sizes_that_effects_may_have_may_stand_in_it(tmp_path: Path) -> None
         ({"coging": {"pitch_m": [1e-3, 1e-2]}}, "priors.coging: unknown; did you mean 'cogging'?"),
         ({"cogging": {}}, "priors.cogging: has no range"),
         ({"cogging": {"pitch_m": [1e-2, 1e-3]}}, "priors.cogging: pitch: is no range"),
-        ({"cogging": [1e-2, 1e-3]}, "priors.cogging: is no object with names"),
+        ({"cogging": [1e-2, 1e-3]}, "priors.cogging: must be an object with names"),
         ({"cogging": {"pitch": [1e-3, 1e-2]}}, "priors.cogging.pitch: unknown; known here: amplitude_N, pitch_m"),
     ],
 )
@@ -116,14 +116,14 @@ MISTAKES: list[tuple[Callable[[dict[str, Any]], object], str]] = [
     (lambda c: c.pop("friction"), "friction: missing; add it"),
     (lambda c: c["friction"].pop("limit_m"), "friction.limit_m: missing; add it"),
     (lambda c: c["friction"]["limit_m"].pop(), "a friction needs as many stiffnesses as limits"),
-    (lambda c: c["friction"].update(limit_m=3), "friction.limit_m: is no list"),
+    (lambda c: c["friction"].update(limit_m=3), "friction.limit_m: must be a list"),
     (lambda c: c["modes"][1].pop("damping"), "modes.2.damping: missing; add it, damping ratio zeta"),
     (lambda c: c["modes"].pop(0), "0 rigid-body modes"),
-    (lambda c: c.update(modes=[]), "modes: is no list with an entry or more"),
-    (lambda c: c["controller"].update(kp_N_per_m="stiff"), "controller.kp_N_per_m: 'stiff' is no number"),
-    (lambda c: c["controller"].update(reference_delay_samples=1.5), "1.5 is no whole number"),
+    (lambda c: c.update(modes=[]), "modes: must be a list with at least one entry"),
+    (lambda c: c["controller"].update(kp_N_per_m="stiff"), "controller.kp_N_per_m: 'stiff' must be a number"),
+    (lambda c: c["controller"].update(reference_delay_samples=1.5), "1.5 must be a whole number"),
     (lambda c: c["scale"].pop("resolution_m"), "scale.resolution_m: missing; add it, resolution"),
-    (lambda c: c.update(scale=4), "scale: is no object"),
+    (lambda c: c.update(scale=4), "scale: must be an object"),
     (lambda c: c.update(sample_time_s=0), "must be above 0"),
     (lambda c: c.update(thrust_constant=float("nan")), "is not a finite number"),
 ]
@@ -144,8 +144,8 @@ def test_no_file_and_no_json(tmp_path: Path) -> None:
     with pytest.raises(MachineError, match="can't be read"):
         nominal.load(tmp_path / "nominal.json")
     (tmp_path / "nominal.json").write_text("[1", encoding="utf-8")
-    with pytest.raises(MachineError, match="is no JSON"):
+    with pytest.raises(MachineError, match="is not valid JSON"):
         nominal.load(tmp_path / "nominal.json")
     (tmp_path / "nominal.json").write_text("[1]", encoding="utf-8")
-    with pytest.raises(MachineError, match="the content: is no object"):
+    with pytest.raises(MachineError, match="the content: must be an object"):
         nominal.load(tmp_path / "nominal.json")

@@ -80,7 +80,7 @@ def test_micrometres_are_rounded_once(number: object) -> None:
         ("inf s", "s", "not a finite number"),
         ("240 rad/s", "Hz", "angle"),
         ("60 rpm", "Hz", "angle"),
-        ("fast", "s", "no number with a unit"),
+        ("fast", "s", "must be a number with a unit"),
         ("2 m", "1", "a plain number"),
         ("1 m; import os", "m", "unknown unit"),
         (5.0, "m", "has no unit"),

@@ -164,10 +164,13 @@ def test_values_of_effects_have_sources(tmp_path: Path) -> None:
     [
         ('[effects.coging]\namplitude = "1 N"', "effects.coging: unknown; did you mean 'cogging'?"),
         ('[effects.cogging]\namplitude = "1 N"', "effects.cogging.pitch: missing; add it, pitch p, in m"),
-        ("[effects]\nplay = 3", "effects.play: is no table; write [effects.play] with its values below"),
+        ("[effects]\nplay = 3", "effects.play: must be a table; write [effects.play] with its values below"),
         ('[effects.play]\nwidth = "1 N"', "effects.play.width: '1 N' is in N, but this is a quantity in m"),
         ('[effects.play]\nwidht = "1 um"', "effects.play.widht: unknown; did you mean 'width'?"),
-        ('[effects.dac_quantisation]\nstep = "0.1 N"\nrise = "0.4"', "dac_quantisation.rise: '0.4' is no whole number"),
+        (
+            '[effects.dac_quantisation]\nstep = "0.1 N"\nrise = "0.4"',
+            "dac_quantisation.rise: '0.4' must be a whole number",
+        ),
         ('[effects.dac_quantisation]\nstep = "0.1 N"\nrise = 2', "dac_quantisation.rise: 2 must be below 2"),
         ('[effects.play]\nwidth = "-1 um"', "effects.play.width: -1 µm must be at least 0 m"),
         (

@@ -160,15 +160,15 @@ def test_without_any_the_common_effects_are_looked_for() -> None:
         ('[priors.cogging]\npitch = ["10 mm", "1 mm"]', "priors.cogging: pitch: is no range; give"),
         ('[priors.cogging]\npitch = ["0 mm", "1 mm"]', "priors.cogging: pitch: is no range; give"),
         ('[priors.cogging]\npitch = ["1 mm", "2 mm", "3 mm"]', "priors.cogging: pitch: is no range; give"),
-        ('[priors.cogging]\npitch = "1 mm"', "priors.cogging.pitch: '1 mm' is no list"),
+        ('[priors.cogging]\npitch = "1 mm"', "priors.cogging.pitch: '1 mm' must be a list"),
         (
             '[priors.cogging]\npitch = ["1 N", "2 N"]',
             "priors.cogging.pitch: '1 N' is in N, but this is a quantity in m",
         ),
         ("[priors.directional_friction]\nasymmetry = [0.1, 1.5]", "asymmetry: 1.5 must be below 1"),
         ("[priors.cogging]", "priors.cogging: has no range; give the least and the most of amplitude, say"),
-        ("[priors]\ncogging = 3", "priors.cogging: is no table; write [priors.cogging] with its values below"),
-        ("priors = 3", "priors: is no table; write [priors.NAME]"),
+        ("[priors]\ncogging = 3", "priors.cogging: must be a table; write [priors.cogging] with its values below"),
+        ("priors = 3", "priors: must be a table; write [priors.NAME]"),
         (
             '[[priors.cogging]]\npitch = ["1 mm", "2 mm"]\n[[priors.cogging]]\npitch = ["1 mm", "2 mm"]',
             "priors.cogging: stands there twice; state an effect's sizes once, in [priors.cogging]",

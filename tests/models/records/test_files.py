@@ -138,9 +138,9 @@ def test_other_names_units_factors_and_signs_are_mapped(tmp_path: Path, table: T
     [
         ({"position": "x [kg]"}, "quantity in m"),
         ({"command": "u [V]"}, "quantity in N"),
-        ({"command": "u [V] * big"}, "no number with a unit"),
-        ({"phase": "p [m]"}, "no angle"),
-        ({"position": "[mm]"}, "no column"),
+        ({"command": "u [V] * big"}, "must be a number with a unit"),
+        ({"phase": "p [m]"}, "must be an angle"),
+        ({"position": "[mm]"}, "must be a column"),
     ],
 )
 def test_a_wrong_mapping_is_said(entry: dict[str, str], says: str) -> None:
@@ -178,7 +178,7 @@ def swapped(one: str, other: str) -> Callable[[Table], Table]:
 WRONG: dict[str, tuple[Callable[[Table], Table], str]] = {
     "uneven": (changed("time_s", lambda t: t + 1e-4 * np.sin(np.arange(t.size))), "uneven sampling"),
     "gap": (without(slice(500, 510)), "10 samples are missing in 1 gap"),
-    "nan": (changed("command_N", at(77, np.nan)), "'command_N' has 1 values that are no numbers, the first in row 78"),
+    "nan": (changed("command_N", at(77, np.nan)), "'command_N' has 1 values that are not numbers, the first in row 78"),
     "constant": (changed("position_m", lambda x: 0 * x), "the position is constant"),
     "thousand": (changed("position_m", lambda x: 1e3 * x), "as far as the reference, a factor of 1000"),
     "milliseconds": (changed("time_s", lambda t: 1e3 * t), "a factor of 1000: the time's unit"),
@@ -246,8 +246,8 @@ def test_a_step_is_found_and_none_where_there_is_none() -> None:
         ("a.csv", b"time_s,command_N,position_m\n0,1,2\n1,x,2\n", "line 3"),
         ("a.csv", b"time_s,command_N,position_m\n0,1,2\n1,2\n", "line 3 has 2 cells"),
         ("a.csv", b"a,a\n0,1\n", "two columns have one name"),
-        ("a.mat", b"nothing", "no readable .mat file"),
-        ("a.parquet", b"nothing", "no readable .parquet file"),
+        ("a.mat", b"nothing", "can't be read as a .mat file"),
+        ("a.parquet", b"nothing", "can't be read as a .parquet file"),
     ],
 )
 def test_an_unreadable_file_is_said(name: str, content: bytes, says: str, tmp_path: Path) -> None:
