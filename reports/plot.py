@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from typing import Protocol, runtime_checkable
 
 import matplotlib as mpl
@@ -47,10 +48,20 @@ class Run(Protocol):
         """What the run logged."""
 
 
-def plot(run: Run | Signals) -> Figure:
+class Picture(Figure):
+    """A figure that a notebook shows, whatever its backend is."""
+
+    def _repr_svg_(self) -> str:
+        text = io.StringIO()
+        with mpl.rc_context(STYLE):
+            self.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        return text.getvalue()
+
+
+def plot(run: Run | Signals) -> Picture:
     """Target, reference and position [µm] above the command [N], over time [ms]; of a response or of a record.
 
-    The figure is returned without being shown; a notebook shows it, `savefig` writes it.
+    A notebook shows the figure that a cell ends with; `savefig` writes it to a file.
 
     >>> figure = pos.plot(response)
     >>> [axes.get_ylabel() for axes in figure.axes]
@@ -59,7 +70,7 @@ def plot(run: Run | Signals) -> Figure:
     record = run.record if isinstance(run, Run) else run
     time = 1e3 * record.sample_time * np.arange(record.position.size)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(160 / 25.4, 100 / 25.4), layout="constrained")
+        figure = Picture(figsize=(160 / 25.4, 100 / 25.4), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         above.step(time, 1e6 * record.target, where="post", color=LIMIT, linestyle="--", label="target $r$")
         above.plot(time, 1e6 * record.reference, color=BLACK, linestyle=":", label="reference $x_T^*$")

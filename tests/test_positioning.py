@@ -63,6 +63,7 @@ def test_the_notebook_of_the_readme_does_what_it_says(notebook: dict[str, Any]) 
     assert notebook["tuning"].ms == pytest.approx(2.0, rel=1e-3)
     assert notebook["diagnosis"].effects == ("viscous_friction",)
     assert [axes.get_ylabel() for axes in notebook["figure"].axes] == ["position [µm]", "command [N]"]
+    assert "</svg>" in notebook["figure"]._repr_svg_()
 
 
 def test_what_a_notebook_shows_of_an_object_is_one_line(notebook: dict[str, Any]) -> None:
