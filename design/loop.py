@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
 from models.controller import PID
+from models.plant import Plant, sampled
 from models.quantity import show
 
 Array = NDArray[np.float64]
@@ -226,6 +227,36 @@ def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessme
         phase_margin=float(np.min(phases, initial=math.inf)),
         disk_margin=2 / peak(difference, omega).value,
     )
+
+
+def disturbance_response(plant: control.StateSpace, pid: PID, count: int) -> Array:
+    """x (count,) [m per newton] at samples 1 .. count after a unit step of d, by the closed loop's matrices."""
+    model = sensitivity(plant, pid, "PS")
+    state, found = np.zeros(model.nstates), []
+    for _ in range(count):
+        state = model.A @ state + model.B[:, 0]
+        found.append(float(model.C[0] @ state))
+    return np.array(found)
+
+
+def intersample(
+    plant: Plant, pid: PID, sample_time: float, count: int, *, stiffness: float = 0.0, parts: int = 10
+) -> Array:
+    """x (count parts,) [m per newton] at `parts` points a sample from 0 on, after a unit step of d.
+
+    stiffness: K_e [N/m]. The plant is exact at every point: it is sampled `parts` times as fast, under a command of the
+    PID that changes with sample_time [s].
+    """
+    fast, law = sampled(plant, sample_time / parts, stiffness), pid_model(pid, sample_time)
+    state, memory, command = np.zeros(fast.nstates), np.zeros(law.nstates), 0.0
+    path = np.empty(count * parts)
+    for k in range(path.size):
+        path[k] = float(fast.C[0] @ state)
+        if k % parts == 0:
+            command = float(law.C[0] @ memory - law.D[0, 0] * path[k])
+            memory = law.A @ memory - law.B[:, 0] * path[k]
+        state = fast.A @ state + fast.B[:, 0] * (command + 1.0)
+    return path
 
 
 def rms(system: control.StateSpace) -> float:

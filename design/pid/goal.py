@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.family import Member
-from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity
+from design.loop import disturbance_response, frequency_response, grid, pid_response, sensitivities
 from models.controller import PID
 
 Array = NDArray[np.float64]
@@ -52,13 +52,8 @@ def achieved(members: Sequence[Member], pid: PID, goal: Goal) -> float:
 
 
 def _step_error(plant: control.StateSpace, pid: PID, goal: Goal) -> Array:
-    """x (n,) [m] per newton from `begin` to `end` after a unit step of d, by the closed loop's matrices."""
-    model = sensitivity(plant, pid, "PS")
-    state, found = np.zeros(model.nstates), []
-    for _ in range(round(goal.end / plant.dt)):
-        state = model.A @ state + model.B[:, 0]
-        found.append(float(model.C[0] @ state))
-    return np.array(found[round(goal.begin / plant.dt) - 1 :])
+    """x (n,) [m] per newton from `begin` to `end` after a unit step of d."""
+    return disturbance_response(plant, pid, round(goal.end / plant.dt))[round(goal.begin / plant.dt) - 1 :]
 
 
 def _in_band(plant: control.StateSpace, pid: PID, band: tuple[float, float]) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Final
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,8 @@ from models.quantity import show
 Array = NDArray[np.float64]
 Slot = tuple[float, complex]  # omega [rad/s] and P there [m/N]
 
+LEAST_MT: Final = 1.4  # A loop with an integrator and a rigid body cannot keep |T| below about this.
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -26,6 +29,11 @@ class Bounds:
     ms: float
     mt: float = math.inf
     mcs: float = math.inf
+
+
+def mt_bound(ms: float, mt: float = math.inf) -> float:
+    """The bound on |T| [1] that goes with one on |S|, where none is given (inf)."""
+    return max(ms, LEAST_MT) if math.isinf(mt) else mt
 
 
 @dataclass(frozen=True)

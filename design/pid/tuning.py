@@ -32,9 +32,9 @@ from design.loop import (
 )
 from design.pid.active_set import LONGEST_FILTER, from_start, shares
 from design.pid.goal import OBJECTIVES, Goal, achieved
-from design.pid.problem import Array, Attempt, Bounds, Problem, Slot, Tuning, TuningError
+from design.pid.problem import Array, Attempt, Bounds, Problem, Slot, Tuning, TuningError, mt_bound
 from design.pid.program import program
-from design.pid.rules import simc
+from design.pid.rules import magnitude, slow_rule
 from models.controller import PID
 from models.machine import Machine
 from models.quantity import show
@@ -42,9 +42,6 @@ from models.quantity import show
 TOLERANCE: Final = 1e-4  # by which a certified peak may exceed its bound, relative
 MANY: Final = 24  # plants that a program has room for; of more it sees those that count
 ROOM: Final = 1.2  # of |CS| over the steepest contact stiffness, which it is at low frequencies with an integral
-LEAST_MT: Final = 1.4  # below it no loop with an integrator and a rigid body has a PID
-SLOW_START: Final = 25e-3  # s: closed-loop time constant of the rule that a tuning starts from
-FAST_START: Final = 6e-3  # s: of the rule that gives the magnitude of the gains where the present PID lacks a part
 REACH: Final = 50.0  # of the largest gain over the one a problem is scaled with
 
 
@@ -70,14 +67,14 @@ def tune_pid(
     """
     members, present = family(machine, mode_error, mass_error), machine.control.pid
     if noise is None:
-        loops = (assess(member.plant, present) for member in members)
-        noise = max(ROOM * max(slopes(machine).values()), *(loop.mcs.value for loop in loops))
-    start, fast = (
-        simc(machine.plant, machine.sample_time, time, present.derivative_filter) for time in (SLOW_START, FAST_START)
-    )
-    scale = present if min(present.kp, present.ki, present.kd) > 0 else fast
-    bounds = Bounds(ms, max(ms, LEAST_MT) if mt is None else mt, noise)
-    return tune(pose(members, Goal(), scale), bounds, [("slow rule", start)])
+        noise = noise_bound(machine, [assess(member.plant, present) for member in members])
+    bounds = Bounds(ms, mt_bound(ms) if mt is None else mt, noise)
+    return tune(pose(members, Goal(), magnitude(machine)), bounds, [("slow rule", slow_rule(machine))])
+
+
+def noise_bound(machine: Machine, present: Sequence[Assessment]) -> float:
+    """The bound on |CS| [N/m] where none is asked for: that of the present PID's loops, or what an integral needs."""
+    return max(ROOM * max(slopes(machine).values()), *(loop.mcs.value for loop in present))
 
 
 def pose(

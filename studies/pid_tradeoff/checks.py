@@ -10,9 +10,9 @@ import numpy as np
 
 from design.family import Member
 from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
+from design.pid.front import Point
 from design.validation import Validation
 from models.machine import Machine
-from studies.pid_tradeoff.front import Point
 from studies.study import Check
 
 CERTAIN: Final = 1e-6  # by which the certificate's level lies above the peak found, relative

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from design.controller import default_controller
 from design.deadbeat import DesignError
 from design.family import Member, family, slopes
-from design.loop import DIAGRAM, frequency_response, grid, pid_response, sensitivities
+from design.limits import bode_area, highest_crossover, least_sensitivity
+from design.loop import DIAGRAM, frequency_response, grid, intersample, pid_response, sensitivities
+from design.pid.front import Point, judged, rules, tuned
 from design.pid.goal import OBJECTIVES, Goal
-from design.pid.problem import Bounds, TuningError
-from design.pid.rules import simc
-from design.pid.tuning import pose, tune
+from design.pid.problem import Bounds, TuningError, mt_bound
+from design.pid.rules import magnitude
+from design.pid.tuning import noise_bound, pose, tune
 from design.validation import Validation, validate_many
 from models.controller import PID, Controller, to_json
 from models.ensemble import DEFAULT as ENSEMBLE
@@ -27,12 +29,11 @@ from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
 from studies.options import BadInputError
-from studies.pid_tradeoff import ensemble, front
+from studies.pid_tradeoff import ensemble
 from studies.pid_tradeoff.checks import made
-from studies.pid_tradeoff.front import Point
-from studies.pid_tradeoff.limits import bode_area, highest_crossover, least_sensitivity
 from studies.pid_tradeoff.options import TradeoffOptions
 from studies.pid_tradeoff.published import compare
+from studies.pid_tradeoff.rows import nonsmooth, point_row
 from studies.study import Answer, Progress
 
 Array = NDArray[np.float64]
@@ -40,8 +41,9 @@ Array = NDArray[np.float64]
 LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # of the bound on |S|
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
 QUICK_MEMBERS: Final = 10  # every so many of an ensemble
-ROOM: Final = 1.2  # of |CS| over the steepest contact stiffness, which it is at low frequencies with an integral
 SHOWN: Final = 4.0  # settling times of the reversal in the figures
+BETWEEN: Final = 0.05  # s after a step of friction over which the path between the samples is shown
+PARTS: Final = 10  # points a sample of that path
 
 
 def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> Answer:
@@ -54,23 +56,23 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     except DesignError as error:
         raise BadInputError(f"--machine: {error}") from error
     progress(0.02, f"the present PID on {len(members)} plants")
-    present = front.judged("present", machine.control.pid, members)
+    present = judged("present", machine.control.pid, members)
     limits = Bounds(wanted["ms"], wanted["mt"], _noise(machine, options.noise, present))
     goal = _goal(machine, options.objective)
-    problem = pose(members, goal, front.magnitude(machine))
+    problem = pose(members, goal, magnitude(machine))
     levels = sorted({*(QUICK_LEVELS if options.quick else LEVELS), wanted["ms"]})
     progress(0.05, f"tuning {len(levels)} points of the front")
     try:
-        points, attempts = front.tuned(problem, levels, limits, machine)
+        front = tuned(problem, levels, limits, machine)
     except TuningError as error:
         raise BadInputError(f"--ms, --mt, --noise: {error}") from error
-    chosen = front.nearest(points, wanted["ms"])
+    points, chosen = front.points, front.nearest(wanted["ms"])
     limits = replace(limits, ms=chosen.bound or wanted["ms"])
     progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
-    ruled = front.rules(machine, members)
+    ruled = rules(machine, members)
     every = [*points, present, *ruled]
-    validations = front.nonsmooth(machine, controller, every)
-    rows = [front.row(machine, members, point, v) for point, v in zip(every, validations, strict=True)]
+    validations = nonsmooth(machine, controller, every)
+    rows = [point_row(machine, members, point, v) for point, v in zip(every, validations, strict=True)]
     progress(0.65, "what each limit costs")
     costs = _costs(machine, wanted, limits, chosen, quick=options.quick)
     progress(0.7, f"the PIDs on {len(others)} members of the ensemble")
@@ -97,7 +99,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         "equal": _first_within(rows[:count], rows[count]["settling_s"]),
         "enough": _first_within(rows[:count], machine.specification.settling_time),
         "rules": rows[count + 1 :],
-        "attempts": attempts,
+        "attempts": [{"ms": ms, **vars(attempt)} for ms, attempt in front.attempts],
         "loops": _loops(members, chosen.pid, machine.control.pid, limits.mcs),
         "limits": _limits(machine, members[0], points, present, limits.mcs),
         "costs": costs,
@@ -127,7 +129,7 @@ def _noise(machine: Machine, asked: float | None, present: Point) -> float:
     """The bound on |CS| [N/m]: as asked, or that of the present PID, or what an integral needs where that is more."""
     steepest = max(slopes(machine).values())
     if asked is None:
-        return max(ROOM * steepest, *(loop.mcs.value for loop in present.loops))
+        return noise_bound(machine, present.loops)
     if asked <= steepest:
         raise BadInputError(
             f"--noise: {show(asked, 'N/m')} is too little; with an integral |CS| is at least the steepest contact "
@@ -163,9 +165,8 @@ def _on_ensemble(
     pids = {"present": machine.control.pid, "chosen": chosen.pid}
     outcome = None
     if not tuned:
-        start = simc(machine.plant, machine.sample_time, front.SLOW_START, machine.control.pid.derivative_filter)
         errors = wanted["mode_error"], wanted["mass_error"]
-        found, outcome = ensemble.held(machine, others, errors, limits, start)
+        found, outcome = ensemble.held(machine, others, errors, limits)
         pids |= {"all members": found} if found else {}
     deadline = machine.specification.settling_time
     on_every = ensemble.on_every_member(others, controller, pids, limits.ms, deadline)
@@ -214,8 +215,8 @@ def _costs(
     case("twice the noise in the thrust", noise=2.0)
     rows = []
     for name, changed, mode_error, mass_error, noise in cases[: 2 if quick else None]:
-        problem = pose(family(changed, mode_error, mass_error), Goal(), front.magnitude(machine))
-        bounds = Bounds(limits.ms, front.mt_bound(limits.ms, limits.mt), limits.mcs * noise)
+        problem = pose(family(changed, mode_error, mass_error), Goal(), magnitude(machine))
+        bounds = Bounds(limits.ms, mt_bound(limits.ms, limits.mt), limits.mcs * noise)
         row: dict[str, Any] = {"name": name}
         try:
             found = tune(problem, bounds, [("chosen", chosen.pid)])
@@ -294,10 +295,12 @@ def _reversal(
 def _between(machine: Machine, pid: PID) -> dict[str, Any]:
     """x after a step of friction at ten points a sample, on P_l and at the steepest slope, and at the samples only."""
     found: dict[str, Any] = {}
-    worst = 0.0
+    worst, ts = 0.0, machine.sample_time
     for name, slope in slopes(machine).items():
-        time, path, at_samples = front.between_samples(machine, pid, slope, 10, 0.05)
-        found["time_s"] = time
+        count = round(BETWEEN / ts)
+        path = _force(machine) * intersample(machine.plant, pid, ts, count, stiffness=slope, parts=PARTS)
+        at_samples = path[::PARTS]
+        found["time_s"] = np.arange(path.size) * ts / PARTS
         found[name] = {"path_m": path, "samples_m": at_samples}
         worst = max(worst, float(np.max(np.abs(path)) / np.max(np.abs(at_samples)) - 1))
     return {**found, "largest_beyond": worst}

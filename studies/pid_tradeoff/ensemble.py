@@ -12,12 +12,12 @@ import numpy as np
 from design.family import Member, family
 from design.loop import assess
 from design.pid.goal import Goal
-from design.pid.problem import Bounds, TuningError
+from design.pid.problem import Bounds, TuningError, mt_bound
+from design.pid.rules import magnitude, slow_rule
 from design.pid.tuning import pose, tune
 from design.validation import validate_many
 from models.controller import PID, Controller
 from models.machine import Machine, with_pid
-from studies.pid_tradeoff.front import magnitude, mt_bound
 
 OWN: Final = "own"  # the PID that a member's own file has
 
@@ -42,7 +42,7 @@ def on_every_member(
     }
 
 
-def held(machine: Machine, others: Sequence[Machine], errors: tuple[float, float], limits: Bounds, start: PID) -> Any:
+def held(machine: Machine, others: Sequence[Machine], errors: tuple[float, float], limits: Bounds) -> Any:
     """(PID or None, what happened): the largest integral gain whose loops keep the bounds for every member too.
 
     errors [1]: of the modes' frequencies and the mass of `machine` itself, as in `family`.
@@ -50,7 +50,7 @@ def held(machine: Machine, others: Sequence[Machine], errors: tuple[float, float
     members = family(machine, *errors, others)
     bounds = replace(limits, mt=mt_bound(limits.ms, limits.mt))
     try:
-        found = tune(pose(members, Goal(), magnitude(machine)), bounds, [("slow rule", start)])
+        found = tune(pose(members, Goal(), magnitude(machine)), bounds, [("slow rule", slow_rule(machine))])
     except TuningError as error:
         return None, str(error)
     return found.pid, found.attempts[0].outcome

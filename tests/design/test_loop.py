@@ -3,29 +3,42 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from design.loop import (
     SENSITIVITIES,
     assess,
     closed_loop,
+    disturbance_response,
     frequency_response,
     grid,
+    intersample,
     peak,
     pid_model,
     pid_response,
     rms,
     sensitivities,
     sensitivity,
+    spectral_radius,
     stays_below,
 )
-from models.controller import PID
+from models.controller import PID, Controller
+from models.ensemble import load_ensemble
+from models.friction import elements
+from models.machine import Machine, load
 from models.plant import Mode, Plant, sampled
+from models.plant import frequency_response as continuous_response
 from models.simulation.kernel import pid_step
+from models.simulation.simulator import simulate
+
+Array = NDArray[np.float64]
 
 TS = 5e-4
 STAND = Plant(1.2e-3, 1.0, (Mode(1 / 45, 0.0, 0.0), Mode(1 / 900, 38.0, 0.01), Mode(5e-4, 81.0, 0.02)))
@@ -135,3 +148,112 @@ def test_rms_of_a_first_order_filter_is_the_closed_form() -> None:
     assert rms(control.StateSpace([[a]], [[1 - a]], [[1.0]], [[0.0]], TS)) == pytest.approx(
         (1 - a) / math.sqrt(1 - a**2)
     )
+
+
+@pytest.mark.parametrize("ki", [0.0, 2e7])
+def test_between_the_samples_the_path_passes_through_the_samples(ki: float) -> None:
+    """The plant at seven points a sample under the PID, and the closed loop's matrices, which know samples only."""
+    machine = load()
+    pid = replace(machine.control.pid, ki=ki)
+    path = intersample(machine.plant, pid, TS, 100, stiffness=8e5, parts=7)
+    expected = disturbance_response(sampled(machine.plant, TS, 8e5), pid, 99)
+    assert path[0] == 0.0
+    assert path[7::7] == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
+def tuned(pid: PID, factor: float) -> PID:
+    """The PID with all gains times `factor`."""
+    return PID(factor * pid.kp, factor * pid.ki, factor * pid.kd, pid.derivative_filter)
+
+
+def slopes_of(machine: Machine) -> tuple[float, ...]:
+    """Those of P_l, P_e1 and P_e2."""
+    return 0.0, machine.presliding.stiffness_1, machine.presliding.stiffness_2
+
+
+def by_aliasing(machine: Machine, slope: float, frequency: Array) -> float:
+    """Ms of the sampled loop by sampling's own formula, P_d(jw) = sum_n P(j(w + n w_s)) H(j(w + n w_s)) / T_s.
+
+    H is the zero-order hold; the PID is its difference equation on z^k. Nothing is discretised in state space.
+    """
+    ts, pid = machine.sample_time, machine.control.pid
+    w = 2 * math.pi * frequency
+    plant = np.zeros(w.size, complex)
+    for n in range(-200, 201):
+        shifted = w + 2 * math.pi * n / ts
+        positive = np.abs(shifted)
+        p = continuous_response(machine.plant, positive, slope)
+        hold = (1 - np.exp(-1j * shifted * ts)) / (1j * shifted)
+        plant += np.where(shifted > 0, p, np.conj(p)) * hold / ts
+    z = np.exp(1j * w * ts)
+    keep = pid.derivative_filter / (pid.derivative_filter + ts)
+    slope_of_error = (1 - keep) * (1 - 1 / z) / ts / (1 - keep / z)
+    law = pid.kp + pid.ki * ts / (1 - 1 / z) + pid.kd * slope_of_error
+    return float(np.max(1 / np.abs(1 + law * plant)))
+
+
+@pytest.mark.parametrize("index", [None, 0, 21, 47])
+def test_the_peak_of_the_sensitivity_is_that_of_another_computation(index: int | None) -> None:
+    machine = load() if index is None else load_ensemble()[index]
+    frequencies, ts = np.geomspace(2.0, 900.0, 1500), machine.sample_time
+    for slope in slopes_of(machine):
+        expected = by_aliasing(machine, slope, frequencies)
+        assert 1.1 < expected < 2.3
+        found = assess(sampled(machine.plant, ts, slope), machine.control.pid).ms.value
+        assert found == pytest.approx(expected, rel=3e-3)
+
+
+def test_the_peak_of_the_sensitivity_has_its_closed_form() -> None:
+    """PD on a free mass: S = (z - 1)^2 / ((z - 1)^2 + T_s^2 (z + 1) C / 2 M), C = kp + kd (1 - 1/z) / T_s; or 1."""
+    mass, kp, kd = 40.0, 2e6, 8e3
+    free = sampled(Plant(0.0, 1.0, (Mode(1 / mass, 0.0, 0.0),)), TS)
+    z = np.exp(2j * math.pi * np.geomspace(1.0, 0.499 / TS, 20000) * TS)
+    loop = TS**2 * (z + 1) * (kp + kd * (1 - 1 / z) / TS) / (2 * mass)
+    expected = float(np.max(np.abs((z - 1) ** 2 / ((z - 1) ** 2 + loop))))
+    assert expected > 1.1
+    assert assess(free, PID(kp, 0.0, kd, 0.0)).ms.value == pytest.approx(expected, rel=1e-6)
+
+
+def rings_down(machine: Machine, pid: PID, slope: float) -> bool:
+    """Whether the simulated loop around P_e(s) comes to rest: friction that is a spring, and thrust without a limit."""
+    spring = elements([max(slope, 1e-6)], [1e3])
+    linear = replace(
+        machine,
+        friction=spring,
+        drive=replace(machine.drive, rated_thrust=1e12),
+        scale=replace(machine.scale, resolution=0.0),
+    )
+    law = Controller(machine.sample_time, pid, 0, (1.0,), (0.0,))
+    x = simulate(linear, law, np.full(4000, 1e-6)).position - 1e-6
+    return bool(np.max(np.abs(x[-500:])) < 0.1 * np.max(np.abs(x[:500])))
+
+
+def is_stable(machine: Machine, pid: PID, slope: float) -> bool:
+    """By the eigenvalues of the closed loop."""
+    return spectral_radius(sampled(machine.plant, machine.sample_time, slope), pid) < 1
+
+
+@pytest.mark.parametrize(("factor", "stable"), [(0.1, False), (0.5, True), (1.0, True), (2.5, True), (4.0, False)])
+def test_stability_is_what_the_simulated_loop_shows(factor: float, stable: bool) -> None:
+    machine = load()
+    pid = tuned(machine.control.pid, factor)
+    for slope in slopes_of(machine):
+        assert is_stable(machine, pid, slope) is rings_down(machine, pid, slope)
+    assert all(is_stable(machine, pid, slope) for slope in slopes_of(machine)) is stable
+
+
+def test_the_bound_of_stability_is_where_the_simulated_loop_begins_to_ring() -> None:
+    """The largest factor on all gains, by halving: from the eigenvalues, and from what the simulated loop does."""
+    machine = load()
+
+    def largest(stable: Callable[[Machine, PID, float], bool], slope: float) -> float:
+        low, high = 1.0, 8.0
+        for _ in range(9):
+            middle = math.sqrt(low * high)
+            fine = stable(machine, tuned(machine.control.pid, middle), slope)
+            low, high = (middle, high) if fine else (low, middle)
+        return low
+
+    simulated = [largest(rings_down, slope) for slope in slopes_of(machine)]
+    assert 2.0 < min(simulated) < 4.0
+    assert [largest(is_stable, slope) for slope in slopes_of(machine)] == pytest.approx(simulated, rel=0.01)

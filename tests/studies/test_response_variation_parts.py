@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,19 +10,19 @@ import pytest
 from numpy.typing import NDArray
 
 from design.controller import default_controller
+from design.loop import assess
 from design.validation import Validation, validate, validate_many
-from models.controller import PID, Controller
+from models.controller import PID
 from models.ensemble import load_ensemble
 from models.friction import elements
 from models.machine import Machine, load
-from models.plant import Plant, frequency_response
-from models.simulation.simulator import simulate
+from models.plant import sampled
 from studies.response_variation import choice
 from studies.response_variation.compute import _gap
 from studies.response_variation.curves import hysteresis, plants, responses
 from studies.response_variation.mechanism import _settling
 from studies.response_variation.published import Shown, outcomes
-from studies.response_variation.search import HIGH, LOW, _stable, bent_by_the_limit, largest_sensitivity, table
+from studies.response_variation.search import HIGH, LOW, bent_by_the_limit, largest_sensitivity, table
 from studies.response_variation.tables import coordinates, most_central
 
 Array = NDArray[np.float64]
@@ -42,102 +41,17 @@ def over_the_sequence(machine: Machine) -> Shown:
     return Shown(machine, law, validate(machine, law.without_compensation()), validate(machine, law))
 
 
-def tuned(machine: Machine, factor: float) -> Machine:
-    """The machine with all gains of its PID times `factor`."""
-    pid = machine.control.pid
-    gains = PID(factor * pid.kp, factor * pid.ki, factor * pid.kd, pid.derivative_filter)
-    return replace(machine, control=replace(machine.control, pid=gains))
-
-
-def by_aliasing(machine: Machine, slope: float, frequency: Array) -> float:
-    """Ms of the sampled loop by sampling's own formula, P_d(jw) = sum_n P(j(w + n w_s)) H(j(w + n w_s)) / T_s.
-
-    H is the zero-order hold; the PID is its difference equation on z^k. Nothing is discretised in state space.
-    """
-    ts, pid = machine.sample_time, machine.control.pid
-    w = 2 * math.pi * frequency
-    plant = np.zeros(w.size, complex)
-    for n in range(-200, 201):
-        shifted = w + 2 * math.pi * n / ts
-        positive = np.abs(shifted)
-        p = frequency_response(machine.plant, positive, slope)
-        hold = (1 - np.exp(-1j * shifted * ts)) / (1j * shifted)
-        plant += np.where(shifted > 0, p, np.conj(p)) * hold / ts
-    z = np.exp(1j * w * ts)
-    keep = pid.derivative_filter / (pid.derivative_filter + ts)
-    slope_of_error = (1 - keep) * (1 - 1 / z) / ts / (1 - keep / z)
-    law = pid.kp + pid.ki * ts / (1 - 1 / z) + pid.kd * slope_of_error
-    return float(np.max(1 / np.abs(1 + law * plant)))
-
-
-@pytest.mark.parametrize("index", [None, *MEMBERS])
-def test_the_largest_sensitivity_is_that_of_another_computation(index: int | None) -> None:
-    machine = load() if index is None else load_ensemble()[index]
-    facts, grid = machine.presliding, np.geomspace(2.0, 900.0, 1500)
-    expected = max(by_aliasing(machine, slope, grid) for slope in (0.0, facts.stiffness_1, facts.stiffness_2))
-    assert 1.5 < expected < 2.2
-    assert largest_sensitivity(machine) == pytest.approx(expected, rel=3e-3)
-
-
-def test_the_largest_sensitivity_has_its_closed_form() -> None:
-    """PD on a free mass: S = (z - 1)^2 / ((z - 1)^2 + T_s^2 (z + 1) C / 2 M), C = kp + kd (1 - 1/z) / T_s; or 1."""
-    machine, mass, kp, kd = load(), 40.0, 2e6, 8e3
-    ts = machine.sample_time
-    free = replace(
-        machine,
-        plant=Plant(0.0, 1.0, (replace(machine.plant.modes[0], gain=1 / mass),)),
-        presliding=replace(machine.presliding, stiffness_1=1e-6, stiffness_2=1e-6),
-    )
-    z = np.exp(2j * math.pi * np.geomspace(1.0, 0.499 / ts, 20000) * ts)
-    loop = ts**2 * (z + 1) * (kp + kd * (1 - 1 / z) / ts) / (2 * mass)
-    expected = float(np.max(np.abs((z - 1) ** 2 / ((z - 1) ** 2 + loop))))
-    with_pd = replace(free, control=replace(free.control, pid=PID(kp, 0.0, kd, 0.0)))
-    without = replace(free, control=replace(free.control, pid=PID(0.0, 0.0, 0.0, 0.0)))
-    assert expected > 1.1
-    assert largest_sensitivity(with_pd) == pytest.approx(expected, rel=1e-3)
-    assert largest_sensitivity(without) == pytest.approx(1.0)
-
-
-def rings_down(machine: Machine, slope: float) -> bool:
-    """Whether the simulated loop around P_e(s) comes to rest: friction that is a spring, and thrust without a limit."""
-    spring = elements([max(slope, 1e-6)], [1e3])
-    linear = replace(
-        machine,
-        friction=spring,
-        drive=replace(machine.drive, rated_thrust=1e12),
-        scale=replace(machine.scale, resolution=0.0),
-    )
-    law = Controller(machine.sample_time, machine.control.pid, 0, (1.0,), (0.0,))
-    x = simulate(linear, law, np.full(4000, 1e-6)).position - 1e-6
-    return bool(np.max(np.abs(x[-500:])) < 0.1 * np.max(np.abs(x[:500])))
-
-
-@pytest.mark.parametrize(("factor", "stable"), [(0.1, False), (0.5, True), (1.0, True), (2.5, True), (4.0, False)])
-def test_stability_is_what_the_simulated_loop_shows(factor: float, stable: bool) -> None:
-    machine = tuned(load(), factor)
-    facts = machine.presliding
-    assert _stable(machine) is stable
-    assert all(rings_down(machine, slope) for slope in (0.0, facts.stiffness_1, facts.stiffness_2)) is stable
-
-
-def test_the_bound_of_stability_is_where_the_simulated_loop_begins_to_ring() -> None:
-    """The largest factor on all gains, by halving: from the poles, and from what the loop around P_l(s) does."""
-
-    def largest(stable: Callable[[Machine], bool]) -> float:
-        low, high = 1.0, 8.0
-        for _ in range(9):
-            middle = math.sqrt(low * high)
-            low, high = (middle, high) if stable(tuned(machine, middle)) else (low, middle)
-        return low
-
+def test_the_screened_sensitivity_is_the_loops_largest_and_none_where_a_loop_is_unstable() -> None:
     machine = load()
-    facts = machine.presliding
-    simulated = [
-        largest(lambda one, slope=slope: rings_down(one, slope))  # type: ignore[misc]
+    facts, pid = machine.presliding, machine.control.pid
+    loops = [
+        assess(sampled(machine.plant, machine.sample_time, slope), pid)
         for slope in (0.0, facts.stiffness_1, facts.stiffness_2)
     ]
-    assert 2.0 < min(simulated) < 4.0
-    assert largest(_stable) == pytest.approx(min(simulated), rel=0.01)
+    assert largest_sensitivity(machine) == pytest.approx(max(loop.ms.value for loop in loops), rel=5e-3)
+    gains = PID(4 * pid.kp, 4 * pid.ki, 4 * pid.kd, pid.derivative_filter)
+    ringing = replace(machine, control=replace(machine.control, pid=gains))
+    assert largest_sensitivity(ringing) == math.inf
 
 
 def test_an_exchanged_history_gives_the_motion_that_it_comes_from(shown: list[Shown]) -> None:

@@ -1,0 +1,91 @@
+"""The trade-off of a PID: tuned ones over the bound on |S|, and rules of thumb to compare them with.
+
+Symbols as in the diagram of `design.loop`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from design.family import Member
+from design.loop import Assessment, assess
+from design.pid.problem import Attempt, Bounds, Problem, Tuning, TuningError, mt_bound
+from design.pid.rules import fast_rule, lambda_rule, simc, slow_rule
+from design.pid.tuning import tune
+from models.controller import PID
+from models.machine import Machine
+
+SECOND_START: Final = 6  # Only every so many points start from the fast rule too, since that doubles the time.
+RULE_TIMES: Final = (3e-3, 3.5e-3, 4e-3, 5e-3, 6e-3, 8e-3, 12e-3)  # s. tau_c of SIMC, from about theta on.
+LAMBDAS: Final = (5e-3, 6e-3, 7e-3, 8e-3, 10e-3, 14e-3, 20e-3)  # s. The time constants of the lambda rule.
+
+
+@dataclass(frozen=True)
+class Point:
+    """One PID with its loops over the family, in its order; `bound` is that on |S| it was tuned for, None if not."""
+
+    name: str
+    pid: PID
+    loops: tuple[Assessment, ...]
+    bound: float | None = None
+
+    @property
+    def ms(self) -> float:
+        """Largest peak of |S| [1] over the family; inf if a loop is unstable."""
+        return max(loop.ms.value if loop.stable else math.inf for loop in self.loops)
+
+
+@dataclass(frozen=True)
+class Front:
+    """The tuned points by the bound on |S|, and every attempt [at that bound] that led to them or to nothing."""
+
+    points: tuple[Point, ...]
+    attempts: tuple[tuple[float, Attempt], ...]
+
+    def nearest(self, ms: float) -> Point:
+        """The point tuned for the bound `ms` [1]; else for the next stricter one with a PID; else the first of them."""
+        return next((point for point in reversed(self.points) if (point.bound or math.inf) <= ms), self.points[0])
+
+
+def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Machine) -> Front:
+    """The front over rising levels of the bound on |S| [1], each started from the last.
+
+    limits: bounds on |T| (inf: see `mt_bound`) and |CS| [N/m]. Levels without a PID are left out of the
+    front; raises TuningError, that of the last level, if none has one.
+    """
+    points: list[Point] = []
+    attempts: list[tuple[float, Attempt]] = []
+    refusal: TuningError | None = None
+    many = problem.goal.objective != "integral"  # the other objectives have more than one local optimum
+    last: Tuning | None = None
+    for i, ms in enumerate(levels):
+        bounds = replace(limits, ms=ms, mt=mt_bound(ms, limits.mt))
+        starts = [("slow rule", slow_rule(machine))] if last is None else [("neighbour", last.pid)]
+        if many or i % SECOND_START == 0:
+            starts += [("fast rule", fast_rule(machine))]
+        try:
+            last = tune(problem, bounds, starts)
+            points.append(Point(f"tuned, {ms:g}", last.pid, last.loops, ms))
+            attempts += [(ms, attempt) for attempt in last.attempts]
+        except TuningError as error:
+            attempts += [(ms, attempt) for attempt in error.attempts]
+            refusal = error
+    if refusal is not None and not points:
+        raise refusal
+    return Front(tuple(points), tuple(attempts))
+
+
+def judged(name: str, pid: PID, members: Sequence[Member]) -> Point:
+    """A PID that was not tuned here, with its loops [SI]."""
+    return Point(name, pid, tuple(assess(member.plant, pid) for member in members))
+
+
+def rules(machine: Machine, members: Sequence[Member]) -> list[Point]:
+    """SIMC's and the lambda rule's PIDs over their time constants [s], as far as they are stable."""
+    plant, ts, keep = machine.plant, machine.sample_time, machine.control.pid.derivative_filter
+    points = [judged("SIMC", simc(plant, ts, time, keep), members) for time in RULE_TIMES]
+    points += [judged("lambda", lambda_rule(plant, time, keep), members) for time in LAMBDAS]
+    return [point for point in points if math.isfinite(point.ms)]

@@ -1,0 +1,69 @@
+"""What each point of the trade-off achieves: its loops, its noise, and the motions on the nonsmooth machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.family import Member
+from design.loop import disturbance_response, rms, sensitivity
+from design.pid.front import Point
+from design.validation import Validation, validate_many
+from models.controller import PID, Controller
+from models.friction import branch
+from models.machine import Machine, with_pid
+
+Array = NDArray[np.float64]
+
+
+def nonsmooth(machine: Machine, controller: Controller, points: Sequence[Point]) -> tuple[Validation, ...]:
+    """The paper's motions without friction compensation with each point's PID, on the nonsmooth machine."""
+    controllers = [replace(controller.without_compensation(), pid=point.pid) for point in points]
+    machines = [with_pid(machine, point.pid, "this study") for point in points]
+    return validate_many(machines, controllers, periods=4)
+
+
+def point_row(machine: Machine, members: Sequence[Member], point: Point, validation: Validation) -> dict[str, Any]:
+    """What one point achieves, for results.json."""
+    loops, pid = point.loops, point.pid
+    nominal = [loop for loop, member in zip(loops, members, strict=True) if member.nominal]
+    worst = members[int(np.argmax([loop.ms.value for loop in loops]))]
+    force = float(branch(machine.friction, machine.specification.stroke))
+    count = round(machine.specification.settling_time / machine.sample_time)
+    responses = [disturbance_response(member.plant, pid, 3 * count) for member in members if member.nominal]
+    errors = [np.abs(response[count - 1 :]) for response in responses]
+    return {
+        "name": point.name,
+        "bound": point.bound,
+        "kp_N_per_m": pid.kp,
+        "ki_N_per_ms": pid.ki,
+        "kd_Ns_per_m": pid.kd,
+        "derivative_filter_s": pid.derivative_filter,
+        "ms": point.ms,
+        "worst_plant": worst.name,
+        "mt": max(loop.mt.value for loop in loops),
+        "mps_m_per_N": max(loop.mps.value for loop in loops),
+        "mcs_N_per_m": max(loop.mcs.value for loop in loops),
+        "crossover_Hz": nominal[0].crossover / (2 * math.pi),
+        "bandwidth_Hz": nominal[0].bandwidth / (2 * math.pi),
+        "gain_margin": min(loop.gain_margin for loop in loops),
+        "phase_margin_deg": math.degrees(min(loop.phase_margin for loop in loops)),
+        "disk_margin": min(loop.disk_margin for loop in loops),
+        "error_m": force * max(float(error[0]) for error in errors),
+        "error_from_then_on_m": force * max(float(np.max(error)) for error in errors),
+        "noise_N": noise(machine, members[0], pid),
+        "settling_s": validation.reversal.settling_time,
+        "slowest_s": validation.slowest.settling_time,
+        "dispersion_m": validation.worst_dispersion,
+    }
+
+
+def noise(machine: Machine, member: Member, pid: PID) -> float:
+    """Standard deviation of the thrust [N] from the scale's rounding, resolution / sqrt(12), and its noise."""
+    reading = math.hypot(machine.scale.resolution / math.sqrt(12), machine.scale.noise)
+    return reading * rms(sensitivity(member.plant, pid, "CS"))
