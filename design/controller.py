@@ -19,6 +19,11 @@ def waiting(machine: Machine) -> int:
     return delay_split(machine.plant.dead_time, machine.sample_time)[0]
 
 
+def feedback_alone(machine: Machine) -> Controller:
+    """The machine's PID by itself, for references that are given; it waits for the dead time as `waiting` says."""
+    return machine.feedback_only(waiting(machine))
+
+
 def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
     """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's PID, and its RFM.
 

@@ -27,7 +27,7 @@ LEAST: Final = 0.05  # of the nominal force, below which it does not go
 
 
 @dataclass(frozen=True)
-class Shape:
+class MotionProfile:
     """A motion over one `stroke` [m]: position (k,) [m], net thrust (k,) [N] and middle (k,) [m] at its samples.
 
     middle: position half-way through each interval of the thrust.
@@ -39,15 +39,15 @@ class Shape:
     middle: Array
 
 
-def shape(plant: Plant, sample_time: float, net: ArrayLike, stroke: float) -> Shape:
+def motion_profile(plant: Plant, sample_time: float, net: ArrayLike, stroke: float) -> MotionProfile:
     """The motion that net thrust (n,) [N] gives; it ends on the target after n samples [s]."""
     thrust = np.append(np.asarray(net, float), 0.0)
     lifted = feedforward_only(plant, sample_time, thrust.size)
     position, middle = (lifted.on_thrust(signal) @ thrust for signal in (lifted.position[:-1], lifted.middle))
-    return Shape(stroke, np.append(position, stroke), np.append(thrust, 0.0), np.append(middle, stroke))
+    return MotionProfile(stroke, np.append(position, stroke), np.append(thrust, 0.0), np.append(middle, stroke))
 
 
-def compensate(motion: Shape, friction: Friction, target: ArrayLike) -> References:
+def compensate(motion: MotionProfile, friction: Friction, target: ArrayLike) -> References:
     """x_T* [m], u_ff = n [N] and u_rf [N] over a target r (n,) [m] of strokes of the motion's height, from rest at 0.
 
     The elements begin virgin. Motions that follow each other before the last has ended are cut off.

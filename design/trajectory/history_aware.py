@@ -148,16 +148,16 @@ def build(task: Task) -> Built:
     thrust, slew, ratio = (program.parameter(name) for name in ("thrust", "slew", "ratio"))
     tolerance = program.parameter("tolerance", n)
     position = ca.vertcat(0, lifted.on_thrust(lifted.position)[1:] @ net)
-    program.require(position[1:], task.stroke - tolerance, task.stroke + tolerance, task.stroke)
+    program.subject_to(position[1:], task.stroke - tolerance, task.stroke + tolerance, task.stroke)
     if task.objective != "tracking":
         require_rest(program, task, lifted, net)
     if task.monotone:
-        program.require(position[1:] - position[:-1], 0, np.inf, task.stroke / n)
+        program.subject_to(position[1:] - position[:-1], 0, np.inf, task.stroke / n)
     forces = _forces(program, task, lifted, net, ratio)
     for force in forces:  # (N + 2,): before the motion, over its intervals, after it
         applied = force + ca.vertcat(0, net, 0)
-        program.require(applied[1:], -thrust, thrust, unit)
-        program.require(applied[1:] - applied[:-1], -slew, slew, unit)
+        program.subject_to(applied[1:], -thrust, thrust, unit)
+        program.subject_to(applied[1:] - applied[:-1], -slew, slew, unit)
     if task.objective == "sensitivity":
         _minimise_sensitivity(program, task, position, net, forces, ratio)
     else:
@@ -255,7 +255,7 @@ def _require_sense(task: Task) -> None:
 def require_rest(program: Program, task: Task, lifted: Lifted, net: ca.MX) -> None:
     """The modes rest on the target after the motion."""
     rows, aim = rest_conditions(task, lifted)
-    program.require(ca.DM(rows) @ net, aim, aim, thrust_unit(task))
+    program.subject_to(ca.DM(rows) @ net, aim, aim, thrust_unit(task))
 
 
 def rest_conditions(task: Task, lifted: Lifted) -> tuple[Array, Array]:
@@ -278,7 +278,7 @@ def _forces(program: Program, task: Task, lifted: Lifted, net: ca.MX, ratio: ca.
     stiffness, limit = np.array(task.friction.stiffness), np.array(task.friction.limit)
     count, elements = limit.size, law(limit.size).map(n + 1)
     middle = program.variable("middle", np.full(n, task.stroke))
-    program.require(middle - lifted.on_thrust(lifted.middle) @ net, 0, 0, task.stroke)
+    program.subject_to(middle - lifted.on_thrust(lifted.middle) @ net, 0, 0, task.stroke)
     moved = ca.diff(ca.vertcat(0, middle, task.stroke)).T
     starts = ca.reshape(program.parameter("z", task.histories * count), count, task.histories)
     forces = []
@@ -287,8 +287,8 @@ def _forces(program: Program, task: Task, lifted: Lifted, net: ca.MX, ratio: ca.
         z = ca.reshape(program.variable(f"z_{h}", np.tile(limit, n)), count, n)
         before = ca.horzcat(starts[:, h], z)
         after, pull = elements(before, moved, *(ca.repmat(one, 1, n + 1) for one in (ratio, stiffness, limit)))
-        program.require(ca.vec(z - after[:, :n]), 0, 0, np.tile(limit, n))
-        program.require(force - pull.T, 0, 0, task.friction.coulomb_force)
+        program.subject_to(ca.vec(z - after[:, :n]), 0, 0, np.tile(limit, n))
+        program.subject_to(force - pull.T, 0, 0, task.friction.coulomb_force)
         forces.append(ca.vertcat(ca.dot(stiffness, starts[:, h]), force))
     return forces
 
@@ -301,7 +301,7 @@ def _minimise(program: Program, task: Task, position: Any, net: Any, forces: lis
     if task.objective == "peak_thrust":
         peak = program.variable("peak", unit, lower=0) / unit
         for thrust in applied:
-            program.require(ca.vertcat(peak - thrust[1:], peak + thrust[1:]), 0, np.inf)
+            program.subject_to(ca.vertcat(peak - thrust[1:], peak + thrust[1:]), 0, np.inf)
         program.minimise(peak + SMOOTH * SMOOTH * rough)
     elif task.objective == "energy":
         program.minimise(sum(ca.sumsqr(thrust[1:-1]) for thrust in applied) / (n * task.histories))

@@ -90,7 +90,7 @@ class Program:
         self._parameters[name] = ca.MX.sym(name, count)
         return self._parameters[name]
 
-    def require(self, expression: Any, lower: Any, upper: Any, scale: Any = 1.0) -> None:
+    def subject_to(self, expression: Any, lower: Any, upper: Any, scale: Any = 1.0) -> None:
         """lower <= expression <= upper, each measured in `scale`; bounds may hold parameters."""
         ones = ca.MX(ca.DM.ones(expression.shape[0]))
         self._conditions.append((expression / scale, ones * lower / scale, ones * upper / scale))

@@ -48,7 +48,7 @@ OBJECTIVES: Final[dict[Objective, str]] = {
 
 
 @dataclass(frozen=True)
-class CommonTask:
+class RobustTask:
     """What is asked, fixed when the problem is built: a motion of `samples` samples [s] over `stroke` [m].
 
     plant: the design's own; scenarios: the histories (and tables) that the one motion serves; feedback: the loop, and
@@ -65,13 +65,13 @@ class CommonTask:
 
 
 @dataclass(frozen=True)
-class CommonTrajectory:
+class RobustTrajectory:
     """thrust (N + 1,) [N]: u_ff, the last held; position (N + 1,) [m]: x_T*; error (scenarios, window) [m].
 
     starts: the scenarios' element states (N,) [m]; ratio [1] and limits: what else it was solved for.
     """
 
-    task: CommonTask
+    task: RobustTask
     thrust: Array
     position: Array
     error: Array
@@ -87,16 +87,16 @@ class CommonTrajectory:
 
 
 @dataclass(frozen=True)
-class BuiltCommon:
+class RobustProblem:
     """A task's problem, built once; condensed: the same for a warm solve, None where there is none."""
 
-    task: CommonTask
+    task: RobustTask
     lifted: Lifted
     solver: Solver
     condensed: Condensed | None
 
 
-def build_common(task: CommonTask) -> BuiltCommon:
+def build_robust(task: RobustTask) -> RobustProblem:
     """The problem of `task`. Raises DesignError for a task that means nothing."""
     if task.objective not in get_args(Objective):
         raise DesignError(f"objective {task.objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
@@ -116,25 +116,25 @@ def build_common(task: CommonTask) -> BuiltCommon:
     largest, slew, ratio = (program.parameter(name) for name in ("largest", "slew", "ratio"))
     feedforward = ca.vertcat(thrust, ca.repmat(thrust[n], last - n - 1, 1))
     reference = ca.vertcat(position, np.full(last - n - 1, task.stroke))
-    program.require(ca.diff(ca.vertcat(0, thrust)), -slew, slew, unit)
+    program.subject_to(ca.diff(ca.vertcat(0, thrust)), -slew, slew, unit)
     worst = program.variable("worst", WORST * task.stroke, lower=0)
     for i, scenario in enumerate(task.scenarios):
         error, command = follow_loop(
             program, str(i), scenario, task.feedback, task.stroke, feedforward, reference, ratio
         )
-        program.require(command, -largest, largest, unit)
+        program.subject_to(command, -largest, largest, unit)
         if task.objective == "worst_error":
-            program.require(ca.vertcat(worst - error, worst + error), 0, np.inf, task.stroke)
+            program.subject_to(ca.vertcat(worst - error, worst + error), 0, np.inf, task.stroke)
         else:
             share = scenario.weight / (error.shape[0] * len(task.scenarios))
             program.minimise(share * 100 * ca.sumsqr(error / task.stroke))
     program.minimise(worst / (WORST * task.stroke))
     for part in (ca.vertcat(net, 0), assist):
         program.minimise(SMOOTH * ca.sumsqr(ca.diff(ca.vertcat(0, part))) / unit**2)
-    return BuiltCommon(task, lifted, program.build(), _condensed(task, plain, lifted))
+    return RobustProblem(task, lifted, program.build(), _condensed(task, plain, lifted))
 
 
-def _condensed(task: CommonTask, plain: Task, lifted: Lifted) -> Condensed | None:
+def _condensed(task: RobustTask, plain: Task, lifted: Lifted) -> Condensed | None:
     """The problem of the least largest error for a warm solve; None for other objectives and uneven scenarios."""
     if task.objective != "worst_error" or len({len(one.friction.limit) for one in task.scenarios}) > 1:
         return None
@@ -159,22 +159,22 @@ def _condensed(task: CommonTask, plain: Task, lifted: Lifted) -> Condensed | Non
     return condense(task.scenarios, task.feedback, decisions, task.stroke, unit)
 
 
-def solve_common(
-    built: BuiltCommon,
+def solve_robust(
+    built: RobustProblem,
     starts: Sequence[ArrayLike],
-    begin: ArrayLike | CommonTrajectory,
+    begin: ArrayLike | RobustTrajectory,
     limits: Limits | None = None,
     *,
     ratios: Sequence[float] = CONTINUATION,
-) -> CommonTrajectory:
+) -> RobustTrajectory:
     """The best motion for scenarios that start from element states `starts` ((N,) [m] each).
 
     begin: net thrust (N,) [N] of another design, or a trajectory to go on from, warm, at the last of the smoothing
-    `ratios` [1]. One that did not converge comes back as it is: see `CommonTrajectory.solution`.
+    `ratios` [1]. One that did not converge comes back as it is: see `RobustTrajectory.solution`.
     """
     states, bounds = tuple(np.asarray(state, float) for state in starts), limits or Limits()
     point: Solution | dict[str, Array]
-    if isinstance(begin, CommonTrajectory):
+    if isinstance(begin, RobustTrajectory):
         near = _near(built, begin, states, bounds, ratios[-1])
         if near is not None:
             return near
@@ -192,8 +192,8 @@ def solve_common(
 
 
 def _near(
-    built: BuiltCommon, begin: CommonTrajectory, states: tuple[Array, ...], limits: Limits, ratio: float
-) -> CommonTrajectory | None:
+    built: RobustProblem, begin: RobustTrajectory, states: tuple[Array, ...], limits: Limits, ratio: float
+) -> RobustTrajectory | None:
     """The solution near `begin` at other histories; None where there is none, or the problem has no condensed form."""
     problem, last = built.condensed, begin.solution
     if (
@@ -220,7 +220,7 @@ def _near(
     return _trajectory(built, solution, stroke * error, ratio, states, limits)
 
 
-def _whole(built: BuiltCommon, begin: CommonTrajectory) -> Solution:
+def _whole(built: RobustProblem, begin: RobustTrajectory) -> Solution:
     """The solution of `begin` with all variables of the program, of which Newton's method gives the decisions."""
     values = begin.solution.values
     guess = _guess(built, begin.starts, values["net"], values["assist"])
@@ -228,14 +228,14 @@ def _whole(built: BuiltCommon, begin: CommonTrajectory) -> Solution:
 
 
 def _trajectory(
-    built: BuiltCommon, point: Solution, error: Array, ratio: float, starts: tuple[Array, ...], limits: Limits
-) -> CommonTrajectory:
+    built: RobustProblem, point: Solution, error: Array, ratio: float, starts: tuple[Array, ...], limits: Limits
+) -> RobustTrajectory:
     net, assist = point.values["net"], point.values["assist"]
     position = built.lifted.on_thrust(built.lifted.position) @ net
-    return CommonTrajectory(built.task, np.append(net, 0.0) + assist, position, error, ratio, point, starts, limits)
+    return RobustTrajectory(built.task, np.append(net, 0.0) + assist, position, error, ratio, point, starts, limits)
 
 
-def _guess(built: BuiltCommon, states: Sequence[Array], net: Array, assist: Array) -> dict[str, Array]:
+def _guess(built: RobustProblem, states: Sequence[Array], net: Array, assist: Array) -> dict[str, Array]:
     """Values of all variables where the exact elements go under net thrust (N,) and assist (N + 1,) [N]."""
     task = built.task
     extra = task.feedback.last - task.samples

@@ -106,19 +106,19 @@ def follow_loop(
     z = ca.reshape(program.variable(f"z_of_{name}", np.tile(limit, n)), limit.size, n)
     command, before = thrust + pid, ca.horzcat(ca.MX(modes, 1), state[:, :-1])
     net = (command - force).T
-    program.require(ca.vec(state - loop.phi @ before - loop.gamma @ net), 0, 0, np.tile(units, n))
-    program.require(middle - (loop.predict @ before).T, 0, 0, stroke)
+    program.subject_to(ca.vec(state - loop.phi @ before - loop.gamma @ net), 0, 0, np.tile(units, n))
+    program.subject_to(middle - (loop.predict @ before).T, 0, 0, stroke)
     sampled = (loop.output @ before + loop.through * net).T
-    program.require(position - _later(sampled, loop.whole), 0, 0, stroke)
+    program.subject_to(position - _later(sampled, loop.whole), 0, 0, stroke)
     waiting = ca.vertcat(ca.repmat(reference[0], feedback.reference_delay, 1), reference)[:n]
     error = waiting - _later(position, 1)
     acting = sum(float(c) * _later(error, k) for k, c in enumerate(loop.zeros))
-    program.require(sum(float(c) * _later(pid, k) for k, c in enumerate(loop.poles)) - acting, 0, 0, unit)
+    program.subject_to(sum(float(c) * _later(pid, k) for k, c in enumerate(loop.poles)) - acting, 0, 0, unit)
     moved = ca.diff(ca.vertcat(0, middle)).T
     constants = (ca.repmat(one, 1, n) for one in (ratio, stiffness, limit))
     after, pull = law(limit.size).map(n)(ca.horzcat(start, z[:, :-1]), moved, *constants)
-    program.require(ca.vec(z - after), 0, 0, np.tile(limit, n))
-    program.require(force - (pull.T - ca.dot(stiffness, start)), 0, 0, unit)
+    program.subject_to(ca.vec(z - after), 0, 0, np.tile(limit, n))
+    program.subject_to(force - (pull.T - ca.dot(stiffness, start)), 0, 0, unit)
     return position[_counted(feedback)] - stroke, command + ca.dot(stiffness, start)
 
 

@@ -8,14 +8,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.controller import feedback_alone
 from design.trajectory.history_aware import Trajectory
 from design.trajectory.scenarios import Scenario, respond
+from design.trajectory.schemes import feedback
 from models.controller import References
 from models.friction import follow
 from models.machine import Machine
 from models.simulation.simulator import simulate
 from models.smooth_friction import follow_smoothed
-from studies.trajectory_optimisation.designs import bare, feedback
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def held(machine: Machine, given: References, target: Array) -> dict[str, Any]:
     Nonsmooth, by the simulator with ever shorter substeps; `left_m` at those of PARTS, against FINE of them.
     """
     exact = replace(machine, scale=replace(machine.scale, resolution=0.0, noise=0.0))
-    law = bare(machine)
+    law = feedback_alone(machine)
     best = simulate(exact, law, target, given=given, substeps=FINE).position
     left = [float(np.max(np.abs(simulate(exact, law, target, given=given, substeps=n).position - best))) for n in PARTS]
     return {"substeps": PARTS, "left_m": left, "order": float(-np.polyfit(np.log(PARTS), np.log(left), 1)[0])}

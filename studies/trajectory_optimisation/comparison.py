@@ -8,19 +8,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from design.controller import assemble
+from design.controller import assemble, feedback_alone
 from design.deadbeat import Deadbeat
+from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import Trajectory
-from design.trajectory.robust import CommonTrajectory
+from design.trajectory.robust import RobustTrajectory
+from design.trajectory.schemes import Scheme, Wanted, history_aware, profile_of
 from design.validation import sequence
 from models.controller import Controller, References
 from models.friction import Friction
 from models.machine import Machine
 from models.variation import drawn
 from studies.study import Progress
-from studies.trajectory_optimisation import designs
-from studies.trajectory_optimisation.designs import Scheme, Wanted, bare, history_aware, motion_of
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import RANGE, Aim, Outcome, judge
 
@@ -71,22 +71,27 @@ def compare(
 
 
 def contestants(
-    machine: Machine, wanted: Wanted, made: tuple[Deadbeat, Trajectory, Trajectory, CommonTrajectory]
+    machine: Machine, wanted: Wanted, made: tuple[Deadbeat, Trajectory, Trajectory, RobustTrajectory]
 ) -> list[Contestant]:
     """All schemes, as designed for `machine`; the learning is the same for both that learn."""
     deadbeat, peak, chosen, common = made
     law = assemble(machine, deadbeat)
-    aware, target = history_aware(machine, motion_of(machine, chosen)), sequence(machine, wanted.stroke)
-    least = compensate(motion_of(machine, peak), machine.friction, target)
+    aware, target = history_aware(machine, profile_of(machine, chosen)), sequence(machine, wanted.stroke)
+    least = compensate(profile_of(machine, peak), machine.friction, target)
     name = f"Deadbeat and RFM, N = {machine.control.compensator_elements}"
     return [
         Contestant("deadbeat", "Deadbeat alone", law.without_compensation()),
         Contestant("paper", name, law),
-        Contestant("paper_learning", f"{name}, learning", law, learning=designs.paper(law)),
-        Contestant("common", "One for all", designs.common_controller(machine, common)),
-        Contestant("peak", "History-aware, least peak", bare(machine), least),
-        Contestant("aware", "History-aware, chosen", bare(machine), aware.references(machine.friction, target)),
-        Contestant("learning", "History-aware, learning", bare(machine), learning=aware),
+        Contestant("paper_learning", f"{name}, learning", law, learning=schemes.paper(law)),
+        Contestant("common", "One for all", schemes.robust_controller(machine, common)),
+        Contestant("peak", "History-aware, least peak", feedback_alone(machine), least),
+        Contestant(
+            "aware",
+            "History-aware, chosen",
+            feedback_alone(machine),
+            aware.references(machine.friction, target),
+        ),
+        Contestant("learning", "History-aware, learning", feedback_alone(machine), learning=aware),
     ]
 
 
@@ -97,8 +102,8 @@ def outcomes(
     every = [machine, *tables]
     if one.learning is None:
         return judge(every, one.controller, aim, one.given, seed), []
-    frictions, taught = designs.learned(every, machine, one.learning, aim.stroke, seed)
-    return judge(every, bare(machine), aim, taught, seed), frictions
+    frictions, taught = schemes.learned(every, machine, one.learning, aim.stroke, seed)
+    return judge(every, feedback_alone(machine), aim, taught, seed), frictions
 
 
 def row_of(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from design.controller import waiting
 from design.deadbeat import Deadbeat, DesignError, synthesise
+from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import (
     OBJECTIVES,
@@ -18,19 +20,19 @@ from design.trajectory.history_aware import (
     Task,
     Trajectory,
 )
+from design.trajectory.robust import RobustTrajectory
+from design.trajectory.schemes import Wanted, profile_of
 from design.validation import PERIODS, sequence
 from models.controller import Controller, to_json
 from models.machine import Machine, parameters
 from models.quantity import show
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
-from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
-from studies.trajectory_optimisation.designs import Wanted, motion_of
 from studies.trajectory_optimisation.members import on_members
 from studies.trajectory_optimisation.options import TrajectoryOptions
-from studies.trajectory_optimisation.outcomes import MODE_RANGE, RANGE, Aim
+from studies.trajectory_optimisation.outcomes import ERRORS, MODE_RANGE, RANGE, Aim
 from studies.trajectory_optimisation.tradeoff import (
     failed_iterate,
     pareto,
@@ -46,54 +48,106 @@ MOST_SAMPLES: Final = 120  # of a motion: three times those of the paper's
 RESERVE: Final = 0.7  # of T_fc, kept of the rated thrust for the feedback and for tables with more friction
 
 
+@dataclass(frozen=True)
+class _Designs:
+    """What was designed: the least number of samples that the thrust allows, with all that was tried for it; how many
+    the motions take; and the trajectories. `asked` is by the objective that was asked for, and may not have converged.
+    """
+
+    shortest: int
+    tried: Mapping[int, Trajectory]
+    samples: int
+    deadbeat: Deadbeat
+    peak: Trajectory
+    asked: Trajectory
+    copies: int
+    robust: RobustTrajectory
+
+    @property
+    def chosen(self) -> Trajectory:
+        """The one that drives the tables: an iterate that failed is shown, and drives none."""
+        return self.asked if self.asked.solution.converged else self.peak
+
+
 def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted = _wanted(machine, options)
     aim = Aim(wanted.stroke, wanted.tolerance, wanted.settling_time)
-    progress(0.02, "the shortest motion that the thrust allows")
-    try:
-        shortest, tried = designs.quickest(machine, wanted, designs.samples_for(machine, wanted.settling_time))
-        count = max(shortest, designs.samples_for(machine, wanted.settling_time))
-        deadbeat = _deadbeat(machine, wanted)
-    except DesignError as error:
-        raise BadInputError(f"--settling-time, --stroke, --thrust-limit: {error}") from error
-    progress(0.06, "least peak thrust over all histories")
-    _, peak = designs.least_peak(machine, wanted, count)
-    found, scenarios = peak, None
-    progress(0.1, f"history-aware: {OBJECTIVES[options.objective]}")
-    if options.objective == "sensitivity":
-        _, found, scenarios = designs.least_sensitive(machine, wanted, peak, quick=options.quick)
-    elif options.objective != "peak_thrust":
-        _, found = designs.aware(machine, wanted, _renamed(peak.task, options.objective))
-    chosen = found if found.solution.converged else peak  # a failed iterate is shown, and drives no table
-    progress(0.2, "one trajectory for all histories")
-    common = designs.one_for_all(machine, wanted, peak, options.common_objective, quick=options.quick)
+    made = _designed(machine, wanted, options, progress)
     progress(0.35, "certificate of the smoothing")
-    certificate = certify(machine, peak, options.seed, quick=options.quick)
-    target = sequence(machine, wanted.stroke, periods=1)
-    for name, one in (("held_peak", peak), ("held_chosen", chosen)):
-        certificate[name] = held(machine, compensate(motion_of(machine, one), machine.friction, target), target)
+    certificate = _certificate(machine, wanted, made, options)
     progress(0.4, "settling time, thrust and sensitivity against each other")
-    trade_off = pareto(machine, wanted, shortest, aim, quick=options.quick)
-    tolerance = to_tolerance(machine, wanted, shortest, quick=options.quick)
+    trade_off = pareto(machine, wanted, made.shortest, aim, quick=options.quick)
+    shortest = {
+        **shortest_motion(
+            machine, made.shortest, made.tried, to_tolerance(machine, wanted, made.shortest, quick=options.quick)
+        ),
+        "rest_rated_s": rest_at_rated_thrust(machine, wanted, made.shortest),
+    }
     progress(0.6, "judging on nonsmooth tables")
-    schemes = contestants(machine, wanted, (deadbeat, peak, chosen, common))
-    judged = compare(machine, wanted, aim, options, schemes, progress)
+    entrants = contestants(machine, wanted, (made.deadbeat, made.peak, made.chosen, made.robust))
+    judged = compare(machine, wanted, aim, options, entrants, progress)
     progress(0.82, "judging on the tables that behave as the paper says")
-    members = on_members(machine, wanted, aim, options, schemes, count, progress)
+    members = on_members(machine, wanted, aim, options, entrants, made.samples, progress)
     progress(0.95, "collecting the results")
     results = {
         "quick": options.quick,
         "wanted": _plain_wanted(machine, wanted, options),
-        "shortest": {
-            **shortest_motion(machine, shortest, tried, tolerance),
-            "rest_rated_s": rest_at_rated_thrust(machine, wanted, shortest),
-        },
+        "shortest": shortest,
         "certificate": certificate,
-        "designs": _designs(machine, deadbeat, peak, found, common),
-        "failed": failed_iterate(machine, wanted, shortest),
+        "designs": _signals(machine, made),
+        "failed": failed_iterate(machine, wanted, made.shortest),
         "pareto": trade_off,
-        "errors": vars(designs.ERRORS),
+        **_assumed(),
+        **judged,
+        "members": members,
+        "fell_back": made.chosen is not made.asked,
+        "solver": _solver(made),
+        "parameters": [vars(one) | {"provenance": vars(one.provenance)} for one in parameters(machine)],
+    }
+    files = {"controller.json": _controller_file(machine, wanted, made.chosen)}
+    return Answer(results, _checks(wanted, results), files, _summary(results))
+
+
+def _designed(machine: Machine, wanted: Wanted, options: TrajectoryOptions, progress: Progress) -> _Designs:
+    """All designs. Raises BadInputError where no motion keeps to the thrust."""
+    progress(0.02, "the shortest motion that the thrust allows")
+    try:
+        aimed = schemes.samples_for(machine, wanted.settling_time)
+        shortest, tried = schemes.quickest(machine, wanted, aimed)
+        samples = max(shortest, aimed)
+        deadbeat = _deadbeat(machine, wanted)
+    except DesignError as error:
+        raise BadInputError(f"--settling-time, --stroke, --thrust-limit: {error}") from error
+    progress(0.06, "least peak thrust over all histories")
+    _, peak = schemes.least_peak(machine, wanted, samples)
+    asked, copies = peak, 0
+    progress(0.1, f"history-aware: {OBJECTIVES[options.objective]}")
+    if options.objective == "sensitivity":
+        errors = replace(ERRORS, length=0.0, mass=0.0) if options.quick else ERRORS
+        _, asked, scenarios = schemes.least_sensitive(machine, wanted, peak, errors)
+        copies = len(scenarios)
+    elif options.objective != "peak_thrust":
+        _, asked = schemes.aware(machine, wanted, _renamed(peak.task, options.objective))
+    progress(0.2, "one trajectory for all histories")
+    effort: dict[str, Any] = {"seen": 2, "ratios": schemes.COARSE[:1], "rounds": 1} if options.quick else {}
+    robust = schemes.robust_trajectory(machine, wanted, peak, options.common_objective, **effort)  # type: ignore[arg-type]
+    return _Designs(shortest, tried, samples, deadbeat, peak, asked, copies, robust)
+
+
+def _certificate(machine: Machine, wanted: Wanted, made: _Designs, options: TrajectoryOptions) -> dict[str, Any]:
+    """How far the smoothed friction is from the exact one, and what friction once a sample makes of the motions."""
+    certificate = certify(machine, made.peak, options.seed, quick=options.quick)
+    target = sequence(machine, wanted.stroke, periods=1)
+    for name, one in (("held_peak", made.peak), ("held_chosen", made.chosen)):
+        certificate[name] = held(machine, compensate(profile_of(machine, one), machine.friction, target), target)
+    return certificate
+
+
+def _assumed() -> dict[str, Any]:
+    """What the tables that a design is judged on differ in, and for how long they are simulated."""
+    return {
+        "errors": vars(ERRORS),
         "range": {
             "friction_force": RANGE.friction_force,
             "presliding_length": RANGE.friction_length,
@@ -101,18 +155,17 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
             "mode_frequency": MODE_RANGE,
         },
         "periods": PERIODS,
-        **judged,
-        "members": members,
-        "fell_back": chosen is not found,
-        "solver": _solver(peak, found, common, 0 if scenarios is None else len(scenarios)),
-        "parameters": [vars(one) | {"provenance": vars(one.provenance)} for one in parameters(machine)],
     }
-    files = {"controller.json": _controller_file(machine, wanted, chosen)}
-    summary = [
+
+
+def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [
         ("shortest time to rest within the thrust", show(results["shortest"]["rest_s"], "s")),
-        *((row["name"] + ", 95 % of 3 sigma", show(row["ensemble"]["dispersion_m"], "m", 3)) for row in judged["rows"]),
+        *(
+            (row["name"] + ", 95 % of 3 sigma", show(row["ensemble"]["dispersion_m"], "m", 3))
+            for row in results["rows"]
+        ),
     ]
-    return Answer(results, _checks(wanted, results), files, summary)
 
 
 def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
@@ -166,28 +219,35 @@ def _deadbeat(machine: Machine, wanted: Wanted) -> Deadbeat:
 
 
 def _renamed(task: Task, objective: Any) -> Task:
-    return Task(
-        task.plant, task.friction, task.sample_time, task.samples, task.stroke, objective, histories=task.histories
-    )
+    """The same task with another objective."""
+    return replace(task, objective=objective)
 
 
-def _designs(
-    machine: Machine, deadbeat: Deadbeat, peak: Trajectory, chosen: Trajectory, common: Any
-) -> dict[str, dict[str, Any]]:
-    ts = machine.sample_time
+def _signals(machine: Machine, made: _Designs) -> dict[str, dict[str, Any]]:
+    """x_T* and u_ff of each design over time."""
 
     def signals(position: Array, thrusts: Sequence[Array]) -> dict[str, Any]:
-        return {"time_s": np.arange(len(position)) * ts, "position_m": position, "thrust_N": thrusts}
+        time = np.arange(len(position)) * machine.sample_time
+        return {"time_s": time, "position_m": position, "thrust_N": thrusts}
+
+    def of(found: Trajectory) -> dict[str, Any]:
+        return signals(found.position, list(np.column_stack([found.thrust, found.hold])))
 
     return {
-        "deadbeat": signals(deadbeat.position, [np.append(deadbeat.thrust, 0.0)]),
-        "peak": signals(peak.position, list(np.column_stack([peak.thrust, peak.hold]))),
-        "aware": signals(chosen.position, list(np.column_stack([chosen.thrust, chosen.hold]))),
-        "common": signals(common.position, [common.thrust]),
+        "deadbeat": signals(made.deadbeat.position, [np.append(made.deadbeat.thrust, 0.0)]),
+        "peak": of(made.peak),
+        "aware": of(made.asked),
+        "common": signals(made.robust.position, [made.robust.thrust]),
     }
 
 
-def _solver(peak: Trajectory, chosen: Trajectory, common: Any, scenarios: int) -> list[dict[str, Any]]:
+def _solver(made: _Designs) -> list[dict[str, Any]]:
+    """What the solver says of each design."""
+    cases: tuple[tuple[str, Trajectory | RobustTrajectory, int], ...] = (
+        ("history-aware, least peak", made.peak, 0),
+        ("history-aware, chosen", made.asked, made.copies),
+        ("one for all", made.robust, len(made.robust.task.scenarios)),
+    )
     return [
         {
             "design": name,
@@ -199,27 +259,16 @@ def _solver(peak: Trajectory, chosen: Trajectory, common: Any, scenarios: int) -
             "ratio": found.ratio,
             "copies": copies,
         }
-        for name, found, copies in (
-            ("history-aware, least peak", peak, 0),
-            ("history-aware, chosen", chosen, scenarios),
-            ("one for all", common, len(common.task.scenarios)),
-        )
+        for name, found, copies in cases
     ]
 
 
 def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory) -> dict[str, Any]:
     """controller.json: n_ff and d_ff give x_T* and the net thrust; the friction to follow is the machine's own."""
-    motion = motion_of(machine, chosen)
-    filters = designs.polynomials(motion)
-    control = machine.control
-    controller = Controller(
-        machine.sample_time,
-        control.pid,
-        waiting(machine),
-        tuple(filters["n_ff"]),
-        tuple(filters["d_ff"]),
-        machine.friction,
-    )
+    motion = profile_of(machine, chosen)
+    n_ff, d_ff = (tuple(np.diff(signal, prepend=0.0) / motion.stroke) for signal in (motion.position, motion.net))
+    pid, delay = machine.control.pid, waiting(machine)
+    controller = Controller(machine.sample_time, pid, delay, n_ff, d_ff, machine.friction)
     return {
         **to_json(controller, wanted.stroke, chosen.task.samples * machine.sample_time),
         "trajectory": {

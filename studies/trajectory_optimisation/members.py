@@ -7,15 +7,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from design.controller import assemble
+from design.controller import assemble, feedback_alone
 from design.deadbeat import synthesise
+from design.trajectory import schemes
+from design.trajectory.schemes import Wanted, history_aware, profile_of
 from design.validation import sequence
 from models.ensemble import load_ensemble
 from models.machine import Machine, load
 from studies.study import Progress
-from studies.trajectory_optimisation import designs
 from studies.trajectory_optimisation.comparison import Contestant, outcomes, row_of
-from studies.trajectory_optimisation.designs import Wanted, bare, history_aware, motion_of
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import Aim, judge
 
@@ -66,14 +66,14 @@ def _own(
     for one in members:
         settling = one.specification.reference_settling_time
         laws.append(assemble(one, synthesise(one.plant, one.sample_time, settling, wanted.stroke)))
-        samples, tried = designs.quickest(one, wanted, count, least=count)
-        scheme = history_aware(one, motion_of(one, tried[samples]))
+        samples, tried = schemes.quickest(one, wanted, count, least=count)
+        scheme = history_aware(one, profile_of(one, tried[samples]))
         given.append(scheme.references(one.friction, sequence(one, wanted.stroke)))
-        rests.append(designs.rest_time(one, samples))
+        rests.append(schemes.rest_time(one, samples))
     rows = []
     for key, name, controllers, its in (
         ("paper", "Deadbeat and RFM", laws, None),
-        ("peak", "History-aware, least peak", [bare(one) for one in members], given),
+        ("peak", "History-aware, least peak", [feedback_alone(one) for one in members], given),
     ):
         every = judge(members, controllers, aim, its, seed)
         row = row_of(Contestant(key, name, controllers[0]), every[0], every, members[0], wanted)

@@ -9,15 +9,16 @@ from typing import Any, Final
 
 import numpy as np
 
+from design.controller import feedback_alone
+from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import CONTINUATION, Limits, Task, Trajectory, build, least_settling_time, solve
 from design.trajectory.scenarios import Errors
 from design.trajectory.scenarios import tables as scenario_tables
+from design.trajectory.schemes import Wanted, profile_of
 from design.validation import sequence
 from models.machine import Machine
-from studies.trajectory_optimisation import designs
-from studies.trajectory_optimisation.designs import Wanted, bare, motion_of
-from studies.trajectory_optimisation.outcomes import Aim, judge
+from studies.trajectory_optimisation.outcomes import ERRORS, Aim, judge
 
 PARETO: Final = (0, 1, 2, 4, 6, 8, 12)  # samples beyond the shortest motion
 NONE: Final = {"force": 0.0, "length": 0.0, "mass": 0.0, "frequency": 0.0}
@@ -28,10 +29,10 @@ def pareto(machine: Machine, wanted: Wanted, shortest: int, aim: Aim, *, quick: 
     """Least peak thrust at each time of the motion, and what one-sigma errors leave; robust beside it at some."""
     rows = []
     for extra in PARETO[:2] if quick else PARETO:
-        _, peak = designs.least_peak(machine, wanted, shortest + extra)
+        _, peak = schemes.least_peak(machine, wanted, shortest + extra)
         rows.append(_pareto_row(machine, peak, aim, "least peak thrust"))
         if not quick and extra in PARETO_ROBUST:
-            _, robust, _ = designs.least_sensitive(machine, wanted, peak, quick=False)
+            _, robust, _ = schemes.least_sensitive(machine, wanted, peak, ERRORS)
             if robust.solution.converged:
                 rows.append(_pareto_row(machine, robust, aim, "least sensitivity"))
     return rows
@@ -40,24 +41,24 @@ def pareto(machine: Machine, wanted: Wanted, shortest: int, aim: Aim, *, quick: 
 def _pareto_row(machine: Machine, found: Trajectory, aim: Aim, design: str) -> dict[str, Any]:
     """Sensitivity: root of the mean square error after the motion over one-sigma tables, nonsmooth; by what is off."""
     ts = machine.sample_time
-    motion = motion_of(machine, found)
+    motion = profile_of(machine, found)
     given = compensate(motion, machine.friction, sequence(machine, aim.stroke))
     first = found.task.samples + round(machine.plant.dead_time / ts)
-    part = slice(first, first + round(designs.LOOK / ts))
+    part = slice(first, first + round(schemes.LOOK / ts))
 
     def square(errors: Errors) -> float:
         cases = scenario_tables(machine.plant, machine.friction, errors)
         if not cases:  # a rigid axis has no frequency that could be wrong
             return 0.0
         wrong = [replace(machine, plant=plant, friction=friction) for plant, friction, _ in cases]
-        outcomes = judge(wrong, bare(machine), aim, given)
+        outcomes = judge(wrong, feedback_alone(machine), aim, given)
         return float(sum(case[2] * np.mean(one.error[:, part] ** 2) for one, case in zip(outcomes, cases, strict=True)))
 
-    shares = {name: square(Errors(**{**NONE, name: size})) for name, size in vars(designs.ERRORS).items()}
-    central = judge([machine], bare(machine), aim, given)[0]
+    shares = {name: square(Errors(**{**NONE, name: size})) for name, size in vars(ERRORS).items()}
+    central = judge([machine], feedback_alone(machine), aim, given)[0]
     return {
         "design": design,
-        "time_s": designs.rest_time(machine, found.task.samples),
+        "time_s": schemes.rest_time(machine, found.task.samples),
         "peak_N": max(float(np.max(np.abs(given.feedforward + given.compensation))), found.peak),
         "sensitivity_m": math.sqrt(sum(shares.values())),
         "by_m": {name: math.sqrt(share) for name, share in shares.items()},
@@ -71,11 +72,11 @@ def to_tolerance(machine: Machine, wanted: Wanted, shortest: int, *, quick: bool
     tolerance = machine.specification.tolerance
     limits = Limits(wanted.limits.thrust, wanted.limits.slew, tolerance)
     count, tried = least_settling_time(
-        build(task), designs.slip_states(machine), limits, ratios=designs.COARSE[:1] if quick else CONTINUATION
+        build(task), schemes.slip_states(machine), limits, ratios=schemes.COARSE[:1] if quick else CONTINUATION
     )
     return {
         "tolerance_m": tolerance,
-        "time_s": designs.rest_time(machine, count),
+        "time_s": schemes.rest_time(machine, count),
         "solves": len(tried),
         "iterations": [one.solution.iterations for one in tried.values()],
     }
@@ -88,8 +89,8 @@ def shortest_motion(
     counts = sorted(tried)
     return {
         "samples": shortest,
-        "rest_s": designs.rest_time(machine, shortest),
-        "tried": [{"time_s": designs.rest_time(machine, count), "peak_N": tried[count].peak} for count in counts],
+        "rest_s": schemes.rest_time(machine, shortest),
+        "tried": [{"time_s": schemes.rest_time(machine, count), "peak_N": tried[count].peak} for count in counts],
         "to_tolerance": tolerance,
     }
 
@@ -97,16 +98,16 @@ def shortest_motion(
 def rest_at_rated_thrust(machine: Machine, wanted: Wanted, shortest: int) -> float:
     """When [s] the table rests at the earliest if the trajectory may take all of the rated thrust."""
     whole = replace(wanted, limits=Limits(machine.drive.rated_thrust, wanted.limits.slew))
-    return designs.rest_time(machine, designs.quickest(machine, whole, shortest)[0])
+    return schemes.rest_time(machine, schemes.quickest(machine, whole, shortest)[0])
 
 
 def failed_iterate(machine: Machine, wanted: Wanted, shortest: int) -> dict[str, Any]:
     """The problem one sample shorter than possible: the iterate at which IPOPT gives up, and what to do."""
     count = max(shortest - 1, 2 * len(machine.plant.modes))
     task = Task(machine.plant, machine.friction, machine.sample_time, count, wanted.stroke, "energy", 2)
-    found = solve(build(task), designs.slip_states(machine), wanted.limits)
+    found = solve(build(task), schemes.slip_states(machine), wanted.limits)
     return {
-        "time_s": designs.rest_time(machine, count),
+        "time_s": schemes.rest_time(machine, count),
         "step_s": np.arange(count + 1) * machine.sample_time,
         "thrust_N": [*found.thrust[0], found.hold[0]],
         "position_m": found.position,

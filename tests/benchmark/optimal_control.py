@@ -10,12 +10,12 @@ from statistics import median
 
 import numpy as np
 
+from design.trajectory import schemes
 from design.trajectory.history_aware import Limits, Task, build, solve
 from design.trajectory.nlp import Solution
-from design.trajectory.robust import CommonTask, build_common, solve_common
+from design.trajectory.robust import RobustTask, build_robust, solve_robust
 from design.trajectory.scenarios import Scenario
 from models.machine import Machine, load
-from studies.trajectory_optimisation import designs
 
 SAMPLES = 40  # N
 HISTORIES = 5
@@ -47,7 +47,7 @@ class Time:
 
 def solve_times(machine: Machine) -> tuple[Time, ...]:
     """First build, then warm solves of the history-aware problem and of one trajectory for all histories."""
-    states = designs.slip_states(machine)[:1]
+    states = schemes.slip_states(machine)[:1]
     stroke = machine.specification.stroke
     task = Task(machine.plant, machine.friction, machine.sample_time, SAMPLES, stroke, "peak_thrust")
     begin = time.perf_counter()
@@ -65,32 +65,32 @@ def solve_times(machine: Machine) -> tuple[Time, ...]:
         _warm(
             f"warm solve, {HISTORIES} histories", 0.5, lambda share: solve(several, share * many, start=five).solution
         ),
-        _common(machine, one.net, many),
+        _robust(machine, one.net, many),
     )
 
 
-def _common(machine: Machine, net: designs.Array, states: designs.Array) -> Time:
+def _robust(machine: Machine, net: schemes.Array, states: schemes.Array) -> Time:
     """The same histories for one trajectory: as many copies of the whole loop, feedback and all."""
     look = SAMPLES + 1 + round(machine.plant.dead_time / machine.sample_time)
-    task = CommonTask(
+    task = RobustTask(
         machine.plant,
         tuple(Scenario(machine.plant, machine.friction, i) for i in range(len(states))),
-        designs.feedback(machine, look, designs.LOOK_COMMON),
+        schemes.feedback(machine, look, schemes.LOOK_ROBUST),
         machine.sample_time,
         SAMPLES,
         machine.specification.stroke,
     )
-    built, limits = build_common(task), Limits(machine.drive.rated_thrust)
-    found = solve_common(built, list(states), net, limits, ratios=designs.COARSE)
+    built, limits = build_robust(task), Limits(machine.drive.rated_thrust)
+    found = solve_robust(built, list(states), net, limits, ratios=schemes.COARSE)
     return _warm(
         f"warm solve, one trajectory for {len(states)} histories",
         0.5,
-        lambda share: solve_common(built, list(share * states), found, limits, ratios=designs.COARSE).solution,
+        lambda share: solve_robust(built, list(share * states), found, limits, ratios=schemes.COARSE).solution,
         SHARES,
     )
 
 
-def _warm(name: str, target: float, solve_at: Callable[[float], Solution], shares: designs.Array = SHARES) -> Time:
+def _warm(name: str, target: float, solve_at: Callable[[float], Solution], shares: schemes.Array = SHARES) -> Time:
     seconds, found = [], []
     for share in shares:
         begin = time.perf_counter()

@@ -11,9 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from design.controller import feedback_alone
 from design.deadbeat import synthesise
-from design.trajectory.compensator import compensate, shape
+from design.trajectory.compensator import compensate, motion_profile
 from design.trajectory.history_aware import Limits
+from design.trajectory.schemes import (
+    Wanted,
+    histories,
+    history_aware,
+    profile_of,
+    quickest,
+    rest_time,
+)
 from design.validation import sequence
 from models.controller import Controller, load
 from models.machine import load as load_machine
@@ -23,15 +32,6 @@ from models.simulation.simulator import simulate
 from models.variation import drawn
 from studies.command import CHECK_MISSED, DONE, main
 from studies.trajectory_optimisation.__main__ import STUDY
-from studies.trajectory_optimisation.designs import (
-    Wanted,
-    bare,
-    histories,
-    history_aware,
-    motion_of,
-    quickest,
-    rest_time,
-)
 from studies.trajectory_optimisation.outcomes import RANGE, Aim, judge
 
 
@@ -115,8 +115,8 @@ def test_histories_change_with_a_rounding_as_little_as_it_is() -> None:
     target = sequence(machine, 20e-6)
     states = []
     for change in (0.0, 1e-7, -1e-7):
-        motion = shape(machine.plant, machine.sample_time, thrust * (1 + change), 20e-6)
-        states.append(histories(machine, bare(machine), 20e-6, compensate(motion, machine.friction, target)))
+        motion = motion_profile(machine.plant, machine.sample_time, thrust * (1 + change), 20e-6)
+        states.append(histories(machine, feedback_alone(machine), 20e-6, compensate(motion, machine.friction, target)))
     assert np.max(np.abs(states[1] - states[0])) < 1e-10
     assert np.max(np.abs(states[2] - states[0])) < 1e-10
 
@@ -127,7 +127,7 @@ def test_the_feedback_waits_as_the_trajectory_needs_it_at_any_dead_time(dead_tim
     machine = replace(machine, plant=replace(machine.plant, dead_time=dead_time))
     wanted = Wanted(20e-6, 0.5e-6, 25e-3, Limits())
     count, tried = quickest(machine, wanted, 50, least=50)
-    scheme = history_aware(machine, motion_of(machine, tried[count]))
+    scheme = history_aware(machine, profile_of(machine, tried[count]))
     given = scheme.references(machine.friction, sequence(machine, wanted.stroke))
     judged = judge([machine], scheme.controller, Aim(20e-6, 0.5e-6, 25e-3), given)[0]
     after = round((rest_time(machine, count)) / machine.sample_time) + 1

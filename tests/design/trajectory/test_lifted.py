@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from design.deadbeat import DesignError, synthesise
-from design.trajectory.compensator import compensate, learn, rest_states, shape
+from design.trajectory.compensator import compensate, learn, motion_profile, rest_states
 from design.trajectory.history_aware import Limits
 from design.trajectory.lifted import feedforward_only, lift
-from design.trajectory.robust import CommonTask, build_common, solve_common
+from design.trajectory.robust import RobustTask, build_robust, solve_robust
 from design.trajectory.scenarios import Feedback, Scenario, respond
 from models.controller import Controller, References, references
 from models.friction import elements, follow
@@ -79,7 +79,7 @@ def test_a_history_aware_motion_follows_its_reference_whatever_the_friction_reme
     """Against the deadbeat alone, beside it, whose reversal is micrometres off."""
     deadbeat = synthesise(machine.plant, TS, 22e-3, STROKE)
     target = feeding_sequence(STROKE, 2, 0.2, TS, 2)
-    given = compensate(shape(machine.plant, TS, deadbeat.thrust, STROKE), machine.friction, target)
+    given = compensate(motion_profile(machine.plant, TS, deadbeat.thrust, STROKE), machine.friction, target)
     bare = Controller(TS, machine.control.pid, 2, (1.0,), (0.0,))
     off = [
         simulate(machine, bare, target, given=known).position[2:] - known.position[:-2]
@@ -113,8 +113,8 @@ def test_one_for_all_predicts_what_the_simulator_does_and_beats_its_beginning(ma
     starts = [-np.array(machine.friction.limit), 0.8 * np.array(machine.friction.limit)]
     scenarios = tuple(Scenario(machine.plant, machine.friction, h) for h in range(2))
     loop = Feedback(TS, machine.control.pid, 2, 47, 70)
-    task = CommonTask(machine.plant, scenarios, loop, TS, 44, STROKE)
-    found = solve_common(build_common(task), starts, deadbeat.thrust, Limits(thrust=150.0), ratios=(0.3, 0.05))
+    task = RobustTask(machine.plant, scenarios, loop, TS, 44, STROKE)
+    found = solve_robust(build_robust(task), starts, deadbeat.thrust, Limits(thrust=150.0), ratios=(0.3, 0.05))
     assert found.solution.converged
     law = found.controller(TS, machine.control.pid, 2)
     worst = []
@@ -131,7 +131,7 @@ def test_one_for_all_predicts_what_the_simulator_does_and_beats_its_beginning(ma
 def test_a_common_task_that_looks_at_nothing_is_said(machine: Machine) -> None:
     loop = Feedback(TS, machine.control.pid, 2, 30, 40)
     with pytest.raises(DesignError, match="look further"):
-        build_common(CommonTask(machine.plant, (), loop, TS, 44, STROKE))
+        build_robust(RobustTask(machine.plant, (), loop, TS, 44, STROKE))
 
 
 def test_the_path_of_a_feedforward_ends_on_the_target(machine: Machine) -> None:

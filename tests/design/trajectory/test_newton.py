@@ -11,7 +11,7 @@ from design.deadbeat import synthesise
 from design.trajectory import newton as condensed
 from design.trajectory.history_aware import Limits
 from design.trajectory.newton import Histories, outcome
-from design.trajectory.robust import BuiltCommon, CommonTask, CommonTrajectory, build_common, solve_common
+from design.trajectory.robust import RobustProblem, RobustTask, RobustTrajectory, build_robust, solve_robust
 from design.trajectory.scenarios import Feedback, Scenario
 from models.machine import Machine, load
 
@@ -30,25 +30,25 @@ def starts(share: float) -> list[np.ndarray[tuple[int], np.dtype[np.float64]]]:
 
 
 @pytest.fixture(scope="module")
-def solved() -> tuple[BuiltCommon, CommonTrajectory]:
+def solved() -> tuple[RobustProblem, RobustTrajectory]:
     """Two histories, 44 samples and 12 ms after them, solved by IPOPT."""
     table = machine()
     scenarios = tuple(Scenario(table.plant, table.friction, h) for h in range(2))
     loop = Feedback(TS, table.control.pid, 2, 47, 71)
-    built = build_common(CommonTask(table.plant, scenarios, loop, TS, 44, STROKE))
+    built = build_robust(RobustTask(table.plant, scenarios, loop, TS, 44, STROKE))
     net = synthesise(table.plant, TS, 22e-3, STROKE).thrust
-    first = solve_common(built, starts(1.0), net, LIMITS, ratios=(0.3, RATIO))
+    first = solve_robust(built, starts(1.0), net, LIMITS, ratios=(0.3, RATIO))
     assert first.solution.status == "Solve_Succeeded"
     return built, first
 
 
-def decisions(built: BuiltCommon, found: CommonTrajectory) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def decisions(built: RobustProblem, found: RobustTrajectory) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     assert built.condensed is not None
     values, unit = found.solution.values, built.condensed.thrust_unit
     return np.concatenate([values["net"] / unit, values["assist"] / unit, values["worst"] / (0.1 * STROKE)])
 
 
-def test_the_condensed_problem_is_the_program(solved: tuple[BuiltCommon, CommonTrajectory]) -> None:
+def test_the_condensed_problem_is_the_program(solved: tuple[RobustProblem, RobustTrajectory]) -> None:
     built, found = solved
     assert built.condensed is not None
     at = Histories(np.array(starts(1.0)), RATIO, 150.0)
@@ -58,7 +58,7 @@ def test_the_condensed_problem_is_the_program(solved: tuple[BuiltCommon, CommonT
     assert violation <= 1e-6
 
 
-def test_its_derivatives_are_those_of_its_differences(solved: tuple[BuiltCommon, CommonTrajectory]) -> None:
+def test_its_derivatives_are_those_of_its_differences(solved: tuple[RobustProblem, RobustTrajectory]) -> None:
     """Gradient of the Lagrangian by central differences, and its Hessian by those of the gradient."""
     built, found = solved
     problem = built.condensed
@@ -92,11 +92,11 @@ def test_its_derivatives_are_those_of_its_differences(solved: tuple[BuiltCommon,
 
 @pytest.mark.parametrize("share", [0.98, 0.9])
 def test_newton_finds_what_ipopt_finds_from_the_same_begin(
-    solved: tuple[BuiltCommon, CommonTrajectory], share: float
+    solved: tuple[RobustProblem, RobustTrajectory], share: float
 ) -> None:
     built, first = solved
-    quick = solve_common(built, starts(share), first, LIMITS, ratios=(RATIO,))
-    known = solve_common(replace(built, condensed=None), starts(share), first, LIMITS, ratios=(RATIO,))
+    quick = solve_robust(built, starts(share), first, LIMITS, ratios=(RATIO,))
+    known = solve_robust(replace(built, condensed=None), starts(share), first, LIMITS, ratios=(RATIO,))
     assert quick.solution.status == "Solved_By_Newton"
     assert known.solution.status == "Solve_Succeeded"
     assert quick.solution.violation <= 1e-9
@@ -105,11 +105,11 @@ def test_newton_finds_what_ipopt_finds_from_the_same_begin(
     assert quick.solution.objective != pytest.approx(first.solution.objective, rel=1e-3)
 
 
-def test_a_solution_of_newton_starts_the_next_one_either_way(solved: tuple[BuiltCommon, CommonTrajectory]) -> None:
+def test_a_solution_of_newton_starts_the_next_one_either_way(solved: tuple[RobustProblem, RobustTrajectory]) -> None:
     built, first = solved
-    near = solve_common(built, starts(0.98), first, LIMITS, ratios=(RATIO,))
-    again = solve_common(built, starts(0.96), near, LIMITS, ratios=(RATIO,))
-    slow = solve_common(built, starts(0.96), near, Limits(150.0, slew=400.0), ratios=(RATIO,))
+    near = solve_robust(built, starts(0.98), first, LIMITS, ratios=(RATIO,))
+    again = solve_robust(built, starts(0.96), near, LIMITS, ratios=(RATIO,))
+    slow = solve_robust(built, starts(0.96), near, Limits(150.0, slew=400.0), ratios=(RATIO,))
     assert again.solution.status == "Solved_By_Newton"
     assert slow.solution.status == "Solve_Succeeded"  # a limit of the slew is IPOPT's
     assert np.max(np.abs(np.diff(slow.thrust, prepend=0.0))) <= 400.0 * (1 + 1e-6)

@@ -1,20 +1,25 @@
-"""The designs: for each history its element states from the nonsmooth simulation, the trajectories that meet them."""
+"""Schemes that meet what the friction remembers: shortest motions, and trajectories for the histories they bring about.
+
+The element states of each history come from the nonsmooth simulation of the design itself, so design and simulation
+alternate. A scheme is what a controller then puts out; it may learn the friction from the thrust that holds a table.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import waiting
+from design.controller import feedback_alone, waiting
 from design.deadbeat import DesignError
-from design.trajectory.compensator import Shape, compensate, learn, rest_states, shape
+from design.trajectory.compensator import MotionProfile, compensate, learn, motion_profile, rest_states
 from design.trajectory.history_aware import Built, Limits, Task, Trajectory, build, solve
-from design.trajectory.robust import CommonTask, CommonTrajectory, build_common, solve_common
+from design.trajectory.robust import Objective as RobustObjective
+from design.trajectory.robust import RobustTask, RobustTrajectory, build_robust, solve_robust
 from design.trajectory.scenarios import Errors, Feedback, Scenario, tables
 from design.validation import respond, sequence
 from models.controller import Controller, References, references
@@ -23,18 +28,15 @@ from models.machine import Machine
 from models.plant import delay_split
 from models.records.record import motions
 from models.simulation.simulator import simulate
-from studies.trajectory_optimisation.outcomes import MODE_RANGE, RANGE
 
 Array = NDArray[np.float64]
 
-ROUNDS: Final = 2  # of design and simulation: the histories follow from the design
-LOOK: Final = 15e-3  # s after the motion over which the error counts in "sensitivity"
-LOOK_COMMON: Final = 30e-3  # s, the same for one trajectory for all, whose errors the feedback brings in
-REST: Final = 20e-3  # s at the end of a motion over which the thrust that holds the table is averaged
-LONGEST: Final = 200  # samples that a search for a feasible motion goes beyond the one aimed at
-# What a trajectory should be insensitive to, one standard deviation each: friction as far as learning leaves it wrong.
-ERRORS: Final = Errors(0.02, 0.02, RANGE.mass / math.sqrt(3), MODE_RANGE / math.sqrt(3))
-COARSE: Final = (0.3, 0.1)  # continuation where a tenth of the limits is fine enough: many copies of the loop
+ROUNDS: Final = 2  # Design and simulation alternate so often: the histories follow from the design, and change little.
+LOOK: Final = 15e-3  # s. The error counts in "sensitivity" for so long after the motion, until the feedback meets it.
+LOOK_ROBUST: Final = 30e-3  # s. A robust trajectory leaves more to the feedback, which takes longer.
+REST: Final = 20e-3  # s. The thrust that holds the table is averaged over so much of a motion's end.
+LONGEST: Final = 200  # A search for a feasible motion gives up so many samples beyond the one aimed at.
+COARSE: Final = (0.3, 0.1)  # Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
 
 
 @dataclass(frozen=True)
@@ -137,21 +139,20 @@ def aware(machine: Machine, wanted: Wanted, task: Task) -> tuple[Built, Trajecto
         found = solve(built, states, wanted.limits, start=found)
         if not found.solution.converged:
             found = solve(built, states, wanted.limits)
-        motion = motion_of(machine, found)
+        motion = profile_of(machine, found)
         given = compensate(motion, machine.friction, sequence(machine, wanted.stroke))
-        states = histories(machine, bare(machine), wanted.stroke, given)
+        states = histories(machine, feedback_alone(machine), wanted.stroke, given)
     assert found is not None
     return built, found
 
 
 def least_sensitive(
-    machine: Machine, wanted: Wanted, begin: Trajectory, *, quick: bool
+    machine: Machine, wanted: Wanted, begin: Trajectory, errors: Errors
 ) -> tuple[Built, Trajectory, tuple[Scenario, ...]]:
-    """From `begin`, the trajectory least sensitive to ERRORS within the thrust of the outermost histories.
+    """From `begin`, the trajectory least sensitive to the errors within the thrust of the outermost histories.
 
     The errors are met at the reversal up, where the friction climbs most.
     """
-    errors = replace(ERRORS, length=0.0, mass=0.0) if quick else ERRORS
     chosen = outermost(machine)
     scenarios = tuple(
         Scenario(plant, friction, 0, weight)
@@ -166,12 +167,15 @@ def least_sensitive(
         scenarios=scenarios,
         feedback=feedback(machine, first, LOOK),
     )
-    given = compensate(motion_of(machine, begin), machine.friction, sequence(machine, wanted.stroke))
-    states = histories(machine, bare(machine), wanted.stroke, given)[chosen]
+    given = compensate(profile_of(machine, begin), machine.friction, sequence(machine, wanted.stroke))
+    states = histories(machine, feedback_alone(machine), wanted.stroke, given)[chosen]
     others = [
-        histories(replace(machine, plant=one.plant, friction=one.friction), bare(machine), wanted.stroke, given)[
-            chosen[one.history]
-        ]
+        histories(
+            replace(machine, plant=one.plant, friction=one.friction),
+            feedback_alone(machine),
+            wanted.stroke,
+            given,
+        )[chosen[one.history]]
         for one in scenarios
     ]
     built = build(task)
@@ -179,31 +183,41 @@ def least_sensitive(
     return built, found, scenarios
 
 
-def one_for_all(
-    machine: Machine, wanted: Wanted, begin: Trajectory, objective: Any, *, quick: bool
-) -> CommonTrajectory:
-    """One trajectory and one thrust for the outermost histories that it brings about itself, and so for all."""
+def robust_trajectory(
+    machine: Machine,
+    wanted: Wanted,
+    begin: Trajectory,
+    objective: RobustObjective,
+    *,
+    seen: int = 4,
+    ratios: Sequence[float] = COARSE,
+    rounds: int = ROUNDS,
+) -> RobustTrajectory:
+    """One trajectory and one thrust for the outermost histories that it brings about itself, and so for all.
+
+    begin: a history-aware trajectory whose net thrust the first solve begins from. seen: how many of the
+    outermost it is solved for. ratios [1]: smoothing widths. rounds: of design and simulation.
+    """
     count = begin.task.samples
     first = count + 1 + round(machine.plant.dead_time / machine.sample_time)
-    chosen = outermost(machine)[:2] if quick else outermost(machine)
-    ratios = COARSE[:1] if quick else COARSE
+    chosen = outermost(machine)[:seen]
     scenarios = tuple(Scenario(machine.plant, machine.friction, i) for i in range(len(chosen)))
-    task = CommonTask(
+    task = RobustTask(
         machine.plant,
         scenarios,
-        feedback(machine, first, LOOK_COMMON),
+        feedback(machine, first, LOOK_ROBUST),
         machine.sample_time,
         count,
         wanted.stroke,
         objective,
     )
-    built = build_common(task)
-    given = compensate(motion_of(machine, begin), machine.friction, sequence(machine, wanted.stroke))
-    states = histories(machine, bare(machine), wanted.stroke, given)[chosen]
-    found = solve_common(built, list(states), begin.net, wanted.limits, ratios=ratios)
-    for _ in range(0 if quick else ROUNDS - 1):
-        states = histories(machine, common_controller(machine, found), wanted.stroke)[chosen]
-        found = solve_common(built, list(states), found, wanted.limits, ratios=ratios)
+    built = build_robust(task)
+    given = compensate(profile_of(machine, begin), machine.friction, sequence(machine, wanted.stroke))
+    states = histories(machine, feedback_alone(machine), wanted.stroke, given)[chosen]
+    found = solve_robust(built, list(states), begin.net, wanted.limits, ratios=ratios)
+    for _ in range(rounds - 1):
+        states = histories(machine, robust_controller(machine, found), wanted.stroke)[chosen]
+        found = solve_robust(built, list(states), found, wanted.limits, ratios=ratios)
     return found
 
 
@@ -222,21 +236,22 @@ class Scheme:
 
 
 def paper(controller: Controller) -> Scheme:
-    """The paper's scheme: the RFM of the controller follows x_T*."""
-    assert controller.friction_compensation is not None
+    """The paper's scheme: the RFM of the controller follows x_T*. Raises ValueError for a controller without one."""
+    known = controller.friction_compensation
+    if known is None:
+        raise ValueError("the controller has no friction compensation that could learn; give one with an RFM")
 
     def put_out(friction: Friction, target: Array) -> References:
         return references(replace(controller, friction_compensation=friction), target)
 
-    known = controller.friction_compensation
     return Scheme(controller, known, put_out, lambda target: put_out(known, target).position)
 
 
-def history_aware(machine: Machine, motion: Shape) -> Scheme:
+def history_aware(machine: Machine, motion: MotionProfile) -> Scheme:
     """A history-aware trajectory: the machine's elements follow it in the middle of each sample."""
     middle = replace(motion, position=motion.middle)
     return Scheme(
-        bare(machine),
+        feedback_alone(machine),
         machine.friction,
         lambda friction, target: compensate(motion, friction, target),
         lambda target: compensate(middle, machine.friction, target).position,
@@ -248,8 +263,8 @@ def learned(
 ) -> tuple[list[Friction], list[References]]:
     """For each table its friction as the controller learns it at rest in two periods, and what it then puts out.
 
-    It knows the trajectory that it leads the table along and the thrust that holds the table before the next motion;
-    nothing else of the table.
+    stroke [m]; seed: of the scale's noise. The controller knows the trajectory that it leads the table along and the
+    thrust that holds the table before the next motion; nothing else of the table.
     """
     target = sequence(nominal, stroke, periods=2)
     path = scheme.path(target)
@@ -267,9 +282,9 @@ def learned(
     return frictions, [scheme.references(friction, whole) for friction in frictions]
 
 
-def motion_of(machine: Machine, trajectory: Trajectory) -> Shape:
+def profile_of(machine: Machine, trajectory: Trajectory) -> MotionProfile:
     """What the history-aware compensator needs of a trajectory."""
-    return shape(machine.plant, machine.sample_time, trajectory.net, trajectory.task.stroke)
+    return motion_profile(machine.plant, machine.sample_time, trajectory.net, trajectory.task.stroke)
 
 
 def feedback(machine: Machine, first: int, look: float) -> Feedback:
@@ -279,19 +294,6 @@ def feedback(machine: Machine, first: int, look: float) -> Feedback:
     return Feedback(machine.sample_time, control.pid, waiting(machine), first, last)
 
 
-def bare(machine: Machine) -> Controller:
-    """The machine's PID, for references that are given."""
-    return machine.feedback_only(waiting(machine))
-
-
-def common_controller(machine: Machine, found: CommonTrajectory) -> Controller:
-    """The controller of a trajectory for all histories."""
+def robust_controller(machine: Machine, found: RobustTrajectory) -> Controller:
+    """The controller of a robust trajectory [SI], with the machine's PID."""
     return found.controller(machine.sample_time, machine.control.pid, waiting(machine))
-
-
-def polynomials(motion: Shape) -> Mapping[str, list[float]]:
-    """n_ff [m/m] and d_ff [N/m] whose step response is the motion's x_T* and net thrust."""
-    return {
-        "n_ff": list(np.diff(motion.position, prepend=0.0) / motion.stroke),
-        "d_ff": list(np.diff(motion.net, prepend=0.0) / motion.stroke),
-    }
