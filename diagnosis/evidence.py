@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from operator import call
 from typing import Any, Final
 
-from diagnosis.diagnose import AMBIGUOUS, ATTRIBUTED, NONE, Baseline, Diagnosis, Progress, diagnosed
+from diagnosis.baseline import Baseline, Progress
+from diagnosis.diagnose import Diagnosis, diagnosed
 from diagnosis.experiments.confusability import Confusability, confusability
 from diagnosis.experiments.confusability import to_json as confusion
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
 from diagnosis.model.parallel import parallel_map
+from diagnosis.verdict import Outcome
 from diagnosis.where.coordinates import SURE
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import LEAST
@@ -62,7 +64,7 @@ def examined(
 
 
 def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
-    lies = locate(found.nominal, found.records, found.pieces, seed=seed, spike=found.null.spike)
+    lies = locate(found.nominal, found.records, found.pieces, seed=seed, spike=found.spike)
     return lies, confusability(found.nominal, found.records, disabled)
 
 
@@ -73,12 +75,12 @@ def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
     candidate, named = found.baseline.nominal.candidate, found.effects
     machine, jitter = candidate.machine, candidate.jitter
-    if found.outcome == AMBIGUOUS:
+    if found.outcome is Outcome.AMBIGUOUS:
         return next_experiment(found.equivalent[0] if found.equivalent else named, machine, seed=seed, jitter=jitter)
-    if found.outcome == NONE:
+    if found.outcome is Outcome.NONE:
         best = lies.coordinate
         return along(best.name if best.share > LEAST and best.p < SURE else None, machine)
-    if found.outcome == ATTRIBUTED:
+    if found.outcome is Outcome.ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
         return next_experiment([*named[:1], *near], machine, seed=seed, jitter=jitter) if near else None
     return showing(apart.not_identifiable[:UNSHOWN], machine, seed=seed, jitter=jitter)

@@ -19,7 +19,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.fit import SPIKE, Fit, largest, one_step
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import Fit, largest, one_step
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, bounded, initial_state
@@ -37,8 +38,6 @@ Chance = tuple[dict[str, float], tuple[float, ...], float]
 
 DRAWS: Final = 8
 SETTLING: Final = 0.5  # s at rest before the record
-LEAST: Final = 20.0  # chi-square that any effect has to gain
-SAFETY: Final = 2.0  # of the largest gain among the draws
 
 
 @dataclass(frozen=True)
@@ -50,15 +49,13 @@ class Null:
     variance: tuple[tuple[float, ...], ...]
     largest: tuple[float, ...]
 
-    @property
-    def thresholds(self) -> dict[str, float]:
-        """What each effect has to gain of chi-square on held-out motions to be taken seriously."""
-        return {name: max(LEAST, SAFETY * max(gains)) for name, gains in self.gains.items()}
+    def thresholds(self, criteria: Criteria) -> dict[str, float]:
+        """By effect, the chi-square [1] that it has to gain on held-out motions to be more than chance."""
+        return {name: max(criteria.min_gain, criteria.null_safety * max(gains)) for name, gains in self.gains.items()}
 
-    @property
-    def spike(self) -> float:
-        """Deviations beyond which an innovation stands out."""
-        return max(SPIKE, 1.5 * max(self.largest))
+    def spike(self, criteria: Criteria) -> float:
+        """Standard deviations [1] beyond which a single innovation stands out."""
+        return max(criteria.spike, criteria.spike_safety * max(self.largest))
 
     def floors(self, records: Sequence[Record]) -> Array:
         """Chi-square (draws,) [1] that a complete model leaves of these records."""

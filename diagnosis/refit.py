@@ -7,7 +7,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, fit, unrepeated
 from diagnosis.model.kalman import JITTER
 from diagnosis.model.motions import pieces
@@ -19,14 +21,19 @@ from models.effects.catalogue import in_order
 from models.machine import Machine, Provenance
 from models.records.record import Record
 
+Array = NDArray[np.float64]
+
 STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
 RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
 AGAIN: Final = 2  # times that the starts are searched once more
 ENOUGH: Final = 20.0  # chi-square
-ROUGH: Final = 3.0  # variance of what does not repeat, beyond which a drive is rougher than its weights say
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
 LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
+CALLED: Final = {
+    "mode_gain": "payload_mass",
+    "presliding_limit": "presliding_stiffness",
+}  # as a reader knows them
 CLOSE: Final = 0.05  # relative difference of white forces that are the same
 
 
@@ -43,19 +50,19 @@ def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, 
     return started(fitted, records)
 
 
-def refit_within(machine: Machine, records: Sequence[Record]) -> Fit:
+def refit_within(machine: Machine, records: Sequence[Record], criteria: Criteria = Criteria()) -> Fit:
     """The nominal re-fit, under the white force that it needs. Where commands go beyond the rated thrust, the drive
     that followed them is tried as well: many do so for a while."""
-    return weighed(_within_rating(machine, records), records)
+    return weighed(_within_rating(machine, records), records, criteria)
 
 
-def weighed(fitted: Fit, records: Sequence[Record]) -> Fit:
+def weighed(fitted: Fit, records: Sequence[Record], criteria: Criteria = Criteria()) -> Fit:
     """The fit as it is, unless what does not repeat between equal motions is far more than its weights promise: then
     fitted again under the white force [N] with which it leaves as much as they promise. Weights that a drive does not
     keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
     (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood). Where a
     white force as large as the commands (their deviation) is not enough, it is no force, and the weights stay."""
-    if not fitted.candidate.rough and not _scatter(fitted, records) > ROUGH:
+    if not fitted.candidate.rough and not _scatter(fitted, records) > criteria.rough_variance:
         return fitted
     given, most = fitted, max(float(np.std(record.command)) for record in records)
     slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
@@ -109,3 +116,38 @@ def started(fitted: Fit, records: Sequence[Record]) -> Fit:
             break
         fitted = better
     return fitted
+
+
+def shifted(fitted: Fit) -> float:
+    """Chi-square [1] of the nominal parameters' shifts together, the starts of the records left out."""
+    where, inverse = _information(fitted)
+    moved = fitted.candidate.theta[where]
+    return float(moved @ inverse @ moved)
+
+
+def _information(fitted: Fit) -> tuple[NDArray[np.int64], Array]:
+    """Which of theta are parameters, not starts, and the inverse of their covariance by the data alone."""
+    layout = fitted.candidate.layout
+    where = np.flatnonzero(np.array(layout.names) != "initial_friction_state")
+    rest = np.setdiff1d(np.arange(layout.count), where)
+    whole = fitted.slopes.T @ fitted.slopes
+    wide = np.diag(1 / layout.deviation[rest] ** 2)
+    inverse = whole[np.ix_(where, where)] - whole[np.ix_(where, rest)] @ np.linalg.solve(
+        whole[np.ix_(rest, rest)] + wide, whole[np.ix_(rest, where)]
+    )
+    return where, inverse
+
+
+def wrong_parameters(fitted: Fit, criteria: Criteria) -> tuple[str, ...]:
+    """The nominal parameters that are wrong, those whose shift matters the most first."""
+    where, inverse = _information(fitted)
+    layout, theta = fitted.candidate.layout, fitted.candidate.theta
+    gains: dict[str, float] = {}
+    for name in dict.fromkeys(layout.names):
+        own = np.flatnonzero(np.array(layout.names)[where] == name)
+        if own.size:
+            moved = theta[where[own]]
+            called = CALLED.get(name, name)
+            gains[called] = gains.get(called, 0.0) + float(moved @ inverse[np.ix_(own, own)] @ moved)
+    least = max(criteria.parameter_share * max(gains.values()), criteria.parameter_min_gain)
+    return tuple(sorted((name for name in gains if gains[name] > least), key=lambda name: -gains[name]))

@@ -12,7 +12,7 @@ import pytest
 from design.controller import default_controller
 from design.deadbeat import Constraints, DesignError, synthesise
 from design.validation import validate
-from diagnosis.which.table import SEEDS
+from diagnosis.criteria import SEEDS
 from models.machine import load
 
 ROOT = Path(__file__).parents[1]

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.residual import columns
 from diagnosis.where.controller import replayed
-from diagnosis.which.command_jitter import LATE, lateness
+from diagnosis.which.command_jitter import lateness
 from diagnosis.which.scan import BATCH, quadratures
 from models.effects.base import POSITIVE, Effect, Parameter, parameters
 from models.effects.catalogue import every, in_order
@@ -212,7 +213,7 @@ def _by_lateness(typical: Effect, fitted: Fit, records: Sequence[Record]) -> flo
     """Squared distance of late commands: their variance over its standard error where motions repeat and none is late,
     scaled so that the detector's own threshold is THRESHOLD."""
     variance = typical.strength() * records[0].sample_time ** 2
-    return (variance / lateness(fitted, records).scatter) ** 2 * THRESHOLD / LATE
+    return (variance / lateness(fitted, records).scatter) ** 2 * THRESHOLD / Criteria().late_commands_min_gain
 
 
 def _by_replay(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:

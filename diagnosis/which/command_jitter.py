@@ -30,7 +30,6 @@ Array = NDArray[np.float64]
 
 REACH: Final = 400  # samples over which a pulse leaves its mark
 FEW: Final = 500  # samples of repeated motions
-LATE: Final = 100.0  # chi-square from which on commands are late now and then: clean tables reach 15, loose loads 65
 SELDOM: Final = 2.0  # times the lateness of repeated motions that all may show: more is another law
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.model.fit import Fit
@@ -21,6 +22,8 @@ from models.effects.base import parameters
 from models.effects.priors import USUAL
 from models.effects.structure import FloorVibration
 from models.records.record import Record
+
+Array = NDArray[np.float64]
 
 BANDWIDTHS: Final = (0.1,)  # Hz
 ASIDE: Final = (
@@ -60,16 +63,17 @@ def shaking(fitted: Fit, records: Sequence[Record], own: Freed) -> Shaking:
     assert best is not None
     line = best.resonance
     aside = max(_tried(fitted, records, replace(line, frequency=line.frequency * f), before).gain for f in ASIDE)
-    steady = _steady(fitted, line.frequency, records[0].sample_time)
+    innovations = [seen.innovations for seen in fitted.seen]
+    steady = steadiness(innovations, line.frequency, records[0].sample_time)
     return replace(best, gain=best.gain - max(aside, 0.0), steady=steady)
 
 
-def _steady(fitted: Fit, frequency: float, sample_time: float) -> float:
-    """Median over mean of the innovations' power about a frequency [Hz]: what shakes the floor does so at rest too."""
+def steadiness(innovations: Sequence[Array], frequency: float, sample_time: float) -> float:
+    """Median over mean [1] of the power of innovations (n,) about a frequency [Hz]: a floor shakes at rest, too."""
     near = butter(2, np.array([0.8, 1.25]) * frequency, "bandpass", fs=1 / sample_time, output="sos")
     power = []
-    for seen in fitted.seen:
-        band = sosfiltfilt(near, seen.innovations)
+    for one in innovations:
+        band = sosfiltfilt(near, one)
         parts = max(round(band.size * sample_time / BLOCK), 1)
         power += [float(np.mean(part**2)) for part in np.array_split(band, parts)]
     return float(np.median(power) / np.mean(power))

@@ -1,197 +1,239 @@
-"""Which effect: the catalogue's effects one after another into the model, each with all that is nominal re-fitted.
+"""Which effect: the proposed effects one after another into the model, each with all that is nominal re-fitted.
 
-Forwards: of the effects that gain more on held-out motions than any did where nothing was wrong, the most promising are
-fitted with everything else and the best is kept; then all are looked at again, because one effect can hide another.
-What the effects make of each other is looked at in the end (orders.py). A class of effects may have two members (two
-time constants) before a second class is looked for.
+Forward selection: of the proposals that gain more on held-out motions than chance does, the most promising are fitted
+with everything else and the best is kept; then the detectors look again, because one effect can hide another. What the
+effects make of each other is looked at in the end (prune.py). A class of effects may have two members (two time
+constants) before a second class is looked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.baseline import Baseline
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, amplitudes, at_bounds, fit
 from diagnosis.model.parallel import parallel_map
-from diagnosis.null import LEAST
 from diagnosis.refit import started, weighed
-from diagnosis.which.command_jitter import Lateness, lateness
-from diagnosis.which.random_force import Shaking, shaking
-from diagnosis.which.scan import Columns, Finding, freed, scan
-from models.effects.base import Effect
-from models.effects.catalogue import in_order
-from models.records.record import Record
+from diagnosis.which.detectors import detect, view
+from diagnosis.which.scan import Columns
+from diagnosis.which.stage import Proposal, Stage
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
-LINE: Final = 40.0  # -2 log likelihood that a random force has to gain
-SHARE: Final = 0.04  # of what is above the floor that an effect has to gain
-MOST: Final = 3  # classes of effects in one answer
-TRIED: Final = 3  # findings that are fitted with everything else before one is chosen
-WORTH: Final = 0.25  # of the best finding's gain that another needs in order to be tried
-FORM: Final = 0.05  # of the first effect's gain that a further one needs: the first may have another form than its law
-ANOTHER: Final = 0.3  # of what others gained, from which on an effect at its bounds is more than their form's error
-REST: Final = 0.15  # of what the first leaves above every floor; a further effect needs no more than that
-SECOND: Final = 60.0  # chi-square that a further effect has to gain
-DULL: Final = 10.0  # chi-square below which an effect gains nothing
-STEADY: Final = 0.5  # of a random force's mean power that is there half of the time
-MUCH: Final = 200.0  # chi-square that an effect gains where the starts may have stood in for it
+ITERATIONS: Final = 8  # of the fit of an effect with everything else
+ITERATIONS_OF_A_FORCE: Final = 4  # of a random force, beside which little else moves
 
 
 @dataclass(frozen=True)
-class Step:
-    """One stage of the search: the model as it was fitted, and what every effect would gain beside it."""
+class Trial:
+    """A proposal and the model with it, fitted."""
 
+    proposal: Proposal
     fitted: Fit
-    findings: tuple[Finding, ...]
-    shaking: Shaking
-    lateness: Lateness
-    rivals: tuple[tuple[str, float], ...] = ()  # effects that were tried for this stage, and the cost with each
 
 
-def search_effects(
-    nominal: Fit,
-    records: Sequence[Record],
-    segment: NDArray[np.int64],
-    thresholds: Mapping[str, float],
-    floors: Array,
-    left_out: Collection[str] = (),
-    say: Callable[[str], None] = lambda _: None,
-) -> tuple[Step, ...]:
-    """The stages of the search: the nominal re-fit first, then with one effect more each time.
+class Search(Protocol):
+    """What the search needs of the records: criteria, the noise floors (draws,) [1], and three things to do."""
 
-    floors: chi-square (draws,) [1] that complete models leave. An effect that takes off a few per cent of what is above
-    them names nothing.
+    @property
+    def criteria(self) -> Criteria:
+        """The thresholds by which it decides."""
+
+    @property
+    def floors(self) -> Array:
+        """Chi-square (draws,) [1] that complete models leave."""
+
+    def examined(
+        self, stage: Stage, dull: Collection[str] = (), known: Columns = MappingProxyType({})
+    ) -> tuple[Stage, Columns]:
+        """The stage with what the detectors propose, and the scan's columns for the next stage."""
+
+    def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
+        """The stage's model fitted with each proposal."""
+
+    def settled(self, trial: Trial, before: Stage) -> Trial:
+        """The trial that is about to be kept, with what it may have stood in for estimated anew."""
+
+
+@dataclass(frozen=True)
+class RecordSearch:
+    """The search in the records of a baseline; disabled: effects that must not be used."""
+
+    baseline: Baseline
+    disabled: Collection[str] = ()
+
+    @property
+    def criteria(self) -> Criteria:
+        """The baseline's."""
+        return self.baseline.criteria
+
+    @property
+    def floors(self) -> Array:
+        """The baseline's noise floors (draws,) [1]."""
+        return self.baseline.floors
+
+    def examined(
+        self, stage: Stage, dull: Collection[str] = (), known: Columns = MappingProxyType({})
+    ) -> tuple[Stage, Columns]:
+        """An effect in the model changes the columns of others to second order only, so they are computed once."""
+        detected = detect(view(stage.fitted, self.baseline, self.disabled, dull, known))
+        return replace(stage, proposals=detected.proposals), detected.columns
+
+    def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
+        """Side by side, from where the stage stands."""
+        here, records = stage.fitted, self.baseline.records
+
+        def fitted(proposal: Proposal) -> Trial:
+            iterations = ITERATIONS_OF_A_FORCE if proposal.decided else ITERATIONS
+            candidate = proposal.added_to(here.candidate)
+            return Trial(proposal, fit(candidate, records, paths=here.paths, iterations=iterations, walk=here.walk))
+
+        return list(parallel_map(fitted, proposals))
+
+    def settled(self, trial: Trial, before: Stage) -> Trial:
+        """Start states and white force, where what the trial gained may have stood in for them."""
+        fitted, records = trial.fitted, self.baseline.records
+        if before.fitted.cost - fitted.cost > self.criteria.restart_gain:
+            fitted = started(fitted, records)
+        if fitted.candidate.rough:
+            fitted = weighed(fitted, records, self.criteria)
+        return replace(trial, fitted=fitted)
+
+
+def select(
+    baseline: Baseline, disabled: Collection[str] = (), say: Callable[[str], None] = lambda _: None
+) -> tuple[Stage, ...]:
+    """The stages of the search: the nominal re-fit first, then with one effect more each time, while it gains more than
+    chance does and more than the form of the earlier effects may be wrong by."""
+    return grown(baseline.nominal, RecordSearch(baseline, disabled), say)
+
+
+def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: None) -> tuple[Stage, ...]:
+    """`select`, whatever proposes and fits."""
+    criteria = search.criteria
+    stage, columns = search.examined(Stage(nominal))
+    stages, set_aside = [stage], set[str]()
+    while shortlist := shortlisted(stages, search, set_aside):
+        say(f"fitting {', '.join(proposal.name for proposal in shortlist)} with all that is nominal")
+        trials = search.tried(stages[-1], shortlist)
+        if trials[0].proposal.decided:
+            stage, columns = search.examined(_stage(trials[0]), _dull(stages, criteria))
+            stages.append(stage)
+            continue
+        set_aside |= inadmissible(trials, stages, criteria)
+        trials = [trial for trial in trials if trial.proposal.name not in set_aside]
+        if not trials:
+            continue
+        best = search.settled(min(trials, key=lambda trial: trial.fitted.cost), stages[-1])
+        if stages[-1].fitted.cost - best.fitted.cost < criteria.min_gain:
+            set_aside |= {trial.proposal.name for trial in trials}
+            continue
+        if _too_many(best.fitted, criteria):
+            break
+        stage, columns = search.examined(_stage(best, trials), _dull(stages, criteria), columns)
+        stages.append(stage)
+        set_aside = set()
+    return tuple(stages)
+
+
+def _stage(best: Trial, trials: Sequence[Trial] = ()) -> Stage:
+    """The stage that a trial makes; trials: all of those that were compared by chi-square for it."""
+    rivals = sorted(((trial.proposal.name, trial.fitted.cost) for trial in trials), key=lambda rival: rival[1])
+    return Stage(best.fitted, added=best.proposal.name, rivals=tuple(rivals))
+
+
+def shortlisted(stages: Sequence[Stage], search: Search, set_aside: Collection[str] = ()) -> tuple[Proposal, ...]:
+    """The proposals to be fitted next, the most promising first; none ends the search.
+
+    A proposal that the likelihood has decided goes first, unless effects of the catalogue gain far more.
     """
-    first, known = _step(nominal, records, segment, left_out)
-    steps, aside = [first], set[str]()
-    while True:
-        here = steps[-1]
-        strong = _strong(steps, thresholds, floors, aside)
-        shaken = here.shaking
-        if _shakes(here, strong, thresholds, left_out):
-            say(f"fitting a random force about {shaken.resonance.frequency:.3g} Hz")
-            candidate = replace(here.fitted.candidate, shaken=(*here.fitted.candidate.shaken, shaken.resonance))
-            fitted = fit(candidate, records, paths=here.fitted.paths, iterations=4, walk=here.fitted.walk)
-            step, known = _step(fitted, records, segment, {*left_out, *_dull(steps)})
-            steps.append(step)
-            continue
-        if not strong:
-            return tuple(steps)
-        say(f"fitting {', '.join(finding.effect.name for finding in strong)} with all that is nominal")
-        fits = parallel_map(partial(_with, here.fitted, records=records), [finding.effect for finding in strong])
-        tried = [(finding.effect.name, fitted) for finding, fitted in zip(strong, fits, strict=True)]
-        aside |= {name for name, one in tried if _opposed(one, name)}  # or it would be named for the form of the first
-        if here.fitted.candidate.found:
-            large = ANOTHER * (nominal.cost - here.fitted.cost)
-            aside |= {name for name, one in tried if _bent(one, name) and here.fitted.cost - one.cost < large}
-        tried = [(name, fitted) for name, fitted in tried if name not in aside]
-        if not tried:
-            continue
-        best = min((fitted for _, fitted in tried), key=lambda fitted: fitted.cost)
-        if here.fitted.cost - best.cost > MUCH:
-            best = started(best, records)
-        if best.candidate.rough:  # some of the white force was this effect
-            best = weighed(best, records)
-        gained = here.fitted.cost - best.cost
-        if gained < LEAST:
-            aside |= {name for name, _ in tried}
-            continue
-        found = best.candidate.found
-        if len({effect.name for effect in found}) > MOST or len(found) > MOST + 2:
-            return tuple(steps)
-        rivals = sorted(((name, fitted.cost) for name, fitted in tried), key=lambda rival: rival[1])
-        step, known = _step(best, records, segment, {*left_out, *_dull(steps)}, known)
-        steps.append(replace(step, rivals=tuple(rivals)))
-        aside = set()
+    promising = _promising(stages, search, set_aside)
+    most = promising[0].gain if promising else 0.0
+    least = search.criteria.shortlist_min_ratio * most
+    decided = [proposal for proposal in stages[-1].proposals if proposal.decided and proposal.gain > least]
+    return (max(decided, key=lambda proposal: proposal.gain),) if decided else promising
 
 
-def _step(
-    fitted: Fit,
-    records: Sequence[Record],
-    segment: NDArray[np.int64],
-    left_out: Collection[str],
-    known: Columns = MappingProxyType({}),
-) -> tuple[Step, Columns]:
-    """A stage, and the scan's columns for the next: an effect changes those of others to second order only."""
-    own = freed(fitted, segment)
-    findings, columns = scan(fitted, records, own, left_out, known)
-    return Step(fitted, tuple(findings), shaking(fitted, records, own), lateness(fitted, records)), columns
-
-
-def _dull(steps: Sequence[Step]) -> set[str]:
-    """Names of effects that gained nothing at the first stage nor at the second: they are not looked at again."""
-    if len(steps) < 2:
-        return set()
-    gains = {finding.effect.name for step in steps[:2] for finding in step.findings if finding.held_out > DULL}
-    return {finding.effect.name for finding in steps[0].findings} - gains
-
-
-def _shakes(here: Step, strong: Sequence[Finding], thresholds: Mapping[str, float], left_out: Collection[str]) -> bool:
-    """Whether a random force is the next to go into the model."""
-    if "floor_vibration" in left_out or len(here.fitted.candidate.shaken) >= MOST:
-        return False
-    if here.shaking.steady < STEADY:
-        return False
-    best = strong[0].held_out if strong else 0.0
-    return here.shaking.gain > max(thresholds.get("floor_vibration", LINE), LINE, WORTH * best)
-
-
-def _strong(
-    steps: Sequence[Step], thresholds: Mapping[str, float], floors: Array, aside: Collection[str] = ()
-) -> list[Finding]:
-    """The findings to be tried next: above their thresholds, above the form error of what is in the model already, and
-    not put `aside`."""
-    here = steps[-1]
-    inside = [effect.name for effect in here.fitted.candidate.found]
-    gained = steps[0].fitted.cost - here.fitted.cost
-    left = float(here.fitted.innovations @ here.fitted.innovations)
-    allowed = []
-    for finding in here.findings:
-        name = finding.effect.name
-        least = LEAST if name in inside or not inside else further(gained, left, floors)
-        needed = max(thresholds.get(name, LEAST), least, SHARE * (left - float(np.mean(floors))))
-        if finding.held_out > needed and inside.count(name) < 2 and name not in aside:
-            allowed.append(finding)
+def _promising(stages: Sequence[Stage], search: Search, set_aside: Collection[str]) -> tuple[Proposal, ...]:
+    """Of the scan's significant proposals those that gain nearly as much as the best; a second member of a class in the
+    model goes before another class."""
+    criteria, allowed = search.criteria, _significant(stages, search, set_aside)
     if not allowed:
-        return []
-    own = [finding for finding in allowed if finding.effect.name in inside]
-    if own and own[0].held_out > 0.5 * allowed[0].held_out:
-        return own[:1]
-    return [finding for finding in allowed[:TRIED] if finding.held_out > WORTH * allowed[0].held_out]
+        return ()
+    most = allowed[0].gain
+    inside = {effect.name for effect in stages[-1].fitted.candidate.found}
+    again = [proposal for proposal in allowed if proposal.name in inside]
+    if again and again[0].gain > criteria.second_member_ratio * most:
+        return (again[0],)
+    tried = allowed[: criteria.shortlist_size]
+    return tuple(proposal for proposal in tried if proposal.gain > criteria.shortlist_min_ratio * most)
 
 
-def further(gained: float, left: float, floors: Array) -> float:
-    """Chi-square that an effect has to gain beside others, which gained so much and left so much: more than the others'
-    form may be wrong by, or a good part of what is surely above the floor (draws,); all [1]."""
-    above = left - float(np.max(floors))
-    return max(SECOND, min(FORM * gained, REST * above) if above > 0 else FORM * gained)
+def _significant(stages: Sequence[Stage], search: Search, set_aside: Collection[str]) -> list[Proposal]:
+    """The scan's proposals above chance, above the form error of what is in the model already, and not set aside."""
+    criteria, here = search.criteria, stages[-1].fitted
+    inside = [effect.name for effect in here.candidate.found]
+    gained, left = stages[0].fitted.cost - here.cost, float(here.innovations @ here.innovations)
+    further = min_gain_beside_others(gained, left, search.floors, criteria)
+    of_excess = criteria.min_share_of_excess * (left - float(np.mean(search.floors)))
+    allowed = []
+    for proposal in stages[-1].scanned:
+        members = inside.count(proposal.name)
+        least = criteria.min_gain if members or not inside else further
+        needed = max(proposal.threshold, least, of_excess)
+        if proposal.gain > needed and members < criteria.max_members and proposal.name not in set_aside:
+            allowed.append(proposal)
+    return allowed
 
 
-def _bent(fitted: Fit, name: str) -> bool:
-    """Whether an effect of this kind had to leave its prior range beside others: it takes up what is wrong with their
-    form."""
-    return any(
-        at_bounds(effect, fitted.candidate.layout.machine.priors)
-        for effect in fitted.candidate.found
-        if effect.name == name
-    )
+def min_gain_beside_others(gained: float, left: float, floors: Array, criteria: Criteria) -> float:
+    """The chi-square that an effect has to gain beside others that `gained` so much and `left` so much: more than the
+    others' form may be wrong by, or a good part of what is surely above the noise floors (draws,); all [1]."""
+    excess, form = left - float(np.max(floors)), criteria.form_error * gained
+    least = min(form, criteria.form_error_of_excess * excess) if excess > 0 else form
+    return max(criteria.min_gain_further, least)
+
+
+def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], criteria: Criteria) -> set[str]:
+    """Effects that were tried and only mend the form of another law: whose members take from each other, and those at
+    the bounds of their prior range that gain little of what the effects before them did."""
+    names = {trial.proposal.name for trial in trials if _opposed(trial.fitted, trial.proposal.name)}
+    here = stages[-1].fitted
+    if here.candidate.found:
+        large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
+        bounded = [trial for trial in trials if _at_bounds(trial.fitted, trial.proposal.name)]
+        names |= {trial.proposal.name for trial in bounded if here.cost - trial.fitted.cost < large}
+    return names
+
+
+def _at_bounds(fitted: Fit, name: str) -> bool:
+    """Whether an effect of this class had to leave its prior range."""
+    priors = fitted.candidate.layout.machine.priors
+    return any(at_bounds(effect, priors) for effect in fitted.candidate.found if effect.name == name)
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this kind, the machine file's among them, take from each other as tried: they draw another
-    form together."""
+    """Whether members of this class, the machine file's among them, have amplitudes of both signs."""
     sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)]
     return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
 
 
-def _with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
-    candidate = replace(fitted.candidate, effects=in_order((*fitted.candidate.effects, effect)))
-    return fit(candidate, records, paths=fitted.paths, iterations=8, walk=fitted.walk)
+def _too_many(fitted: Fit, criteria: Criteria) -> bool:
+    """Whether so many effects are in the model that they could be a series expansion of anything."""
+    found = fitted.candidate.found
+    return len({effect.name for effect in found}) > criteria.max_effects or len(found) > criteria.max_effects + 2
+
+
+def _dull(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
+    """Effects that gained nothing at the first stage nor at the second: the scan does not look at them again."""
+    if len(stages) < 2:
+        return set()
+    worth = {one.name for stage in stages[:2] for one in stage.scanned if one.gain > criteria.dull_gain}
+    return {proposal.name for proposal in stages[0].scanned} - worth

@@ -5,39 +5,27 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.how_far import HowFar
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, coordinates, effects_prior_std, with_coordinates
-from diagnosis.null import Null
-from diagnosis.which.command_jitter import LATE
-from diagnosis.which.scan import Finding
-from diagnosis.which.select import LINE, Step
-from diagnosis.which.shapley import SHAKEN
+from diagnosis.which.stage import Carrier, Proposal, Stage
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.priors import Priors
 
 Array = NDArray[np.float64]
 
-HALF: Final = 0.5  # of the gap that a name closes, several surely, late commands perhaps: a wrong name closes less
-SEEDS: Final = (16180, 27182, 31337, 141421, 17320)  # of the trials that the probabilities were read off
-SURE: Final = 0.98  # probability of a name, be it far above its threshold or not
-NEAR: Final = 0.35  # probability of what just stays below its threshold
-PARTLY: Final = 0.37  # probability of what passes it and yet leaves too much unexplained for a name
-STRANGER: Final = 0.07  # the same far above it, where something real would have explained more
-OTHER: Final = 0.002  # probability of any other effect
-FAR: Final = 10.0  # thresholds
-
 
 @dataclass(frozen=True)
-class Named:
-    """One effect of the answer, or one that was looked at: gains and thresholds in chi-square, the rest [1]. members:
-    the effect and its parameters' standard deviations [SI], the strongest first where it is in the model more than
-    once; without deviations where it is not in the model, and none where no column shows it."""
+class EffectRow:
+    """One effect of the answer, or one that was looked at: gain and threshold in chi-square, the rest [1].
+
+    members: the effect and its parameters' standard deviations [SI], the strongest first where it is in the model more
+    than once; without deviations where it is not in the model, and none where the log or the noise floor carries it.
+    """
 
     name: str
     members: tuple[tuple[Effect, Mapping[str, float]], ...]
@@ -47,37 +35,54 @@ class Named:
     adequate: bool
 
 
-def candidates(
-    steps: Sequence[Step], thresholds: Null, names: Sequence[str], rivals: Sequence[Sequence[str]], far: HowFar
-) -> tuple[Named, ...]:
-    """Every effect: those of the answer with their fitted parameters, the others at their best point of the grid."""
-    final = steps[-1].fitted
-    limits = thresholds.thresholds
-    rows: list[Named] = []
-    inside = _members(final)
-    first = {finding.effect.name: finding for finding in steps[0].findings}
-    best: dict[str, Finding] = {}
-    for step in steps:
-        for finding in step.findings:
-            known = best.get(finding.effect.name)
-            best[finding.effect.name] = finding if known is None or finding.held_out > known.held_out else known
-    for name, finding in best.items():
-        members = inside.get(name, ((finding.effect, {}),))
-        gain, limit = max(first[name].held_out if name in first else 0.0, finding.held_out), limits.get(name, 12.0)
-        if name == SHAKEN and name in names and not members[0][1]:  # a random force: no law of time repeats it
-            gain, limit = max(step.shaking.gain for step in steps), max(limit, LINE)
-        rows.append(Named(name, members, gain, limit, 0.0, name in names and far.closure > HALF))
-    for name in names:
-        if name not in best and name in {"timing_jitter", "controller_mismatch"}:
-            late = steps[-1].lateness
-            gain = late.gain if name == "timing_jitter" else float("inf")
-            rows.append(Named(name, (), gain, LATE, 0.0, True))
+def table(
+    stages: Sequence[Stage],
+    criteria: Criteria,
+    names: Sequence[str],
+    rivals: Sequence[Sequence[str]],
+    closure: float,
+) -> tuple[EffectRow, ...]:
+    """Every effect, those of the answer first: with their fitted parameters, the others at their best point of the
+    grid, and how likely each is; closure: of the whole answer [1]."""
+    inside = _members(stages[-1].fitted)
+    rows = []
+    for name, proposal in _best_scanned(stages).items():
+        members, shown = inside.get(name), proposal
+        if name in names and members is None:  # in the model as a random force: no law of time repeats it
+            shown = max(_decided(stages, name), key=lambda one: one.gain, default=proposal)
+        unfitted: tuple[tuple[Effect, Mapping[str, float]], ...] = ((_effect(proposal), {}),)
+        adequate = name in names and closure > criteria.min_closure
+        rows.append(EffectRow(name, members or unfitted, shown.gain, shown.threshold, 0.0, adequate))
+    seen = [one for one in stages[-1].proposals if one.carrier is not Carrier.MODEL and one.name in names]
+    rows += [EffectRow(one.name, (), one.gain, one.threshold, 0.0, adequate=True) for one in seen]
     rows.sort(key=lambda row: (row.name not in names, -row.gain))
-    return tuple(replace(row, probability=probability(row, i, names, rivals)) for i, row in enumerate(rows))
+    return tuple(
+        replace(row, probability=probability(row, place, names, rivals, criteria)) for place, row in enumerate(rows)
+    )
+
+
+def _best_scanned(stages: Sequence[Stage]) -> dict[str, Proposal]:
+    """By effect the scan's proposal with the largest gain, of all stages."""
+    best: dict[str, Proposal] = {}
+    for stage in stages:
+        for proposal in stage.scanned:
+            known = best.get(proposal.name)
+            best[proposal.name] = proposal if known is None or proposal.gain > known.gain else known
+    return best
+
+
+def _decided(stages: Sequence[Stage], name: str) -> list[Proposal]:
+    """The proposals of this name that the likelihood decided, of all stages."""
+    return [proposal for stage in stages for proposal in stage.proposals if proposal.decided and proposal.name == name]
+
+
+def _effect(proposal: Proposal) -> Effect:
+    assert proposal.effect is not None
+    return proposal.effect
 
 
 def _members(fitted: Fit) -> dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]:
-    """By name what the model has beside the machine file's own effects, each kind's strongest member first."""
+    """By name what the model has beside the machine file's own effects, each class's strongest member first."""
     effects, found = fitted.candidate.effects, dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]()
     stated = Counter(effect.name for effect in effects) - Counter(effect.name for effect in fitted.candidate.found)
     for effect, std in zip(effects, deviations_of(fitted), strict=True):
@@ -89,24 +94,26 @@ def _members(fitted: Fit) -> dict[str, tuple[tuple[Effect, Mapping[str, float]],
     return found
 
 
-def probability(row: Named, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]]) -> float:
+def probability(
+    row: EffectRow, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]], criteria: Criteria
+) -> float:
     """How likely it is that this effect is in the machine [1]; place: in the list, the best first.
 
-    The constants were read off the 1500 cases of trials with SEEDS, never off those of the one that the README quotes:
-    how often a name was right (931 of 948; of the 109 near their thresholds 108), and how often the first on the list
-    was in the machine where nothing was named though it passed its threshold (53 of 145; far above it 13 of 189), or
-    where it stayed below (too few cases to read more than a guess).
-    Effects that explain alike share the probability.
+    The constants were read off the 1500 cases of trials with `diagnosis.criteria.SEEDS`, never off those of the one
+    that the README quotes: how often a name was right (931 of 948; of the 109 near their thresholds 108), and how often
+    the first on the list was in the machine where nothing was named though it passed its threshold (53 of 145; far
+    above it 13 of 189), or where it stayed below (too few cases to read more than a guess). Effects that explain alike
+    share the probability.
     """
     over = row.gain / row.threshold
     among = next((group for group in rivals if row.name in group), None)
     if row.name in names or among is not None:
-        return SURE / (len(among) if among else 1)
+        return criteria.probability_named / (len(among) if among else 1)
     if names or place > 0:
-        return OTHER
+        return criteria.probability_other
     if over > 1:
-        return STRANGER if over > FAR else PARTLY
-    return NEAR * max(over, 0.0) ** 3
+        return criteria.probability_far_above if over > criteria.far_above else criteria.probability_first
+    return criteria.probability_below * max(over, 0.0) ** 3
 
 
 def deviations_of(fitted: Fit) -> list[dict[str, float]]:

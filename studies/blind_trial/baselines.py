@@ -62,13 +62,17 @@ def _verdict(names: Sequence[str], missing: bool) -> dict[str, Any]:
 def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
     """Names in the order in which Akaike's criterion takes them; every effect at the shape that fits alone best."""
     own = freed(found.baseline.nominal, _segments(found))
-    findings = [one for one in found.steps[0].findings if one.effect.name not in disabled and one.gain > 0]
-    blocks = [_columns(found, own, one.effect) for one in findings]
+    effects = [
+        one.effect
+        for one in found.stages[0].scanned
+        if one.effect is not None and one.name not in disabled and one.in_sample_gain > 0
+    ]
+    blocks = [_columns(found, own, effect) for effect in effects]
     if not blocks:
         return ()
     whole, owner = np.hstack(blocks), np.repeat(np.arange(len(blocks)), [block.shape[1] for block in blocks])
     gram, slope = whole.T @ whole, whole.T @ own.e
-    prices = [2.0 * len(parameters(type(one.effect))) for one in findings]
+    prices = [2.0 * len(parameters(type(effect))) for effect in effects]
     chosen: list[int] = []
     for _ in range(MOST):
         falls = {
@@ -81,7 +85,7 @@ def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
         if best is None or falls[best] <= here:
             break
         chosen.append(best)
-    return tuple(findings[k].effect.name for k in chosen)
+    return tuple(effects[k].name for k in chosen)
 
 
 def _gain(gram: Array, slope: Array, inside: NDArray[np.bool_]) -> float:

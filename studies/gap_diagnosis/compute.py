@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from diagnosis.diagnose import Diagnosis, baseline
+from diagnosis.baseline import refit_and_null
+from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import suite, to_csv
@@ -50,7 +51,7 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     def say(share: float, text: str) -> None:
         progress(0.05 + 0.8 * share, text)
 
-    begun = baseline(given.machine, given.records, progress=say, cache=CACHE)
+    begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
     better = improved_machine(found, "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown))
     adopted = [effect.name for effect in better.effects]

@@ -17,11 +17,12 @@ from diagnosis.experiments.schedules import (
     strokes,
     together,
 )
+from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import applied, bounded, parameters
 from models.controller import Controller, References
 from models.effects.base import Effect
 from models.effects.base import parameters as ranges_of
-from models.effects.catalogue import SIZES, every
+from models.effects.catalogue import SIZES, every, in_order
 from models.effects.priors import Priors
 from models.friction import deflections
 from models.machine import Machine, load
@@ -99,3 +100,9 @@ def recorded(
         )
         made.append(run.record.last(schedule.target.size))
     return tuple(made)
+
+
+def fitted_with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
+    """The fit with one effect more, everything re-fitted."""
+    candidate = replace(fitted.candidate, effects=in_order((*fitted.candidate.effects, effect)))
+    return fit(candidate, records, paths=fitted.paths, iterations=8, walk=fitted.walk)

@@ -5,31 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from diagnosis import diagnose as module
-from diagnosis.diagnose import (
-    ATTRIBUTED,
-    NONE,
-    NOTHING,
-    PARAMETERS,
-    Diagnosis,
-    _bent,
-    _endless,
-    _outcome,
-    _rivals,
-    baseline,
-    diagnose,
-    to_json,
-)
+from diagnosis.baseline import refit_and_null
+from diagnosis.criteria import Criteria
+from diagnosis.diagnose import Diagnosis, diagnose, to_json
 from diagnosis.evidence import evidence, examined
-from diagnosis.model.fit import SPIKE, at_bounds, largest
-from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import Candidate
+from diagnosis.model.fit import largest
+from diagnosis.verdict import Outcome
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import Topic, statements
 from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
@@ -55,7 +41,7 @@ def _found(cache: Path, effects: Sequence[Effect], seed: int, wrong: float = 1.0
 
 def test_one_effect_is_named_with_its_size_and_closes_the_gap(cache: Path) -> None:
     found = _found(cache, [ViscousFriction(40.0)], 1)
-    assert (found.outcome, found.effects) == (ATTRIBUTED, ("viscous_friction",))
+    assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     row = to_json(found)["which"][0]
     drag = row["parameters"]["coefficient"]
     assert abs(drag["value"] - 40.0) < 4 * drag["std"] + 0.02 * 40.0
@@ -65,32 +51,32 @@ def test_one_effect_is_named_with_its_size_and_closes_the_gap(cache: Path) -> No
 
 def test_two_effects_are_both_named(cache: Path) -> None:
     found = _found(cache, [RELAXATION, Cogging(1.5, 0.035, 1.0)], 2)
-    assert found.outcome == ATTRIBUTED
+    assert found.outcome == Outcome.ATTRIBUTED
     assert set(found.effects) == {"friction_relaxation", "cogging"}
 
 
 def test_wrong_nominal_values_are_called_so(cache: Path) -> None:
     found = _found(cache, [], 3)
-    assert found.outcome == PARAMETERS
+    assert found.outcome == Outcome.PARAMETERS
     assert found.how_far.to_json()["gap_refitted"]["force_N"] < found.how_far.to_json()["gap_as_delivered"]["force_N"]
 
 
 def test_a_dead_time_that_is_far_off_is_no_lag(cache: Path) -> None:
     late = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=MACHINE.plant.dead_time + 8e-5))
     found = diagnose(MACHINE, recorded(late, PLAN, seed=9), cache=cache)
-    assert found.outcome == PARAMETERS
+    assert found.outcome == Outcome.PARAMETERS
     assert "dead_time" in found.effects
 
 
 def test_nothing_is_found_where_nothing_is_wrong(cache: Path) -> None:
     found = _found(cache, [], 4, wrong=0.0)
-    assert found.outcome == NOTHING
+    assert found.outcome == Outcome.NOTHING
     assert found.effects == ()
 
 
 def test_an_effect_that_may_not_be_used_leaves_a_gap_without_a_name(cache: Path) -> None:
     found = _found(cache, [RELAXATION], 5, disabled=("friction_relaxation",))
-    assert found.outcome == NONE
+    assert found.outcome == Outcome.NONE
     assert found.effects == ()
 
 
@@ -115,12 +101,12 @@ class Glitch(Effect):
 def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(cache: Path) -> None:
     size, when = 5e-7, 1.5
     found = _found(cache, [Glitch(size, LEAD + when)], 7)
-    assert (found.outcome, found.effects) == (NONE, ())
+    assert (found.outcome, found.effects) == (Outcome.NONE, ())
     begun = found.baseline
     most = largest(begun.nominal)
     assert most.sample == round(when / MACHINE.sample_time)  # of both records
-    assert most.deviations > begun.null.spike >= SPIKE
-    seen = locate(begun.nominal, begun.records, begun.pieces, spike=begun.null.spike)
+    assert most.deviations > begun.spike >= Criteria().spike
+    seen = locate(begun.nominal, begun.records, begun.pieces, spike=begun.spike)
     (said,) = (one.text for one in statements(seen) if one.topic == Topic.SPIKE)
     assert said.startswith("Single samples stand out: the reading at 1.5 s of record ")
     less = locate(begun.nominal, begun.records, begun.pieces, spike=1.01 * most.deviations)
@@ -149,7 +135,7 @@ class DragInAZone(Effect):
 def test_a_law_that_only_a_series_of_another_draws_has_no_name(cache: Path) -> None:
     """Sines of place, one after another, come near to a braking zone; none of them is there."""
     found = _found(cache, [DragInAZone(40.0, 0.03, 0.003)], 8)
-    assert (found.outcome, found.effects) == (NONE, ())
+    assert (found.outcome, found.effects) == (Outcome.NONE, ())
 
 
 def test_a_controller_that_does_not_replay_is_named(cache: Path) -> None:
@@ -163,78 +149,7 @@ def test_a_controller_that_does_not_replay_is_named(cache: Path) -> None:
 def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(cache: Path) -> None:
     records: tuple[Record, ...] = recorded(MACHINE, PLAN, [ViscousFriction(40.0)], seed=1)
     found = diagnose(MACHINE, records, cache=cache)
-    again, stands = examined(baseline(MACHINE, records, cache=cache))
+    again, stands = examined(refit_and_null(MACHINE, records, cache=cache))
     assert np.array_equal(found.how_far.interval, again.how_far.interval)
     assert to_json(found) == to_json(again)
     assert stands.to_json() == evidence(found).to_json()
-
-
-def _stage(cost: float, names: Sequence[str], rivals: Sequence[tuple[str, float]] = ()) -> Any:
-    effects = tuple(SimpleNamespace(name=name) for name in names)
-    candidate = SimpleNamespace(effects=effects, shaken=(), rough=False)
-    return SimpleNamespace(fitted=SimpleNamespace(cost=cost, candidate=candidate), rivals=tuple(rivals))
-
-
-def test_what_explains_as_much_is_a_rival_unless_it_is_in_the_model_too() -> None:
-    first, tried = _stage(9000.0, ()), [("cogging", 1000.0), ("play", 1005.0), ("stribeck", 4000.0)]
-    second = _stage(1000.0, ("cogging",), tried)
-    assert _rivals([first, second]) == (("cogging", "play"),)
-    third = _stage(100.0, ("cogging", "play"), [("play", 100.0)])
-    assert _rivals([first, second, third]) == ()
-
-
-def _with(own: Effect, *effects: Effect, cost: float, promised: float = 0.0) -> Any:
-    """A stage of a machine whose file has `own`; promised: what one more cogging would gain."""
-    layout = parameters(replace(MACHINE, effects=(own,)), 1)
-    candidate = Candidate(layout, np.zeros(layout.count), (own, *effects))
-    finding = SimpleNamespace(effect=Cogging.typical(), held_out=promised)
-    return SimpleNamespace(fitted=SimpleNamespace(cost=cost, candidate=candidate), findings=(finding,))
-
-
-def test_an_effect_of_the_machine_files_own_neither_makes_a_series_nor_bends_what_is_found() -> None:
-    """At the end of its range, and of the same name as the one that was found."""
-    own, found, another = (Cogging(size, pitch, 0.0) for size, pitch in ((9.0, 1.0), (1.0, 0.03), (1.0, 0.04)))
-    first, second = _with(own, cost=9000.0), _with(own, found, cost=1000.0, promised=6000.0)
-    assert at_bounds(own, MACHINE.priors)
-    assert not at_bounds(found, MACHINE.priors)
-    assert not _bent([first, second])
-    assert _endless([first, second]) == set()
-    assert _endless([first, second, _with(own, found, another, cost=900.0, promised=6000.0)]) == {"cogging"}
-
-
-@pytest.mark.parametrize(
-    ("closure", "interval", "excess", "outcome"),
-    [
-        (0.2, (0.05, 0.7), 0.0, ATTRIBUTED),  # noise hides how much it is
-        (0.05, (-0.6, 0.7), 0.0, NONE),  # perhaps it is nothing
-        (0.1, (0.05, 0.2), 0.0, NONE),  # surely little
-        (0.2, (0.05, 0.7), 5.0, NONE),  # something else is left
-        (0.6, (0.5, 0.7), 5.0, ATTRIBUTED),
-        (0.6, (-0.05, 0.7), 5.0, NONE),  # much in one place, and perhaps nothing elsewhere
-    ],
-)
-def test_a_name_needs_a_gap_that_surely_shrinks(
-    closure: float, interval: tuple[float, float], excess: float, outcome: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "_bent", lambda _: False)
-    closed: Any = SimpleNamespace(closure=closure, interval=interval, excess=excess)
-    assert _outcome([_stage(100.0, ("play",))], ["play"], closed, SPIKE) == outcome
-
-
-@pytest.mark.parametrize(
-    ("closure", "interval", "names", "outcome"),
-    [
-        (0.69, (0.63, 0.76), ["play", "cogging"], ATTRIBUTED),
-        (0.96, (0.49, 1.0), ["play", "cogging"], NONE),  # much, and not surely half
-        (0.52, (0.51, 0.53), ["play", "cogging"], ATTRIBUTED),
-        (0.72, (0.44, 1.0), ["play", "timing_jitter"], ATTRIBUTED),  # a simulation is late elsewhere
-        (0.45, (0.44, 1.0), ["play", "timing_jitter"], NONE),
-        (0.45, (0.44, 1.0), ["timing_jitter"], ATTRIBUTED),
-    ],
-)
-def test_several_names_need_half_of_the_gap_for_sure(
-    closure: float, interval: tuple[float, float], names: list[str], outcome: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "_bent", lambda _: False)
-    closed: Any = SimpleNamespace(closure=closure, interval=interval, excess=5.0)
-    assert _outcome([_stage(100.0, tuple(names))], names, closed, SPIKE) == outcome

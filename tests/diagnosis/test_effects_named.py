@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import pytest
 
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import search, static_equilibrium_start
-from diagnosis.null import LEAST, SAFETY
 from diagnosis.where.controller import replayed
 from diagnosis.which.scan import Finding, freed, scan
 from models.effects.base import SHOWN, Effect
@@ -24,6 +24,7 @@ from models.records.record import Record
 from tests.diagnosis.tables import asking, recorded, short, table
 from tests.models.effects.laws import laws
 
+CRITERIA = Criteria()
 SEVERITIES = (0.5, 1.0, 2.0)  # of the typical amplitude or width
 ALIKE = {  # what a record as short as this can't tell apart, with why
     "cogging": {"thrust_ripple", "cable_spring"},  # hardly a period, and thrust in proportion to place
@@ -68,7 +69,7 @@ def test_the_effect_that_is_in_the_table_is_the_strongest_finding(law: str, by_c
     machine = MACHINE if laws()[law].common else ASKING
     for seed, severity in enumerate(SEVERITIES):
         best = _scanned(recorded(MACHINE, PLAN, [_sized(law, severity)], seed=10 + seed), machine)[0]
-        if best.held_out > max(LEAST, SAFETY * by_chance[best.effect.name]):
+        if best.held_out > max(CRITERIA.min_gain, CRITERIA.null_safety * by_chance[best.effect.name]):
             first.append(best.effect.name)
     assert first, "no severity is seen at all"
     assert set(first) <= {name, *ALIKE.get(name, ())}
@@ -82,7 +83,7 @@ def test_a_wrong_scale_is_no_effect_on_records_that_can_not_show_it(
     """A longer scale is a stronger thrust on a softer contact: nominal values take it up, and nothing is accused."""
     wrong = recorded(MACHINE, PLAN, [_sized("scale_gain_error", severity)], seed=40)
     for finding in _scanned(wrong):
-        assert finding.held_out < max(LEAST, SAFETY * by_chance[finding.effect.name])
+        assert finding.held_out < max(CRITERIA.min_gain, CRITERIA.null_safety * by_chance[finding.effect.name])
 
 
 @pytest.mark.parametrize("severity", [0.0, *SEVERITIES])

@@ -12,16 +12,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis import refit
-from diagnosis.diagnose import ATTRIBUTED, NONE, Diagnosis, diagnose
+from diagnosis.closure import measured, signal
+from diagnosis.criteria import Criteria
+from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import amplitude_ladder, repeated_strokes, sequence
-from diagnosis.how_far import gap, measured, signal
+from diagnosis.how_far import gap
 from diagnosis.model.fit import Fit, unrepeated
 from diagnosis.model.kalman import JITTER
 from diagnosis.model.motions import MotionKind, Piece, pieces, rms, scatter
 from diagnosis.model.parameters import applied, parameters
 from diagnosis.refit import refit_within, weighed
+from diagnosis.verdict import Outcome
 from models.effects.base import Effect, Numbers, T, hook, parameter
 from models.effects.friction_laws import ViscousFriction
 from models.machine import Machine
@@ -91,12 +93,9 @@ def test_a_white_force_that_the_first_guess_overshoots_is_found() -> None:
     assert refit_within(MACHINE, records).candidate.jitter == pytest.approx(11.0, rel=0.15)
 
 
-def test_what_is_nominal_is_found_on_a_rough_drive(
-    fitted: Fit, rough: tuple[Record, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_nominal_is_found_on_a_rough_drive(fitted: Fit, rough: tuple[Record, ...]) -> None:
     """Under the usual weights the knocks pass for what is nominal."""
-    monkeypatch.setattr(refit, "ROUGH", np.inf)
-    usual = refit_within(_off(), rough)
+    usual = refit_within(_off(), rough, Criteria(rough_variance=np.inf))
     assert fitted.candidate.machine.plant.mass == pytest.approx(MACHINE.plant.mass, rel=0.01)
     stiffness = [sum(one.candidate.machine.friction.stiffness) for one in (fitted, usual)]
     true = sum(MACHINE.friction.stiffness)
@@ -132,7 +131,7 @@ def test_a_reading_that_drops_out_is_no_force() -> None:
     )
     found = refit_within(MACHINE, broken)
     apart = unrepeated(found, broken, pieces(broken))
-    assert np.nanmean(apart**2) > refit.ROUGH
+    assert np.nanmean(apart**2) > Criteria().rough_variance
     assert found.candidate.jitter == JITTER
 
 
@@ -145,7 +144,7 @@ def test_without_repeated_motions_no_drive_is_called_rough() -> None:
 
 
 def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) -> None:
-    assert (found.outcome, found.effects, found.partly) == (NONE, (), ())
+    assert (found.outcome, found.effects, found.partly) == (Outcome.NONE, (), ())
     assert found.how_far.source == "repeats"
     assert found.baseline.floors == pytest.approx(sum(record.position.size - 60 for record in found.baseline.records))
 
@@ -153,7 +152,7 @@ def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) ->
 def test_an_effect_on_a_rough_drive_is_named(tmp_path: Path) -> None:
     records = recorded(MACHINE, PLAN, [KNOCKS, ViscousFriction(200.0)], seed=SEED, wrong=0.0)
     found = diagnose(MACHINE, records, cache=tmp_path)
-    assert (found.outcome, found.effects) == (ATTRIBUTED, ("viscous_friction",))
+    assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     (drag,) = found.final.candidate.effects
     assert drag.values()[0] == pytest.approx(200.0, rel=0.1)
     assert found.how_far.interval[0] > 0.5
@@ -164,7 +163,7 @@ def test_a_strong_effect_on_a_smooth_table_makes_it_no_rough_one(tmp_path: Path)
     records = recorded(MACHINE, PLAN, [ViscousFriction(400.0)], seed=SEED, wrong=0.0)
     found = diagnose(MACHINE, records, cache=tmp_path)
     assert np.mean(found.baseline.nominal.innovations**2) > 10.0
-    assert (found.outcome, found.effects) == (ATTRIBUTED, ("viscous_friction",))
+    assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     assert found.baseline.nominal.candidate.jitter == JITTER
     assert found.how_far.source == "simulated"
 

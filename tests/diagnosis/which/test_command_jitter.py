@@ -7,15 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import confusability
 from diagnosis.experiments.schedules import multisine, repeated_strokes, sequence
 from diagnosis.model.parameters import parameters
 from diagnosis.refit import refit
-from diagnosis.which.command_jitter import LATE, Lateness, lateness
+from diagnosis.which.command_jitter import Lateness, lateness
 from models.effects.base import Effect
 from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
 from tests.diagnosis.tables import recorded, table
 
+LATE = Criteria().late_commands_min_gain
 FINE = replace(table().scale, resolution=5e-9, noise=5e-9)
 MACHINE = replace(table(), scale=FINE)
 PLAN = (sequence(MACHINE), repeated_strokes(MACHINE, passes=6))

@@ -9,15 +9,15 @@ from dataclasses import replace
 import pytest
 
 import models.effects
-from diagnosis.diagnose import ATTRIBUTED, diagnose
+from diagnosis.diagnose import diagnose
 from diagnosis.model.fit import at_bounds
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.refit import refit_within
-from diagnosis.which import select
+from diagnosis.verdict import Outcome
 from diagnosis.which.scan import freed, scan
 from models.effects.base import Effect
 from models.effects.catalogue import every
-from tests.diagnosis.tables import recorded, short, table
+from tests.diagnosis.tables import fitted_with, recorded, short, table
 
 MACHINE = table()
 PLAN = (short(MACHINE),)
@@ -93,7 +93,7 @@ def test_the_scan_finds_a_periodic_friction_that_is_no_sine() -> None:
     nominal = refit_within(MACHINE, records)
     findings, _ = scan(nominal, records, freed(nominal, numbered(pieces(records), records)))
     assert findings[0].effect.name == "tight_spot"
-    (fitted,) = select._with(nominal, findings[0].effect, records).candidate.effects
+    (fitted,) = fitted_with(nominal, findings[0].effect, records).candidate.effects
     assert vars(fitted)["lead"] == pytest.approx(2.345e-3, rel=1e-3)
     assert fitted.strength() == pytest.approx(effect.strength(), rel=0.15)
     assert not at_bounds(fitted, MACHINE.priors)
@@ -101,7 +101,7 @@ def test_the_scan_finds_a_periodic_friction_that_is_no_sine() -> None:
 
 def test_the_diagnosis_names_a_ripple_and_its_period() -> None:
     found = diagnose(MACHINE, recorded(MACHINE, PLAN, [made("screw_ripple", 4.321e-3)], seed=31))
-    assert found.outcome == ATTRIBUTED
+    assert found.outcome is Outcome.ATTRIBUTED
     assert found.effects == ("screw_ripple",)
     effect, deviations = found.which[0].members[0]
     assert vars(effect)["lead"] == pytest.approx(4.321e-3, rel=1e-3)

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from diagnosis.criteria import Criteria
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which import table as candidates
+from diagnosis.which.table import EffectRow, probability
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.effects.motor import AmplifierDeadband, Cogging
@@ -35,3 +37,41 @@ def test_the_stronger_member_comes_first_and_the_machine_files_own_is_none(monke
 def test_an_effect_is_as_strong_as_its_amplitude_or_width() -> None:
     assert DirectionalFriction(-0.1, 2e-6, 0).strength() == 0.1
     assert AmplifierDeadband(0.2).strength() == 0.2
+
+
+CRITERIA = Criteria()
+
+
+def _row(name: str, over: float) -> EffectRow:
+    """An effect that gains so many times its threshold."""
+    return EffectRow(name, (), 20.0 * over, 20.0, 0.0, adequate=False)
+
+
+def test_a_name_is_as_likely_as_names_were_right_and_rivals_share_that() -> None:
+    named = CRITERIA.probability_named
+    assert probability(_row("play", 50.0), 0, ["play"], (), CRITERIA) == named
+    assert probability(_row("play", 1.1), 0, ["play"], (), CRITERIA) == named
+    rivals = (("play", "cogging"),)
+    assert [probability(_row(name, 2.0), i, ["play"], rivals, CRITERIA) for i, name in enumerate(rivals[0])] == [
+        named / 2,
+        named / 2,
+    ]
+
+
+def test_beside_a_name_and_behind_the_first_nothing_is_likely() -> None:
+    other = CRITERIA.probability_other
+    assert probability(_row("cogging", 50.0), 1, ["play"], (), CRITERIA) == other
+    assert probability(_row("cogging", 50.0), 1, [], (), CRITERIA) == other
+
+
+def test_the_first_without_a_name_is_likely_by_its_gain_over_the_threshold() -> None:
+    def first(over: float) -> float:
+        return probability(_row("play", over), 0, [], (), CRITERIA)
+
+    assert first(2.0) == CRITERIA.probability_first
+    assert first(1.01 * CRITERIA.far_above) == CRITERIA.probability_far_above
+    assert first(1.0) == CRITERIA.probability_below
+    assert first(0.5) == CRITERIA.probability_below / 8
+    assert first(-1.0) == 0.0
+    below = [first(over) for over in np.linspace(0.0, 1.0, 9)]
+    assert below == sorted(below)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit, fit
-from diagnosis.model.kalman import Resonance
+from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
+from diagnosis.null import Null
 from diagnosis.refit import refit
-from diagnosis.which.command_jitter import Lateness
-from diagnosis.which.random_force import Shaking
-from diagnosis.which.select import Step
-from diagnosis.which.shapley import in_all_orders, shares
+from diagnosis.which.prune import prune, shares
+from diagnosis.which.stage import Stage
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import ViscousFriction
@@ -44,17 +43,15 @@ def _with(fitted: Fit, effect: Effect, records: tuple) -> Fit:  # type: ignore[t
     return fit(candidate, records, paths=fitted.paths, iterations=4, walk=fitted.walk)
 
 
-def _step(fitted: Fit) -> Step:
-    return Step(fitted, (), Shaking(Resonance(8.0, 0.1, 0.01), 0.0), Lateness(0.0, 0.0, 1.0))
-
-
 def test_an_effect_that_another_makes_useless_is_taken_out() -> None:
     machine = table()
     records = recorded(machine, schedules(machine), [Cogging(1.5, 0.035, 1.0)], seed=2)
     nominal = refit(parameters(machine, len(records)), records)
     first = _with(nominal, ViscousFriction(30.0), records)
     both = _with(first, Cogging(1.0, 0.035, 0.5), records)
-    found = in_all_orders([_step(fitted) for fitted in (nominal, first, both)], records, {}, np.zeros(1))
+    stages = [Stage(nominal), Stage(first, added="viscous_friction"), Stage(both, added="cogging")]
+    nothing = Null({}, tuple((0.0,) * len(records) for _ in range(2)), (4.0, 4.0))
+    found = prune(stages, Baseline(nominal, records, pieces(records), nothing))
     assert found.shares == {"cogging": 1.0}
-    assert [effect.name for effect in found.steps[-1].fitted.candidate.effects] == ["cogging"]
-    assert found.steps[-1].fitted.cost < both.cost + 20.0
+    assert [effect.name for effect in found.stages[-1].fitted.candidate.effects] == ["cogging"]
+    assert found.stages[-1].fitted.cost < both.cost + 20.0

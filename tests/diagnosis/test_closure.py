@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.how_far import Late, closure, gap_share, weighted
+from diagnosis.closure import RandomEnergy, gap_closure, gap_share, weighted
 
 COUNT, MOTIONS = 20_000, 40
 SEGMENT = np.repeat(np.arange(MOTIONS), COUNT // MOTIONS)
@@ -24,7 +24,7 @@ def test_the_closure_is_the_share_of_energy_that_is_taken_off(seed: int, taken: 
     rng = np.random.default_rng(seed)
     gap, noise = _gap(rng, 2.0), rng.standard_normal(COUNT)
     floors = [rng.standard_normal(COUNT) for _ in range(2)]
-    found, (low, high) = closure(gap + noise, (1 - taken) * gap + noise, floors, SEGMENT)
+    found, (low, high) = gap_closure(gap + noise, (1 - taken) * gap + noise, floors, SEGMENT)
     assert found == pytest.approx(1 - (1 - taken) ** 2, abs=0.12)
     assert low <= found <= high
 
@@ -38,7 +38,7 @@ def test_weighting_by_the_gap_narrows_the_interval() -> None:
         floor = rng.standard_normal(COUNT)
         before, after = gap + noise, 0.3 * gap + noise
         plain.append((before @ before - after @ after) / (before @ before - floor @ floor))
-        weighed.append(closure(before, after, [floor], SEGMENT)[0])
+        weighed.append(gap_closure(before, after, [floor], SEGMENT)[0])
     assert np.std(weighed) < 0.5 * np.std(plain)
 
 
@@ -56,10 +56,10 @@ def test_what_late_commands_add_to_the_floor_counts_as_explained() -> None:
     rng, n = np.random.default_rng(5), 24_000
     segment = np.repeat(np.arange(24), n // 24)
     floors = [rng.standard_normal(n) for _ in range(2)]
-    late = [Late(floor + np.sqrt(5.0) * rng.standard_normal(n), 0.1) for floor in floors]
+    late = [RandomEnergy(floor + np.sqrt(5.0) * rng.standard_normal(n), 0.1) for floor in floors]
     for extra, explained in ((0.5, 1.0), (1.0, 0.5)):
         before = np.sqrt(1.0 + extra) * rng.standard_normal(n)
-        assert closure(before, before, floors, segment)[0] == 0.0
-        found, (low, high) = closure(before, before, floors, segment, late)
+        assert gap_closure(before, before, floors, segment)[0] == 0.0
+        found, (low, high) = gap_closure(before, before, floors, segment, late)
         assert abs(found - explained) < 0.15
         assert low - 0.02 <= explained <= high + 0.02

@@ -1,0 +1,108 @@
+"""From the stages of the search to an answer: how many of them hold, which names they give, and with which outcome."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from diagnosis.baseline import Baseline
+from diagnosis.closure import Closure, held_out_closure
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import at_bounds, largest
+from diagnosis.refit import shifted
+from diagnosis.verdict import Explanation, Outcome, verdict
+from diagnosis.which.prune import Pruned, shrinking
+from diagnosis.which.stage import Carrier, Stage, strongest_first
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What some stages of the search say: their names, how far they close the gap, and the outcome."""
+
+    stages: tuple[Stage, ...]
+    names: tuple[str, ...]
+    closure: Closure
+    outcome: Outcome
+
+
+def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -> Answer:
+    """As many stages of the search as explain enough together; all of them where none do."""
+    answers = []
+    random, series = stages[-1].carried_by(Carrier.FLOOR), overfitting_series(stages, baseline.criteria)
+    for count in range(len(stages), min(len(stages), 2) - 1, -1):
+        some = stages[:count]
+        closure = held_out_closure(some, baseline, seed)
+        names = (*strongest_first(some), *(proposal.name for proposal in random))
+        fitted = some[-1].fitted
+        explains = Explanation(
+            names,
+            closure.closure,
+            closure.interval,
+            closure.excess,
+            random=[proposal.name for proposal in random],
+            series=series,
+            at_bound=strongest_at_bound(some),
+            rough=fitted.candidate.rough,
+            largest_innovation=largest(fitted).deviations,
+            spike=baseline.spike,
+            parameter_shift=shifted(some[0].fitted),
+        )
+        answers.append(Answer(some, names, closure, verdict(explains, baseline.criteria)))
+        if answers[-1].outcome is not Outcome.NONE:
+            return answers[-1]
+    return answers[0]
+
+
+def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
+    """The answer with what the log itself shows, whatever else is left; and where effects have no whole explanation,
+    with those that are a part of one."""
+    logged = tuple(proposal.name for proposal in pruned.stages[-1].carried_by(Carrier.LOG))
+    stages, names, outcome = answer.stages, answer.names, answer.outcome
+    if logged:
+        if outcome is not Outcome.ATTRIBUTED:
+            names, stages = (), pruned.stages[:1]
+        names, outcome = (*logged, *names), Outcome.ATTRIBUTED
+    elif outcome is not Outcome.ATTRIBUTED:
+        stages = shrinking(pruned, baseline)
+    same = stages[-1].fitted is answer.stages[-1].fitted
+    closure = answer.closure if same else held_out_closure(stages, baseline, seed)
+    return Answer(stages if not same else answer.stages, names, closure, outcome)
+
+
+def rivalling(stages: Sequence[Stage], criteria: Criteria) -> tuple[tuple[str, ...], ...]:
+    """Sets of effects that explain as much as one another: those tried for a stage, of another class than the best.
+
+    One that a later stage takes up beside the best is not in its place.
+    """
+    groups, inside = [], set(strongest_first(stages))
+    for before, after in pairwise(stages):
+        if not after.rivals:
+            continue
+        best, least = after.rivals[0]
+        margin = max(criteria.rival_margin, criteria.rival_share * (before.fitted.cost - least))
+        alike = [name for name, cost in after.rivals[1:] if cost - least < margin and name not in {best, *inside}]
+        if alike:
+            groups.append((best, *alike))
+    return tuple(groups)
+
+
+def overfitting_series(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
+    """Effects whose third member would still gain: the sum of members is a series expansion of another law."""
+    first: dict[str, float] = {}
+    for before, after in pairwise(stages):
+        first.setdefault(f"{after.added}", before.fitted.cost - after.fitted.cost)
+    members = Counter(effect.name for effect in stages[-1].fitted.candidate.found)
+    gains = {proposal.name: proposal.gain for proposal in stages[-1].scanned}
+    return {
+        name for name, gain in first.items() if members[name] > 1 and gains.get(name, 0.0) > criteria.series_gain * gain
+    }
+
+
+def strongest_at_bound(stages: Sequence[Stage]) -> bool:
+    """Whether the effect that gained the most had to leave its prior range for it."""
+    names = strongest_first(stages)
+    first = [effect for effect in stages[-1].fitted.candidate.found if names and effect.name == names[0]]
+    priors = stages[-1].fitted.candidate.layout.machine.priors
+    return bool(first) and at_bounds(max(first, key=lambda effect: effect.strength()), priors)

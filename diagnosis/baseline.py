@@ -1,0 +1,96 @@
+"""What every effect is judged against: the nominal machine re-fitted, and what the same search gains by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import call
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import Fit, weights
+from diagnosis.model.motions import Piece, numbered, pieces
+from diagnosis.model.parallel import parallel_map
+from diagnosis.model.parameters import parameters
+from diagnosis.null import Null, null
+from diagnosis.refit import refit_within
+from diagnosis.where.controller import Replayed, replayed
+from models.machine import Machine
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The re-fitted nominal machine, the records and their pieces, what the search gains on tables where nothing is
+    missing, and the criteria of all that follows."""
+
+    nominal: Fit
+    records: tuple[Record, ...]
+    pieces: tuple[Piece, ...]
+    null: Null
+    criteria: Criteria = Criteria()
+
+    @property
+    def machine(self) -> Machine:
+        """The machine as its file states it, but for a rated thrust that the drive was seen to exceed."""
+        return self.nominal.candidate.layout.machine
+
+    @cached_property
+    def segment(self) -> NDArray[np.int64]:
+        """The number of the motion that each sample of all records belongs to (n,)."""
+        return numbered(self.pieces, self.records)
+
+    @cached_property
+    def replays(self) -> tuple[Replayed, ...]:
+        """By record, whether the stated controller, replayed, made its commands."""
+        return tuple(replayed(self.machine, record) for record in self.records)
+
+    @cached_property
+    def thresholds(self) -> dict[str, float]:
+        """By effect, the chi-square [1] on held-out motions that is more than chance gains."""
+        return self.null.thresholds(self.criteria)
+
+    @property
+    def spike(self) -> float:
+        """Standard deviations [1] beyond which a single innovation stands out."""
+        return self.null.spike(self.criteria)
+
+    @property
+    def floors(self) -> Array:
+        """The noise floor: chi-square (draws,) [1] that complete models leave of the records. On a drive that is
+        rougher than its model, whose weights are fitted to the records, it is the number of samples."""
+        if self.nominal.candidate.rough:
+            return np.array([float(np.sum(weights(self.records)))])
+        return self.null.floors(self.records)
+
+
+def refit_and_null(
+    machine: Machine,
+    records: Sequence[Record],
+    *,
+    criteria: Criteria = Criteria(),
+    progress: Progress | None = None,
+    cache: Path | None = None,
+) -> Baseline:
+    """The nominal model re-fitted to the records, and beside it the thresholds: what chance gains on simulated tables.
+
+    cache: a folder in which the simulated gains are kept for other records of the same machine and references.
+    """
+    say = progress or (lambda _share, _text: None)
+    say(0.02, "re-fitting the nominal parameters; simulating what the search gains by chance")
+    layout = parameters(machine, len(records))
+    nominal, chance = parallel_map(
+        call,
+        (
+            lambda: refit_within(machine, records, criteria),
+            lambda: null(layout, records, cache=cache, say=lambda text: say(0.1, text)),
+        ),
+    )
+    return Baseline(nominal, tuple(records), pieces(records), chance, criteria)

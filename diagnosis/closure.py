@@ -1,0 +1,229 @@
+"""Closure: the part of the gap that effects take off motions to which they were not fitted, above the noise floor.
+
+The closure C = (G_refit^2 - G_effect^2) / (G_refit^2 - G_floor^2) compares the innovations of the re-fitted nominal
+machine with those of the model with the effects, on motions to which the effects' parameters were not fitted. The floor
+is what the same method leaves of a record that this very model made, simulated: quantisation, noise and what the method
+itself neglects are in it. Where a drive is rougher than its model and motions repeat, the floor is what does not, and
+all three are of those motions only. They are weighted over frequency by the share of the gap in what the re-fit leaves
+(N. Wiener's filter): the floor's noise is another in the simulation, and elsewhere would only blur the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from diagnosis.baseline import Baseline
+from diagnosis.how_far import Gap, gap, gaps_by_record, with_sines
+from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
+from diagnosis.model.motions import Piece, repeated, rms, scatter
+from diagnosis.model.parallel import parallel_map
+from diagnosis.model.residual import Candidate, Seen, Smoothed, look, noise, smooth
+from diagnosis.null import simulated
+from diagnosis.which.scan import FOLDS, Freed, freed
+from diagnosis.which.stage import Carrier, Stage
+from models.effects.base import Effect
+from models.effects.catalogue import in_order
+from models.machine import Machine
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+BOOTSTRAP: Final = 1000
+BANDS: Final = 40  # of frequency, equally wide on a logarithmic scale
+LEAST_SHARE: Final = 1e-3  # that a band counts at least
+SIMULATED: Final = 2  # records of the final model, whose mean is the noise floor
+SEED: Final = 500  # added to the seed for their noise
+
+
+@dataclass(frozen=True)
+class RandomEnergy:
+    """Innovations (n,) [m] of simulated records with an effect that acts at random, and the part [1] of the energy it
+    adds there that the true one adds: it acts so rarely that a simulation needs more of it for a mean."""
+
+    innovations: Array
+    part: float
+
+    def energy(self, floor: Array) -> float:
+        """What the true effect adds to the sum of squares of the floor (n,) [m^2]."""
+        return self.part * float(self.innovations @ self.innovations - floor @ floor)
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """The noise floor: its innovations (n,) [m] by draw, NaN where it is not known; what effects at random add to it;
+    `variance_ratio`, the variance of what a complete model leaves over the floor, in that of one mean square of white
+    noise; where it is from ("simulated" or "repeats"); its gap, which is asked for once an answer stands."""
+
+    innovations: tuple[Array, ...]
+    random: tuple[RandomEnergy, ...]
+    variance_ratio: float
+    source: str
+    gap: Callable[[], Gap]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """The closure on motions left out, its 95 % interval [1], by how much what is left exceeds the floor, in deviations
+    of their noise [1], and that floor."""
+
+    closure: float
+    interval: tuple[float, float]
+    excess: float
+    floor: NoiseFloor
+
+
+def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> Closure:
+    """How much of the gap the stages close on motions that they were not fitted to.
+
+    A drive that is rougher than its model is held to what does not repeat; only where an effect acts at random, which
+    nothing but a simulation tells from the floor, is it simulated as well.
+    """
+    records, first, final = baseline.records, stages[0].fitted, stages[-1].fitted
+    if final.candidate.rough and not stages[-1].carried_by(Carrier.FLOOR):
+        floor = measured(final, records, baseline.pieces)
+    else:
+        floor = _simulated_floor(stages[-1], baseline, seed)
+    known, weight = ~np.isnan(floor.innovations[0]), weights(records)
+    size = _deviations(final) * noise(final.candidate.machine) * weight
+    left = held_out(final, freed(final, baseline.segment)) * size
+    alike = replace(first.candidate, jitter=final.candidate.jitter)  # what two filters leave can't be compared
+    seen = first.seen if alike.jitter == first.candidate.jitter else look(alike, records, first.paths, first.walk)
+    before, fitted = (signal(*one) * weight for one in ((seen, alike.machine), (final.seen, final.candidate.machine)))
+    _, segment = np.unique(baseline.segment[known], return_inverse=True)
+    least, random = [one[known] for one in floor.innovations], floor.random
+    share, interval = gap_closure(before[known], left[known], least, segment, random)
+    more = np.mean([one.energy(floor) for one, floor in zip(random, least, strict=True)]) if random else 0.0
+    excess = float(fitted[known] @ fitted[known] / (np.mean([one @ one for one in least]) + more) - 1)
+    deviation = np.sqrt(2 / np.count_nonzero(weight[known]) * floor.variance_ratio)  # of a ratio of white noises
+    return Closure(share, interval, excess / float(deviation), floor)
+
+
+def _simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
+    """The floor from records that the stage's model made of the same references."""
+    final, records = stage.fitted, baseline.records
+    seeds = [seed + SEED + 10 * i for i in range(SIMULATED)]
+    made = [simulated_records(final.candidate, records, one) for one in seeds]
+    random = tuple[RandomEnergy, ...]()
+    parts = [proposal.random_part for proposal in stage.carried_by(Carrier.FLOOR) if proposal.random_part]
+    if parts:
+        (part,) = parts  # one detector finds effects that act at random
+        again = [simulated_records(final.candidate, records, one, [part.effect]) for one in seeds]
+        random = tuple(RandomEnergy(innovations_of(final.candidate, one, final.walk), part.part) for one in again)
+    least = tuple(innovations_of(final.candidate, one, final.walk) for one in made)
+    ratio = 1 + 1 / SIMULATED
+    return NoiseFloor(
+        least,
+        random,
+        ratio,
+        "simulated",
+        lambda: gap(final.candidate, made[0], smooth(final.candidate, made[0])),
+    )
+
+
+def _deviations(fitted: Fit) -> Array:
+    return np.concatenate([np.full(one.innovations.size, one.deviation) for one in fitted.seen])
+
+
+def measured(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> NoiseFloor:
+    """The floor from what does not repeat between equal motions. An effect that does not repeat is floor here."""
+    groups = repeated(pieces, records)
+
+    def scattered() -> Gap:
+        force, apart, _ = gaps_by_record(fitted.candidate, records, fitted.paths)
+        return Gap(rms(scatter(groups, pieces, force)), rms(scatter(groups, pieces, apart)), None)
+
+    size = fitted.seen[0].deviation * noise(fitted.candidate.machine)
+    ratio = len(groups) / (sum(map(len, groups)) - len(groups))
+    return NoiseFloor((unrepeated(fitted, records, pieces) * size,), (), ratio, "repeats", scattered)
+
+
+def simulated_records(
+    candidate: Candidate, records: Sequence[Record], seed: int, extra: Sequence[Effect] = ()
+) -> tuple[Record, ...]:
+    """Records that the candidate makes of the same references, with noise; `extra` effects besides."""
+    whole = with_sines(candidate)
+    whole = replace(whole, effects=in_order((*whole.effects, *extra)))
+    return tuple(parallel_map(lambda i, record: simulated(whole, record, i, seed + i), range(len(records)), records))
+
+
+def innovations_of(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
+    """Innovations (n,) [m] of all records, one after another, seen through the candidate itself."""
+    paths: tuple[Smoothed, ...] | None = None
+    for _ in range(passes):
+        paths = smooth(candidate, records, paths)
+    assert paths is not None
+    return signal(look(candidate, records, paths, walk), candidate.machine) * weights(records)
+
+
+def signal(seen: Sequence[Seen], machine: Machine) -> Array:
+    """Innovations (n,) [m] of all records."""
+    return np.concatenate([one.innovations * one.deviation * noise(machine) for one in seen])
+
+
+def held_out(fitted: Fit, own: Freed) -> Array:
+    """Innovations (n,), whitened [1], each with the effects' coordinates fitted without the motions of its own fold."""
+    if fitted.own.shape[1] == 0:
+        return fitted.innovations
+    layout = fitted.candidate.layout
+    basis = fitted.slopes * layout.deviation
+    factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
+    given = fitted.own * effects_prior_std(fitted.candidate)
+    given = given - basis @ cho_solve(factor, basis.T @ given)
+    e = fitted.innovations.copy()
+    fold = own.fold[own.segment]
+    for number in range(FOLDS):
+        train = fold != number
+        gram = given[train].T @ given[train] + np.eye(given.shape[1])
+        step = -np.linalg.solve(gram, given[train].T @ fitted.innovations[train])
+        e[~train] += given[~train] @ step
+    return e
+
+
+def gap_closure(
+    before: Array,
+    after: Array,
+    floors: Sequence[Array],
+    segment: NDArray[np.int64],
+    random: Sequence[RandomEnergy] = (),
+) -> tuple[float, tuple[float, float]]:
+    """The closure and its 95 % interval by a bootstrap over motions; innovations (n,) [m], each sample's motion.
+
+    random: what effects that act at random add to the floors; that is explained, though no model takes it off.
+    """
+    count, share = int(segment.max()) + 1, gap_share(before, floors)
+    energies = [weighted(one, share) ** 2 for one in (before, after)]
+    energies.append(np.mean([weighted(floor, share) ** 2 for floor in floors], axis=0))
+    if random:
+        more = np.mean([one.part * weighted(one.innovations, share) ** 2 for one in random], axis=0)
+        energies[1] = energies[1] - more + random[0].part * energies[2]
+    sums = np.stack([np.bincount(segment, energy, count) for energy in energies])
+    draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAP, count))
+    drawn = sums[:, draws].sum(axis=2)
+    low, high = np.quantile(_closed(drawn), [0.025, 0.975])
+    return float(_closed(sums.sum(axis=1))), (float(low), float(high))
+
+
+def gap_share(before: Array, floors: Sequence[Array]) -> Array:
+    """The share (n // 2 + 1,) [1] of what the re-fit leaves (n,) [m] that the floors have not, by frequency."""
+    power = np.abs(np.fft.rfft(before)) ** 2
+    least = np.mean([np.abs(np.fft.rfft(floor)) ** 2 for floor in floors], axis=0)
+    edges = np.unique(np.geomspace(1, power.size, BANDS + 1).astype(int))
+    band = np.clip(np.searchsorted(edges, np.arange(power.size), side="right") - 1, 0, None)
+    gap, all_of_it = (np.bincount(band, one) for one in (power - least, power))
+    return np.clip(gap / np.maximum(all_of_it, 1e-300), LEAST_SHARE, 1.0)[band]
+
+
+def weighted(innovations: Array, share: Array) -> Array:
+    """Innovations (n,) [m] with each frequency's energy times its share (n // 2 + 1,) [1]."""
+    return np.asarray(np.fft.irfft(np.fft.rfft(innovations) * np.sqrt(share), innovations.size))
+
+
+def _closed(sums: Array) -> Array:
+    gap = np.maximum(sums[0] - sums[2], 1e-30)
+    return np.asarray(np.clip((sums[0] - sums[1]) / gap, -1.0, 1.0))

@@ -1,0 +1,75 @@
+"""The verdict: the only place with the rules by which an answer is given, as a pure function of plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import StrEnum
+
+from diagnosis.criteria import Criteria
+
+
+class Outcome(StrEnum):
+    """What a diagnosis can say; each value's sentence is its docstring."""
+
+    ATTRIBUTED = "attributed"
+    """Effects explain what is left, and nothing like them does it as well."""
+    AMBIGUOUS = "ambiguous"
+    """Several effects explain the records equally well: a set of names."""
+    NONE = "none_of_these"
+    """Something is left that no effect that was looked for explains; in part, some may."""
+    NOTHING = "nothing_to_explain"
+    """The machine as delivered explains the records."""
+    PARAMETERS = "parameters"
+    """Nominal values that are re-fitted explain the records."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What some stages of the search explain, in the numbers that the verdict depends on.
+
+    names: strongest first; of these, random: act at random, so that no simulation repeats what they did; series: are a
+    series expansion of another law; at_bound: whether the strongest had to leave its prior range. closure and its 95 %
+    interval [1]; excess: of what is left over the noise floor, in standard deviations [1]; largest_innovation, in
+    standard deviations, and spike, from which on it stands out [1]; rough: the drive is rougher than its model;
+    parameter_shift: chi-square of the nominal parameters' shifts [1].
+    """
+
+    names: tuple[str, ...]
+    closure: float
+    interval: tuple[float, float]
+    excess: float
+    random: Collection[str] = ()
+    series: Collection[str] = ()
+    at_bound: bool = False
+    rough: bool = False
+    largest_innovation: float = 0.0
+    spike: float = float("inf")
+    parameter_shift: float = 0.0
+
+
+def verdict(given: Explanation, criteria: Criteria = Criteria()) -> Outcome:
+    """Attributed where the effects surely close some of the gap, and enough of it or all that is significant; else
+    something that has no name here, be it a force without a law; or nothing but the parameters, or nothing at all."""
+    if set(given.series).intersection(given.names):
+        return Outcome.NONE
+    surely_some = given.interval[0] > 0
+    if given.names and surely_some and not given.at_bound and _closes_enough(given, criteria):
+        return Outcome.ATTRIBUTED
+    stands_out = given.largest_innovation > given.spike
+    if given.names or given.rough or stands_out or given.excess > criteria.missing_excess:
+        return Outcome.NONE
+    return Outcome.PARAMETERS if given.parameter_shift > criteria.parameter_shift else Outcome.NOTHING
+
+
+def _closes_enough(given: Explanation, criteria: Criteria) -> bool:
+    """Several effects surely, as two wrong names close more than one; a single one perhaps. What acts at random loosens
+    this by one bound, as a simulation does not know when it acted."""
+    low, high = given.interval
+    bounds = (low, given.closure, high)
+    looser = (len(given.names) < 2) + bool(set(given.random).intersection(given.names))
+    if bounds[looser] >= criteria.min_closure:
+        return True
+    # The floor of a rough drive is as rough as what is left, so that a small excess says nothing there.
+    at_floor = given.excess < criteria.max_excess_at_floor and not given.rough
+    return len(given.names) < 2 and at_floor and high >= criteria.min_closure_at_floor

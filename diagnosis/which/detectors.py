@@ -1,0 +1,123 @@
+"""What proposes an effect: each detector looks at one stage of the search in its own way.
+
+A detector is a function of a `View`. It returns proposals, those of the catalogue scan with what each gains, the
+others only where the gain is more than chance; no other module knows which effect a detector is about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final
+
+from diagnosis.baseline import Baseline
+from diagnosis.model.fit import Fit
+from diagnosis.which.command_jitter import lateness
+from diagnosis.which.random_force import shaking
+from diagnosis.which.scan import Columns, Freed, freed, scan
+from diagnosis.which.stage import Carrier, Proposal, RandomPart
+from models.effects.motor import TimingJitter
+from models.effects.protocol import ControllerMismatch
+from models.effects.structure import FloorVibration
+
+SIMULATED_PART: Final = 0.02  # of the commands are late in a simulation at least, so that a few records tell the mean
+
+
+@dataclass(frozen=True)
+class View:
+    """What a detector sees: a stage's fit, the baseline, what the fit's own parameters leave unexplained, effects that
+    must not be used, effects that gained nothing so far (`dull`: the scan skips them), and the scan's columns that are
+    known from the stage before."""
+
+    fitted: Fit
+    baseline: Baseline
+    own: Freed
+    disabled: Collection[str] = ()
+    dull: Collection[str] = ()
+    known: Columns = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class Detected:
+    """Proposals, and the scan's columns that hold for the next stage, too."""
+
+    proposals: tuple[Proposal, ...] = ()
+    columns: Columns = field(default_factory=lambda: MappingProxyType({}))
+
+
+Detector = Callable[[View], Detected]
+
+
+def view(fitted: Fit, baseline: Baseline, disabled: Collection[str], dull: Collection[str], known: Columns) -> View:
+    """A fit as the detectors see it."""
+    return View(fitted, baseline, freed(fitted, baseline.segment), disabled, dull, known)
+
+
+def catalogue_scan(seen: View) -> Detected:
+    """Every effect of the catalogue at the point of its grid that gains the most on held-out motions, best first."""
+    skipped = {*seen.disabled, *seen.dull}
+    findings, columns = scan(seen.fitted, seen.baseline.records, seen.own, skipped, seen.known)
+    thresholds, least = seen.baseline.thresholds, seen.baseline.criteria.min_gain
+    proposals = [
+        Proposal(
+            finding.effect.name,
+            finding.held_out,
+            thresholds.get(finding.effect.name, least),
+            effect=finding.effect,
+            in_sample_gain=finding.gain,
+        )
+        for finding in findings
+    ]
+    return Detected(tuple(proposals), columns)
+
+
+def random_force(seen: View) -> Detected:
+    """A force about a frequency that is not locked to the motion, such as a floor's vibration."""
+    name, criteria = FloorVibration.name, seen.baseline.criteria
+    if name in seen.disabled or len(seen.fitted.candidate.shaken) >= criteria.max_effects:
+        return Detected()
+    found = shaking(seen.fitted, seen.baseline.records, seen.own)
+    threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)
+    if found.steady < criteria.random_force_steadiness or found.gain <= threshold:
+        return Detected()
+    return Detected((Proposal(name, found.gain, threshold, random_force=found.resonance),))
+
+
+def command_jitter(seen: View) -> Detected:
+    """Commands that act late now and then: what differs among equal motions grows with the commands' steps."""
+    name, threshold = TimingJitter.name, seen.baseline.criteria.late_commands_min_gain
+    if name in seen.disabled:
+        return Detected()
+    found = lateness(seen.fitted, seen.baseline.records)
+    if found.gain <= threshold:
+        return Detected()
+    part = (found.size / seen.baseline.records[0].sample_time) ** 2
+    simulated = TimingJitter(max(part, SIMULATED_PART))
+    random_part = RandomPart(simulated, part / simulated.part)
+    return Detected((Proposal(name, found.gain, threshold, Carrier.FLOOR, random_part=random_part),))
+
+
+def controller_replay(seen: View) -> Detected:
+    """A stated controller that, replayed on the logged error, does not give the logged commands."""
+    name, criteria = ControllerMismatch.name, seen.baseline.criteria
+    if name in seen.disabled or all(one.replays for one in seen.baseline.replays):
+        return Detected()
+    return Detected((Proposal(name, float("inf"), criteria.late_commands_min_gain, Carrier.LOG),))
+
+
+DETECTORS: Final[Mapping[str, Detector]] = MappingProxyType(
+    {
+        "catalogue scan": catalogue_scan,
+        "random force": random_force,
+        "late commands": command_jitter,
+        "controller replay": controller_replay,
+    }
+)
+
+
+def detect(seen: View) -> Detected:
+    """What all detectors propose."""
+    found = [detector(seen) for detector in DETECTORS.values()]
+    columns = {effect: column for one in found for effect, column in one.columns.items()}
+    return Detected(tuple(proposal for one in found for proposal in one.proposals), columns)

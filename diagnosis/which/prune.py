@@ -1,0 +1,159 @@
+"""Backward elimination: which of several effects the others make useless, and what each takes off over all orders.
+
+Effects can hide one another, so what one gains depends on which are in the model before it. Every subset of the names
+is fitted with everything else; an effect's share is the mean over the orders of addition (L. S. Shapley, A value for
+n-person games, 1953) of what it takes off.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.baseline import Baseline
+from diagnosis.how_far import gap
+from diagnosis.model.fit import Fit, fit
+from diagnosis.model.parallel import parallel_map
+from diagnosis.which.select import min_gain_beside_others
+from diagnosis.which.stage import Stage
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+Names = frozenset[str]
+
+
+@dataclass(frozen=True)
+class Pruned:
+    """The stages of the search without the effects that proved useless, each remaining name's share of what all take
+    off together [1], and the model with each subset of the names in it."""
+
+    stages: tuple[Stage, ...]
+    shares: Mapping[str, float]
+    fits: Mapping[Names, Fit]
+
+
+def prune(stages: Sequence[Stage], baseline: Baseline) -> Pruned:
+    """The search's stages; an effect that the others make useless is taken out, the most useless first."""
+    names = list(dict.fromkeys(_name(stage) for stage in stages[1:]))
+    fits = _fits(stages, names, baseline.records)
+    if len(names) < 2:
+        return Pruned(tuple(stages), dict.fromkeys(names, 1.0), fits)
+    kept = _needed(names, fits, baseline)
+    ordered = [name for name in names if name in kept]
+    shared = shares({subset: fitted.cost for subset, fitted in fits.items()}, ordered)
+    if len(ordered) == len(names):
+        return Pruned(tuple(stages), shared, fits)
+    return Pruned((stages[0], *_stages(fits, ordered, stages[-1])), shared, fits)
+
+
+def _needed(names: Sequence[str], fits: Mapping[Names, Fit], baseline: Baseline) -> Names:
+    """The names that each gain more than chance, and than the others' form error, beside all the others."""
+    criteria, thresholds, kept = baseline.criteria, baseline.thresholds, frozenset(names)
+    while len(kept) > 1:
+        worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
+        limit = {name: thresholds.get(name, criteria.min_gain) for name in worth}
+        least = min(worth, key=lambda name: (worth[name] - limit[name], name))
+        without = fits[kept - {least}].innovations
+        gained = fits[frozenset()].cost - fits[kept].cost
+        further = min_gain_beside_others(gained, float(without @ without), baseline.floors, criteria)
+        if worth[least] >= max(limit[least], further):
+            break
+        kept -= {least}
+    return kept
+
+
+def shrinking(pruned: Pruned, baseline: Baseline) -> tuple[Stage, ...]:
+    """The stages of those effects of the search that each shrink the unknown force, the one that shrinks it most
+    first: parts of an explanation, where it has no whole."""
+    names, ordered, fits = set(pruned.shares), list[str](), dict(pruned.fits)
+    records = baseline.records
+    start = pruned.stages[0].fitted  # the others distort the nominal parameters: no good start for one effect alone
+    alone = parallel_map(lambda name: _without(pruned.stages, names - {name}, records, start), sorted(names))
+    for name, fitted in zip(sorted(names), list(alone), strict=True):
+        fits[frozenset({name})] = min(fitted, fits[frozenset({name})], key=lambda fitted: fitted.cost)
+    least = _force(fits[frozenset()], records)
+    while names:
+        forces = {name: _force(fits[frozenset((*ordered, name))], records) for name in sorted(names)}
+        best = min(forces, key=lambda name: forces[name])
+        if forces[best] >= baseline.criteria.max_force_ratio * least:
+            break
+        ordered, least = [*ordered, best], forces[best]
+        names.remove(best)
+    return (pruned.stages[0], *_stages(fits, ordered, pruned.stages[-1]))
+
+
+def _name(stage: Stage) -> str:
+    assert stage.added is not None
+    return stage.added
+
+
+def _force(fitted: Fit, records: Sequence[Record]) -> float:
+    """What a fit leaves of unknown force, its deviation [N]."""
+    return gap(fitted.candidate, records, fitted.paths).force
+
+
+def _fits(stages: Sequence[Stage], names: Sequence[str], records: Sequence[Record]) -> dict[Names, Fit]:
+    """The model with each subset of the names in it; those that the search came through are its own."""
+    known = {frozenset(): stages[0].fitted, frozenset(names): stages[-1].fitted}
+    own: set[str] = set()
+    for i in range(1, len(stages) - 1):
+        own.add(_name(stages[i]))
+        if not any(_name(later) in own for later in stages[i + 1 :]):  # no second member of a class comes later
+            known[frozenset(own)] = stages[i].fitted
+    missing = [subset for subset in _subsets(names) if subset not in known]
+    fitted = parallel_map(lambda subset: _without(stages, set(names) - subset, records), missing)
+    return known | dict(zip(missing, fitted, strict=True))
+
+
+def _subsets(names: Sequence[str]) -> Iterator[Names]:
+    for size in range(len(names) + 1):
+        yield from map(frozenset, itertools.combinations(names, size))
+
+
+def _without(
+    stages: Sequence[Stage], names: Collection[str], records: Sequence[Record], start: Fit | None = None
+) -> Fit:
+    """The last stage's model fitted again without the effects of some names; those of the machine file stay. start:
+    where the nominal parameters begin, if not at that model's."""
+    final = stages[-1].fitted
+    candidate = final.candidate
+    gone = [effect for effect in candidate.found if effect.name in names]
+    effects = [effect for effect in candidate.effects if not any(effect is one for one in gone)]
+    random = {_name(after) for before, after in pairwise(stages) if _forces(after) > _forces(before)}
+    begin = start or final
+    fewer = replace(
+        candidate,
+        theta=begin.candidate.theta,
+        effects=tuple(effects),
+        shaken=() if random.intersection(names) else candidate.shaken,
+    )
+    return fit(fewer, records, paths=begin.paths, iterations=8 if start else 6, walk=final.walk)
+
+
+def _forces(stage: Stage) -> int:
+    return len(stage.fitted.candidate.shaken)
+
+
+def _stages(fits: Mapping[Names, Fit], ordered: Sequence[str], last: Stage) -> Iterator[Stage]:
+    """The stages of an addition in this order; what the detectors would propose next is that of its end."""
+    for count, name in enumerate(ordered, 1):
+        yield replace(last, fitted=fits[frozenset(ordered[:count])], added=name, rivals=())
+
+
+def shares(costs: Mapping[Names, float], names: Sequence[str]) -> dict[str, float]:
+    """Shapley's values of what each name takes off the cost, over their sum [1]; costs of every subset of the names."""
+    whole, count = costs[frozenset()] - costs[frozenset(names)], len(names)
+    found = {}
+    for name in names:
+        mean = 0.0
+        for before in _subsets([other for other in names if other != name]):
+            weight = math.factorial(len(before)) * math.factorial(count - len(before) - 1) / math.factorial(count)
+            mean += weight * (costs[before] - costs[before | {name}])
+        found[name] = mean / whole
+    return found

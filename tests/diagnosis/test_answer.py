@@ -1,0 +1,71 @@
+"""What is read off the stages of a search before the verdict: rivals, series, laws at the end of their range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.answer import overfitting_series, rivalling, strongest_at_bound
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import Fit, at_bounds
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.which.stage import Proposal, Stage, strongest_first
+from models.effects.base import Effect
+from models.effects.motor import Cogging
+from tests.diagnosis.tables import table
+
+MACHINE, CRITERIA = table(), Criteria()
+
+
+def _fit(cost: float, effects: Sequence[Effect] = (), own: Sequence[Effect] = ()) -> Fit:
+    layout = parameters(replace(MACHINE, effects=tuple(own)), 1)
+    nothing = np.zeros((3, 0))
+    candidate = Candidate(layout, np.zeros(layout.count), (*own, *effects))
+    return Fit(candidate, (), (), np.zeros(3), nothing, nothing, cost, 0.0)
+
+
+def _stage(cost: float, added: str | None = None, rivals: Sequence[tuple[str, float]] = ()) -> Stage:
+    return Stage(_fit(cost), added=added, rivals=tuple(rivals))
+
+
+def test_what_explains_as_much_is_a_rival_unless_it_is_in_the_model_too() -> None:
+    first, tried = _stage(9000.0), [("cogging", 1000.0), ("play", 1005.0), ("stribeck", 4000.0)]
+    second = _stage(1000.0, "cogging", tried)
+    assert rivalling([first, second], CRITERIA) == (("cogging", "play"),)
+    third = _stage(100.0, "play", [("play", 100.0)])
+    assert rivalling([first, second, third], CRITERIA) == ()
+
+
+def test_the_strongest_effect_is_the_one_that_took_off_the_most_in_all_its_stages() -> None:
+    stages = [_stage(1000.0), _stage(600.0, "play"), _stage(300.0, "cogging"), _stage(150.0, "cogging")]
+    assert strongest_first(stages) == ("cogging", "play")
+
+
+def _with(own: Effect, *effects: Effect, cost: float, promised: float = 0.0) -> Stage:
+    """A stage of a machine whose file has `own`; promised: what one more cogging would gain."""
+    proposal = Proposal("cogging", promised, 20.0, effect=Cogging.typical())
+    return Stage(_fit(cost, effects, [own]), (proposal,), added="cogging" if effects else None)
+
+
+def test_an_effect_of_the_machine_files_own_neither_makes_a_series_nor_is_found_at_its_bounds() -> None:
+    """At the end of its range, and of the same name as the one that was found."""
+    own, found, another = (Cogging(size, pitch, 0.0) for size, pitch in ((9.0, 1.0), (1.0, 0.03), (1.0, 0.04)))
+    first, second = _with(own, cost=9000.0), _with(own, found, cost=1000.0, promised=6000.0)
+    assert at_bounds(own, MACHINE.priors)
+    assert not at_bounds(found, MACHINE.priors)
+    assert not strongest_at_bound([first, second])
+    assert overfitting_series([first, second], CRITERIA) == set()
+    third = _with(own, found, another, cost=900.0, promised=6000.0)
+    assert overfitting_series([first, second, third], CRITERIA) == {"cogging"}
+    enough = CRITERIA.series_gain * 8000.0
+    modest = _with(own, found, another, cost=900.0, promised=0.99 * enough)
+    assert overfitting_series([first, second, modest], CRITERIA) == set()
+
+
+def test_a_found_effect_at_the_end_of_its_range_is_seen() -> None:
+    own = Cogging(0.1, 0.03, 0.0)
+    bent = Cogging(1.0, 9.0, 0.0)
+    assert strongest_at_bound([_with(own, cost=9000.0), _with(own, bent, cost=1000.0)])

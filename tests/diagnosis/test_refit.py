@@ -1,0 +1,62 @@
+"""What the re-fit of the nominal parameters finds before any effect is looked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.model.parameters import applied, parameters
+from diagnosis.refit import refit_within
+from models.friction import elements
+from models.machine import Tolerance
+from tests.diagnosis.tables import recorded, schedules, table
+
+MACHINE = table()
+WEAK = replace(MACHINE, drive=replace(MACHINE.drive, rated_thrust=60.0))
+PLAN = schedules(MACHINE)
+
+
+@pytest.mark.parametrize("truth", [MACHINE, WEAK], ids=["follows", "does not"])
+def test_whether_the_drive_follows_beyond_its_rating_is_read_off_the_records(truth: Any) -> None:
+    records = recorded(truth, PLAN, seed=11)
+    most = max(float(np.abs(record.command).max()) for record in records)
+    assert most > WEAK.drive.rated_thrust
+    found = refit_within(WEAK, records).candidate.layout.machine
+    follows = truth is MACHINE
+    assert found.drive.rated_thrust == (most if follows else WEAK.drive.rated_thrust)
+    assert found.sources["drive.rated_thrust"].kind == ("identified" if follows else "paper")
+
+
+def test_a_table_whose_contacts_are_all_much_softer_is_re_fitted() -> None:
+    """By more than each contact's own tolerance and three times the level's."""
+    friction = MACHINE.friction
+    softer = elements(0.78 * np.array(friction.stiffness), np.array(friction.limit), friction.damping)
+    records = recorded(replace(MACHINE, friction=softer), PLAN, seed=17, wrong=0.0)
+    found = refit_within(MACHINE, records)
+    assert np.mean(found.innovations**2) < 1.02
+    assert sum(found.candidate.machine.friction.stiffness) == pytest.approx(sum(softer.stiffness), rel=0.02)
+
+
+def test_a_load_that_was_left_on_the_table_is_re_fitted() -> None:
+    """A quarter of its mass, far beyond the tolerance: else what is left of it looks like a ripple of the thrust."""
+    rigid, *flexible = MACHINE.plant.modes
+    heavy = replace(MACHINE.plant, modes=(replace(rigid, gain=rigid.gain / 1.25), *flexible))
+    records = recorded(replace(MACHINE, plant=heavy), PLAN, seed=18, wrong=0.0)
+    found = refit_within(MACHINE, records)
+    assert np.mean(found.innovations**2) < 1.02
+    assert found.candidate.machine.plant.modes[0].gain == pytest.approx(rigid.gain / 1.25, rel=0.005)
+
+
+def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
+    loose = replace(MACHINE, tolerance=Tolerance(offset=3.0))
+    usual, wide = parameters(MACHINE, 1), parameters(loose, 1)
+    (at,) = usual.of("amplifier_offset")
+    assert [usual.deviation[at], wide.deviation[at], wide.high[at]] == [0.2, 3.0, 9.0]
+    rest = np.setdiff1d(np.arange(usual.count), at)
+    assert np.array_equal(usual.high[rest], wide.high[rest])
+    theta = np.zeros(wide.count)
+    theta[at] = 5.0
+    assert applied(wide, theta).tolerance == loose.tolerance

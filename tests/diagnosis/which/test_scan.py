@@ -1,0 +1,71 @@
+"""The catalogue scan: periods of any length, and columns that are known from the stage before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import at_bounds
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.refit import refit_within
+from diagnosis.which.scan import freed, peaks, scan
+from models.effects.base import Effect
+from models.effects.friction_laws import PositionDependentFriction, Stribeck
+from models.effects.motor import Cogging, ThrustRipple
+from models.effects.priors import Priors
+from tests.diagnosis.tables import fitted_with, recorded, schedules, short, table
+
+MACHINE = table()
+PLAN = schedules(MACHINE)
+
+
+@pytest.mark.parametrize("range_", [(1e-3, 4e-3), (1.9e-3, 2.1e-3), (1.999e-3, 2.001e-3)])
+def test_a_period_is_found_in_however_narrow_a_range(range_: tuple[float, float]) -> None:
+    place = np.linspace(0.0, 0.03, 20_000)
+    found = peaks([(place, np.sin(2 * np.pi * place / 2e-3))], *range_, padded=8)
+    assert found
+    assert all(0.999 * range_[0] <= period <= 1.001 * range_[1] for period in found)
+    assert min(abs(period / 2e-3 - 1) for period in found) < 0.01
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Cogging(1.0, 2.345e-3, 1.0),
+        ThrustRipple(0.05, 2.345e-3, 1.0),
+        PositionDependentFriction(0.1, 1.234e-3, 1.0),
+    ],
+    ids=lambda law: law.name,
+)
+def test_a_period_far_below_the_usual_ones_is_found_where_a_machine_states_it(law: Effect) -> None:
+    """By a spectrum over the path, as no grid of periods would be near enough."""
+    period = "length" if law.name == "position_dependent_friction" else "pitch"
+    stated = replace(MACHINE, priors=Priors.of({(law.name, period): (1e-3, 5e-3)}))
+    records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
+    nominal = refit_within(stated, records)
+    found, _ = scan(nominal, records, freed(nominal, numbered(pieces(records), records)))
+    best = found[0].effect
+    assert best.name == law.name
+    fitted = fitted_with(nominal, best, records)
+    (adopted,) = fitted.candidate.effects
+    assert adopted.values()[:2] == pytest.approx(law.values()[:2], rel=0.1)
+    assert adopted.values()[1] == pytest.approx(law.values()[1], rel=1e-3)
+    assert not at_bounds(adopted, stated.priors)
+
+
+def test_what_is_known_of_a_scan_tells_the_next_stage_what_its_own_columns_would() -> None:
+    """An effect in the model changes the columns of others to second order only."""
+    records = recorded(MACHINE, PLAN, [Cogging(1.5, 0.035, 1.0), Stribeck(0.1, 2e-3)], seed=13)
+    nominal = refit_within(MACHINE, records)
+    segment = numbered(pieces(records), records)
+    _, known = scan(nominal, records, freed(nominal, segment))
+    first = fitted_with(nominal, Cogging(1.5, 0.035, 1.0), records)
+    own = freed(first, segment)
+    plain, reused = (
+        {one.effect.name: one.held_out for one in scan(first, records, own, known=k)[0]} for k in ({}, known)
+    )
+    assert max(plain, key=lambda name: plain[name]) == "stribeck"
+    assert reused == pytest.approx(plain, rel=0.05, abs=0.1 * Criteria().min_gain)
