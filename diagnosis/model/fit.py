@@ -32,7 +32,6 @@ OF_PERIOD: Final = 0.02  # Such a step in a period moves the last period of a re
 MIN_GAIN: Final = 10.0  # A step that gains less chi-square than this ends the fit.
 
 MIN_EQUAL_MOTIONS: Final = 4  # Fewer equal motions, of all groups together, do not show what does not repeat.
-SPIKE: Final = 8.0  # No noise makes an innovation of this many standard deviations.
 
 
 @dataclass(frozen=True)

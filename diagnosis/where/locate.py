@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.fit import SPIKE, Fit, Largest, largest, weights
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import Fit, Largest, largest, weights
 from diagnosis.model.motions import Piece, numbered
 from diagnosis.model.residual import noise
 from diagnosis.refit import FOLLOWED, RATED
@@ -87,7 +88,7 @@ class Where:
 
 
 def locate(
-    fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, seed: int = 0, spike: float = SPIKE
+    fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, seed: int = 0, spike: float = Criteria().spike
 ) -> Where:
     """Where the fitted model leaves the records; pieces: those of `motions.pieces`; spike [1]: see `Null.spike`."""
     nominal = fitted.candidate.layout.machine

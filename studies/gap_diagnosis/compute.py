@@ -113,6 +113,10 @@ def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -
         "truth": given.truth,
         "records": _with_motions(given.shown, found.baseline.pieces),
         "shifts": _shifts(found),
+        "criteria": [
+            {"name": name, "value": value, "unit": unit, "meaning": meaning, "chosen": chosen}
+            for name, value, unit, meaning, chosen in found.baseline.criteria.listed()
+        ],
         "white_force_N": {"usual": JITTER, "taken": found.baseline.nominal.candidate.jitter},
         "not_looked_for": [name for name in every() if name not in given.machine.kinds],
         "catalogue": {name: _entry(name) for name in given.machine.kinds},

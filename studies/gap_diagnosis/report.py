@@ -47,6 +47,7 @@ TABLES = {
     "values": ("results.which", "results.verdict"),
     "shifts": ("results.shifts",),
     "limits": ("results.confusability", "results.catalogue"),
+    "criteria": ("results.criteria",),
     "parameters": ("parameters",),
 }
 WATERFALL = (
