@@ -90,8 +90,8 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     else:
         floor = _simulated_floor(stages[-1], baseline, seed)
     known, weight = ~np.isnan(floor.innovations[0]), weights(records)
-    size = _deviations(final) * noise(final.candidate.machine) * weight
-    left = held_out(final, freed(final, baseline.segment)) * size
+    left = held_out(final, freed(final, baseline.segment)) * _deviations(final)  # in the order of `signal`, so that the
+    left = left * noise(final.candidate.machine) * weight  # closure of nothing is exactly 0
     alike = replace(first.candidate, jitter=final.candidate.jitter)  # what two filters leave can't be compared
     seen = first.seen if alike.jitter == first.candidate.jitter else look(alike, records, first.paths, first.walk)
     before, fitted = (signal(*one) * weight for one in ((seen, alike.machine), (final.seen, final.candidate.machine)))
