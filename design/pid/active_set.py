@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from typing import Final
 
 import numpy as np
@@ -25,21 +27,49 @@ from design.pid.problem import Array, Bounds, Problem, Slot, Tuning
 from design.pid.program import SLOTS
 from models.controller import PID
 
-ROUNDS: Final = 40  # in which frequencies join the grid
-NEAR: Final = 0.05  # of the largest gain: a round that moves less is followed by one with the exact bounds
-LEAST_TRUST: Final = 1.05
-WITHIN: Final = 0.04  # of the largest gain: a round that moves less may be the last,
-SETTLED: Final = 1e2  # and one that moves less than this by the tolerance, since the best is flat
-KEPT: Final = 1.01  # of a bound: a solution that exceeds none by more is one to come back to
-EXACT_TRUST: Final = 0.1  # of the factor's excess over 1, for the exact bounds
-BASE: Final = 40  # slots of the nominal members together that it begins with
-NEARLY: Final = 0.8  # of its bound: a maximum above it is among the first slots
-TRUST: Final = 3.0  # factor by which a gain may change in a round
-LONGEST_FILTER: Final = 0.98  # of a = tau / (tau + T_s)
+ROUNDS: Final = 40  # A start is given up after so many rounds in which frequencies join.
+NEAR: Final = 0.05  # The exact bounds come in once a round moves the gains by less than this share of the largest gain.
+# The rounds end when one moves the gains by less than this share of the largest gain, and by less than SETTLED times
+# the tolerance: the optimum is flat, so the gains need not be as exact as the peaks.
+WITHIN: Final = 0.04
+SETTLED: Final = 1e2
+KEPT: Final = 1.01  # A solution that exceeds no bound by more than this factor is one to come back to.
+TRUST: Final = 3.0  # A gain may change by this factor in the first round, since the program knows few frequencies.
+LEAST_TRUST: Final = 1.05  # A start is given up if even so small a change leaves the bounds.
+EXACT_TRUST: Final = 0.1  # With the exact bounds, which let a loop pass -1, only this share of that change is allowed.
+BASE: Final = 40  # The program begins with so many slots, spread over the nominal members.
+NEARLY: Final = 0.8  # A maximum above this share of its bound is among the first slots: it is likely to become active.
+LONGEST_FILTER: Final = 0.98  # The largest a = tau / (tau + T_s) that is sought, short of 1, where tau is infinite.
 
 
-def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -> tuple[Tuning | None, str]:
-    """Rounds of solving and looking between the slots; the certified tuning or None, and what happened.
+class Ending(Enum):
+    """Why the rounds from one start ended, as a sentence about `rounds` of them."""
+
+    CERTIFIED = "certified after {rounds} rounds"
+    NOTHING_WITHIN = "IPOPT found no point within the bounds (round {rounds})"
+    UNSTABLE = "it keeps to the bounds, but a loop is unstable"
+    NEVER_SETTLED = "a peak still exceeds its bound after {rounds} rounds"
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one start after so many rounds; `tuning` is there if it was certified.
+
+    active: how many plants the program had to see, where it did not see them all.
+    """
+
+    ending: Ending
+    rounds: int
+    tuning: Tuning | None = None
+    active: int | None = None
+
+    def __str__(self) -> str:
+        sentence = self.ending.value.format(rounds=self.rounds)
+        return sentence if self.active is None else f"{sentence}, with {self.active} plants that count"
+
+
+def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -> Result:
+    """Rounds of solving and looking between the slots, from one start.
 
     First with the stricter bounds, which keep a stable loop stable; with the exact ones once the gains hardly move.
     start: in SI, as is tolerance [1], relative.
@@ -52,7 +82,7 @@ def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -
         if solution is None:  # too far: back to where the bounds were kept, or half the way, and on in shorter steps
             trust, guess, exact = math.sqrt(trust), before if kept else 0.5 * (before + guess), False
             if trust < LEAST_TRUST:
-                return None, f"IPOPT found no point within the bounds (round {count})"
+                return Result(Ending.NOTHING_WITHIN, count)
             continue
         moved = float(np.max(np.abs(solution[:4] - guess[:4])) / np.max(guess[:3]))
         pid = _pid(problem, solution)
@@ -66,15 +96,15 @@ def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -
         if certain and exact and moved < min(WITHIN, SETTLED * tolerance):
             loops = tuple(assess(member.plant, pid) for member in problem.members)
             if not all(loop.stable for loop in loops):
-                return None, "it keeps to the bounds, but a loop is unstable"
+                return Result(Ending.UNSTABLE, count)
             between = _above_between(problem, loops, bounds, tolerance)
             if not between:
                 value = achieved(problem.members, pid, problem.goal)
-                return Tuning(pid, bounds, value, loops, ()), f"certified after {count} rounds"
+                return Result(Ending.CERTIFIED, count, Tuning(pid, bounds, value, loops, ()))
             above += between
         exact = moved < NEAR
         slots = _tightest(problem, pid, bounds, above + slots)
-    return None, f"a peak still exceeds its bound after {ROUNDS} rounds"
+    return Result(Ending.NEVER_SETTLED, ROUNDS)
 
 
 def _trust(problem: Problem, guess: Array, factor: float) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from models.controller import PID
 from models.machine import Machine
 from models.plant import Plant
 
-SLOW_START: Final = 25e-3  # s. The closed-loop time constant of the rule that a tuning starts from: surely stable.
+SLOW_START: Final = 25e-3  # s. The closed-loop time constant of the rule that a tuning starts from: slow, so stable.
 FAST_START: Final = 6e-3  # s. That of a rule nearer to the edge of stability, whose gains are of a tuned PID's size.
 
 

@@ -30,7 +30,7 @@ from design.loop import (
     pid_response,
     sensitivities,
 )
-from design.pid.active_set import LONGEST_FILTER, from_start, shares
+from design.pid.active_set import LONGEST_FILTER, Result, from_start, shares
 from design.pid.goal import OBJECTIVES, Goal, achieved
 from design.pid.problem import Array, Attempt, Bounds, Problem, Slot, Tuning, TuningError, mt_bound
 from design.pid.program import program
@@ -39,10 +39,11 @@ from models.controller import PID
 from models.machine import Machine
 from models.quantity import show
 
-TOLERANCE: Final = 1e-4  # by which a certified peak may exceed its bound, relative
-MANY: Final = 24  # plants that a program has room for; of more it sees those that count
-ROOM: Final = 1.2  # of |CS| over the steepest contact stiffness, which it is at low frequencies with an integral
-REACH: Final = 50.0  # of the largest gain over the one a problem is scaled with
+TOLERANCE: Final = 1e-4  # A certified peak may exceed its bound by this share.
+MANY: Final = 24  # A program sees so many plants at most; more that are alike would crowd each other out of its slots.
+# With an integral |CS| is the contact stiffness at low frequencies: its bound is at least so many times the steepest.
+ROOM: Final = 1.2
+REACH: Final = 50.0  # A gain may be this many times the one that a problem is scaled with.
 
 
 def tune_pid(
@@ -123,8 +124,9 @@ def tune(problem: Problem, bounds: Bounds, starts: Sequence[tuple[str, PID]], to
     best: Tuning | None = None
     attempts = []
     for name, start in starts:
-        found, outcome = _with_those_that_count(problem, bounds, start, tolerance)
-        attempts.append(Attempt(name, outcome, None if found is None else found.value))
+        result = _with_active_plants(problem, bounds, start, tolerance)
+        found = result.tuning
+        attempts.append(Attempt(name, str(result), None if found is None else found.value))
         if found is not None and (best is None or _rank(problem, found) < _rank(problem, best)):
             best = found
     if best is None:
@@ -138,7 +140,7 @@ def tune(problem: Problem, bounds: Bounds, starts: Sequence[tuple[str, PID]], to
     return replace(best, attempts=tuple(attempts))
 
 
-def _with_those_that_count(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -> tuple[Tuning | None, str]:
+def _with_active_plants(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -> Result:
     """`from_start` for any number of plants: with a few, and those that then exceed a bound join, from the same start.
 
     Many plants that are much alike would crowd each other out of the program's slots.
@@ -150,9 +152,10 @@ def _with_those_that_count(problem: Problem, bounds: Bounds, start: PID, toleran
         part = replace(
             problem, members=tuple(problem.members[i] for i in seen), check=tuple(problem.check[i] for i in seen)
         )
-        found, outcome = from_start(part, bounds, start, tolerance)
+        result = from_start(part, bounds, start, tolerance)
+        found = result.tuning
         if found is None or len(seen) == len(worst):
-            return found, outcome
+            return result
         worst_shares = _largest_shares(problem, found.pid, bounds)
         beyond = [
             int(i) for i in np.argsort(-worst_shares)[: MANY // 4] if worst_shares[i] > 1 + tolerance and i not in seen
@@ -162,7 +165,7 @@ def _with_those_that_count(problem: Problem, bounds: Bounds, start: PID, toleran
             beyond = [i for i, loop in enumerate(loops) if i not in seen and _exceeds(loop, bounds, tolerance)]
             if not beyond:
                 value = achieved(problem.members, found.pid, problem.goal)
-                return replace(found, value=value, loops=loops), f"{outcome}, with {len(seen)} plants that count"
+                return replace(result, tuning=replace(found, value=value, loops=loops), active=len(seen))
         seen += beyond
 
 

@@ -8,7 +8,7 @@ x_T* for every history h. As x_T* is the same, so is the path that each friction
     minimise J   subject to   rest on the target after N samples,   m = M n,   z_h[k] = clip(z_h[k-1] + m[k] - m[k-1]),
                               f_h[k] = K' z_h[k],   |u_h| <= limit,   |u_h[k] - u_h[k-1]| <= slew
 
-*one for all* (common.py): one x_T* and one thrust for every history; the feedback meets what differs.
+*robust* (robust.py): one x_T* and one thrust for every history; the feedback meets what differs.
 
 M: middle of each sample's interval on n (lifted.py): friction once a sample, of second order in T_s, and quasi-static
 (without the dampers D_i). The clip is smooth_friction's; its width follows CONTINUATION.
@@ -44,14 +44,14 @@ OBJECTIVES: Final[dict[Objective, str]] = {
     "sensitivity": "least mean square error after the settling time, over tables with other friction, mass and modes",
     "tracking": "least sum of squares of the error and the thrust, weighted",
 }
-CONTINUATION: Final = (0.3, 0.1, 0.03)  # smoothing width over each element's limit, from solve to solve
-SMOOTH: Final = (
-    1e-4  # weight of the thrust's differences beside the peak or the sensitivity, which leave some thrust free
-)
-STEADY: Final = (
-    1e-5  # the same beside the sensitivity: less lets the thrust ring, which the friction as it stands here,
-)
-# once a sample and smoothed, does not see as it is: the nonsmooth table would lose more than the sensitivity gains
+# Each solve starts from the one before, with the friction's corners rounded over this share of each element's limit:
+# from a coarse smoothing, which converges easily, to one that is close to the exact law.
+CONTINUATION: Final = (0.3, 0.1, 0.03)
+# Weight of the thrust's differences beside the peak or the sensitivity: these leave some of the thrust undetermined.
+SMOOTH: Final = 1e-4
+# The same beside the sensitivity. With less the thrust oscillates from sample to sample, which the friction as it is
+# modelled here, once a sample and smoothed, does not penalise: the nonsmooth table would lose more than is gained.
+STEADY: Final = 1e-5
 
 
 @dataclass(frozen=True)

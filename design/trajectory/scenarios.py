@@ -127,19 +127,19 @@ def guess_loop(
 ) -> dict[str, Array]:
     """Values of the copy's variables (SI) on the exact elements' path; see `respond`."""
     n, loop = feedback.last, _sampled(scenario.plant, feedback)
-    middle, force, states, position = respond(scenario, feedback, start, thrust, reference)
+    found = respond(scenario, feedback, start, thrust, reference)
     lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
-    command = lifted.command @ np.concatenate([thrust, reference, force])
+    command = lifted.command @ np.concatenate([thrust, reference, found.force])
     modes = np.zeros((n + 1, loop.phi.shape[0]))
     for k in range(n):
-        modes[k + 1] = loop.phi @ modes[k] + loop.gamma[:, 0] * (command[k] - force[k])
+        modes[k + 1] = loop.phi @ modes[k] + loop.gamma[:, 0] * (command[k] - found.force[k])
     return {
         f"state_of_{name}": modes[1:].ravel(),
-        f"position_of_{name}": position[1:],
+        f"position_of_{name}": found.position[1:],
         f"pid_of_{name}": command - thrust,
-        f"middle_of_{name}": middle,
-        f"force_of_{name}": force,
-        f"z_of_{name}": states.ravel(),
+        f"middle_of_{name}": found.middle,
+        f"force_of_{name}": found.force,
+        f"z_of_{name}": found.states.ravel(),
     }
 
 
@@ -196,13 +196,25 @@ def _counted(feedback: Feedback) -> slice:
     return slice(feedback.first - 1, feedback.last - 1)
 
 
+@dataclass(frozen=True)
+class LoopResponse:
+    """A loop's position (n + 1,) [m] at the samples and middle (n,) [m] half-way through each interval of the thrust.
+
+    force (n,) [N]: the friction less that at the start; states (n, N) [m]: of its elements, at the middles.
+    """
+
+    middle: Array
+    force: Array
+    states: Array
+    position: Array
+
+
 def respond(
     scenario: Scenario, feedback: Feedback, start: Array, thrust: Array, reference: Array, ratio: float = 0.0
-) -> tuple[Array, Array, Array, Array]:
+) -> LoopResponse:
     """The loop's response to u_ff (n,) [N] and x_T* (n,) [m] from element states `start` (N,) [m].
 
-    ratio [1]: smoothing width over each limit; 0 is the exact law. Returns middle (n,) [m], friction less that at the
-    start (n,) [N], element states (n, N) [m] and position (n + 1,) [m].
+    ratio [1]: smoothing width over each limit; 0 is the exact law.
     """
     n = feedback.last
     lifted = lift(scenario.plant, feedback.sample_time, n, feedback.pid, feedback.reference_delay)
@@ -219,4 +231,5 @@ def respond(
         else:
             state = np.clip(state + moved, -limit, limit)
         states[k], force[k] = state, stiffness @ (state - start)
-    return middle, force, states, lifted.position @ np.concatenate([thrust, reference, force])
+    position = lifted.position @ np.concatenate([thrust, reference, force])
+    return LoopResponse(middle, force, states, position)

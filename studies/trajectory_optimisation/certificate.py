@@ -72,7 +72,7 @@ def _response(machine: Machine, motion: Trajectory, start: Array, scale: float, 
     thrust = scale * np.append(motion.net, np.zeros(extra))
     reference = scale * np.append(motion.position, np.full(extra - 1, motion.task.stroke))
     scenario = Scenario(machine.plant, machine.friction, 0)
-    return respond(scenario, loop, start, thrust, reference, ratio)[3]
+    return respond(scenario, loop, start, thrust, reference, ratio).position
 
 
 def _largest(some: list[Array], others: list[Array]) -> float:

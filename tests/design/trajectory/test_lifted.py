@@ -56,7 +56,7 @@ def test_the_loop_with_exact_elements_is_the_simulator_with_one_step_a_sample(ma
     known = references(law, target)
     loop = Feedback(TS, law.pid, 2, 41, 80)
     scenario = Scenario(machine.plant, machine.friction, 0)
-    _, _, _, position = respond(scenario, loop, start, known.feedforward, known.position)
+    position = respond(scenario, loop, start, known.feedforward, known.position).position
     response = simulate(machine, law, target, substeps=1, initial_friction=start)
     assert position[:80] == pytest.approx(response.position, abs=1e-9 * STROKE)
 
@@ -66,10 +66,10 @@ def test_the_smoothed_loop_comes_to_the_exact_one_at_least_in_proportion_to_the_
     known = references(law, np.full(80, STROKE))
     loop, scenario = Feedback(TS, law.pid, 2, 41, 80), Scenario(machine.plant, machine.friction, 0)
     start = -np.array(machine.friction.limit)
-    exact = respond(scenario, loop, start, known.feedforward, known.position)[3]
+    exact = respond(scenario, loop, start, known.feedforward, known.position).position
     ratios = (0.2, 0.1, 0.05, 0.025)
     worst = [
-        np.max(np.abs(respond(scenario, loop, start, known.feedforward, known.position, ratio)[3] - exact))
+        np.max(np.abs(respond(scenario, loop, start, known.feedforward, known.position, ratio).position - exact))
         for ratio in ratios
     ]
     assert np.polyfit(np.log(ratios), np.log(worst), 1)[0] > 0.9
