@@ -16,6 +16,7 @@ from models.friction import branch
 from models.machine import (
     DEFAULT,
     SOURCES,
+    Machine,
     MachineError,
     Provenance,
     Scale,
@@ -23,6 +24,7 @@ from models.machine import (
     load,
     parameters,
     to_json,
+    with_derived_presliding,
     with_pid,
 )
 from models.machine_file import to_toml
@@ -263,35 +265,13 @@ def test_a_part_is_changed_together_with_its_sources() -> None:
     assert tuned.sources["control.pid.kp"] == Provenance("derived", "a rule")
 
 
-def test_a_source_keeps_its_record_and_deviation_in_a_file(tmp_path: Path) -> None:
-    spread = tuple(1e3 * (i + 1) / 3 for i in range(len(load().friction.stiffness)))
-    machine = load().with_value("plant.modes.1.gain", 0.05, FOUND)
-    machine = machine.with_value("friction.damping", machine.friction.damping, replace(FOUND, note="n", std=spread))
-    path = tmp_path / "machine.toml"
-    path.write_text(to_toml(machine), encoding="utf-8")
-    again = load(path)
-    assert again == machine
-    assert again.sources == machine.sources
-
-
-@pytest.mark.parametrize(
-    ("entry", "said"),
-    [
-        ('std = "3 kg"', r"scale\.noise\.std: '3 kg' is in kg"),
-        ('std = "-1 nm"', r"scale\.noise\.std: -1 nm must be at least 0"),
-        ('std = ["1 nm"]', r"scale\.noise\.std: must be one text, or a list"),
-    ],
-)
-def test_a_deviation_that_cannot_be_is_said(tmp_path: Path, entry: str, said: str) -> None:
-    path = changed(tmp_path, r"noise = \{", f"noise = {{ {entry}, ")
-    with pytest.raises(MachineError, match=said):
-        load(path)
-
-
-def test_a_source_in_words_as_earlier_versions_wrote_it_is_kept_as_it_is(tmp_path: Path) -> None:
-    words = "record a, b.csv sha256 12ab, std 2e-05 1/kg"
-    path = changed(tmp_path, r"noise = \{.*\}", f'noise = {{ value = "1 nm", source = "identified: {words}" }}')
-    machine = load(path)
-    assert machine.sources["scale.noise"] == Provenance("identified", words)
-    path.write_text(to_toml(machine), encoding="utf-8")
-    assert load(path).sources == machine.sources
+def test_a_machine_made_in_a_program_has_the_curve_of_its_elements() -> None:
+    machine = load()
+    made = Machine(
+        "made", machine.drive, machine.scale, machine.plant, machine.friction, machine.control, machine.specification
+    )
+    assert made.presliding.coulomb_force == machine.friction.coulomb_force
+    stroke = machine.specification.stroke
+    assert made.presliding.stiffness_1 == pytest.approx(float(branch(machine.friction, stroke)) / stroke)
+    assert with_derived_presliding(machine).presliding == made.presliding
+    assert to_json(made)["presliding"]["boundary_m"] == stroke

@@ -1,0 +1,33 @@
+"""Where a machine's values come from, and the error of a machine that can't be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
+
+
+class MachineError(ValueError):
+    """A machine file that can't be used; the message is one sentence: what, where, what to do.
+
+    >>> pos.load_machine("nowhere.toml")
+    Traceback (most recent call last):
+    models.machines.provenance.MachineError: nowhere.toml: can't be read (No such file or directory); ...
+    """
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a value comes from: `kind` is one of SOURCES, `detail` says which section, rule, method or assumption.
+
+    record, sha256: the file that it was identified from, and that file's hash; empty for any other. std: its standard
+    deviation in the value's own unit, one for each number of a list; None where it is not known.
+    """
+
+    kind: str
+    detail: str
+    note: str = ""
+    record: str = ""
+    sha256: str = ""
+    std: float | tuple[float, ...] | None = None

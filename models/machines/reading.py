@@ -1,0 +1,207 @@
+"""From the tables of a TOML file to dataclasses whose fields declare their quantities, with the source of every value.
+
+A value is text with a unit, `"16.5 N"`, or a table `{ value = "16.5 N", source = "paper: II.A", note = "..." }`; a
+source begins with one of SOURCES. A value without one counts as assumed. A value that was identified may also hold its
+standard deviation, and the record that it is from with the SHA-256 of the record's file:
+`{ value = "16.5 N", std = "0.2 N", source = "identified: slow sweep", record = "slow.csv", sha256 = "..." }`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
+
+from models.effects import catalogue
+from models.effects.base import Effect
+from models.effects.priors import Priors
+from models.machines.provenance import SOURCES, MachineError, Provenance
+from models.quantity import Declaration, QuantityError, check, declaration, parse
+
+ENTRY: Final = ("value", "std", "source", "record", "sha256", "note")  # keys of a value that is written as a table
+
+Part = TypeVar("Part")
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """The content of a TOML file. Raises MachineError for a file that can't be read or is none."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise MachineError(f"{path}: can't be read ({error.strerror}); give an existing machine file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MachineError(f"{path}: is not valid TOML ({error}); correct that line") from error
+
+
+def read(kind: type[Part], table: object, where: str, sources: dict[str, Provenance]) -> Part:
+    """An instance of the dataclass `kind` from a TOML table; fields with a `value` declaration are quantities [SI].
+
+    where: the table's dotted name, for messages. sources: takes the Provenance of every value under its dotted name.
+    Raises MachineError, a sentence, for what is missing, unknown or impossible.
+    """
+    if not isinstance(table, dict):
+        raise MachineError(f"{where}: must be a table; write [{where}] with its values below")
+    fields = {field.name: field for field in dataclasses.fields(kind) if field.name != "sources"}  # type: ignore[arg-type]
+    for key in table:
+        if key not in fields:
+            raise MachineError(f"{join(where, key)}: unknown; {_nearest(key, list(fields))}")
+    hints, arguments = get_type_hints(kind), {}
+    for name, field in fields.items():
+        path = join(where, name)
+        if name not in table and field.default is not dataclasses.MISSING:
+            continue
+        if name not in table:
+            raise MachineError(f"{path}: missing; add it{_unit_hint(declaration(field))}")
+        arguments[name] = _entry(hints[name], declaration(field), table[name], path, sources)
+    try:
+        return kind(**arguments)
+    except ValueError as error:
+        raise MachineError(f"{where}: {error}") from error
+
+
+def _entry(
+    hint: Any, declared: Declaration | None, entry: object, where: str, sources: dict[str, Provenance]
+) -> object:
+    if declared is not None:
+        return _quantity(hint, declared, entry, where, sources)
+    if hint is str:
+        return entry
+    if isinstance(hint, UnionType):  # an optional part, and here it is
+        hint = next(kind for kind in get_args(hint) if kind is not NoneType)
+    if hint == tuple[Effect, ...]:
+        tables = _tables(catalogue.every(), entry, where)
+        return catalogue.in_order(read(kind, item, path, sources) for kind, path, item in tables)
+    if hint is Priors:
+        return _priors(entry, where, sources)
+    if get_origin(hint) is tuple:
+        if not isinstance(entry, list) or not entry:
+            raise MachineError(f"{where}: needs one table or more; write [[{where}]] with its values below")
+        return tuple(read(get_args(hint)[0], item, f"{where}.{i + 1}", sources) for i, item in enumerate(entry))
+    return read(hint, entry, where, sources)
+
+
+def _tables(known: Mapping[str, type[Effect]], table: object, where: str) -> Iterator[tuple[type[Effect], str, object]]:
+    """What stands in [effects.NAME], say, or in [[effects.NAME]] where several are of one name: the effect's class, the
+    path of the entry, the entry."""
+    if not isinstance(table, dict):
+        raise MachineError(f"{where}: must be a table; write [{where}.NAME] with what is stated of the effect below")
+    for name, entry in table.items():
+        path = join(where, name)
+        if name not in known:
+            raise MachineError(f"{path}: unknown; {_nearest(name, list(known))}")
+        same = entry if isinstance(entry, list) else [entry]
+        for i, item in enumerate(same):
+            yield known[name], path if len(same) == 1 else f"{path}.{i + 1}", item
+
+
+def _priors(table: object, where: str, sources: dict[str, Provenance]) -> Priors:
+    """The ranges in [priors.NAME], in the catalogue's order, each effect's once."""
+    known, stated = catalogue.every(), dict[str, dict[str, tuple[float, ...]]]()
+    for kind, path, entry in _tables(known, table, where):
+        ranges = _ranges(kind, entry, path, sources)
+        if kind.name in stated:
+            once = f"{where}.{kind.name}"
+            raise MachineError(f"{once}: stands there twice; state an effect's sizes once, in [{once}]")
+        stated[kind.name] = ranges
+    return Priors.of({(name, item): ends for name in known for item, ends in stated.get(name, {}).items()})
+
+
+def _ranges(
+    kind: type[Effect], table: object, where: str, sources: dict[str, Provenance]
+) -> dict[str, tuple[float, ...]]:
+    """The ranges that a table states of one effect's sizes, in the order of its parameters."""
+    if not isinstance(table, dict):
+        raise MachineError(f"{where}: must be a table; write [{where}] with its values below")
+    declared = catalogue.range_declarations(kind)
+    for key in table:
+        if key not in declared:
+            raise MachineError(f"{join(where, key)}: unknown; {_nearest(key, list(declared))}")
+    if not table:
+        raise MachineError(f"{where}: has no range; give the least and the most of {next(iter(declared))}, say")
+    ranges = {}
+    for name in (name for name in declared if name in table):
+        ends = _quantity(tuple[float, ...], declared[name], table[name], join(where, name), sources)
+        assert isinstance(ends, tuple)
+        try:
+            Priors.of({(kind.name, name): ends})
+        except ValueError as error:
+            raise MachineError(f"{where.rpartition('.')[0]}.{error}") from error
+        ranges[name] = ends
+    return ranges
+
+
+def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
+    """The float, the tuple of floats or the int at `where`, its source put into `sources`."""
+    text, source = _provenance(entry, where)
+    if isinstance(entry, dict) and "std" in entry:
+        source = dataclasses.replace(source, std=_deviation(entry["std"], declared, text, where))
+    sources[where] = source
+    try:
+        if hint is int:
+            if not isinstance(text, int) or isinstance(text, bool):
+                raise QuantityError(f"{text!r} must be a whole number; write one without a unit, such as 2")
+            check(text, declared)
+            return text
+        if hint is float:
+            return _number(text, declared)
+        if not isinstance(text, list) or not text:
+            raise QuantityError(f"{text!r} must be a list; write one value for each element, in brackets")
+        return tuple(_number(item, declared) for item in text)
+    except QuantityError as error:
+        raise MachineError(f"{where}: {error}") from error
+
+
+def _deviation(text: object, declared: Declaration, number: object, where: str) -> float | tuple[float, ...]:
+    """The standard deviation of a value in its own unit: one number, or one for each number of a list."""
+    spread = Declaration(declared.unit, "standard deviation", above=None, at_least=0, below=None)
+    try:
+        if not isinstance(text, list):
+            return _number(text, spread)
+        if not isinstance(number, list) or len(text) != len(number):
+            raise QuantityError("must be one text, or a list with one for each number of the value")
+        return tuple(_number(item, spread) for item in text)
+    except QuantityError as error:
+        raise MachineError(f"{where}.std: {error}") from error
+
+
+def _number(text: object, declared: Declaration) -> float:
+    if declared.unit == "1" and isinstance(text, int | float) and not isinstance(text, bool):
+        text = str(text)  # a plain TOML number has no unit, and none is wanted
+    number = parse(text, declared.unit)
+    check(number, declared)
+    return number
+
+
+def _provenance(entry: object, where: str) -> tuple[object, Provenance]:
+    if not isinstance(entry, dict):
+        return entry, Provenance("assumed", "no source given")
+    for key in entry:
+        if key not in ENTRY:
+            raise MachineError(f"{where}.{key}: unknown; {_nearest(key, [*ENTRY])}")
+    if "value" not in entry:
+        raise MachineError(f'{where}: has no value; write {{ value = "...", source = "..." }}')
+    kind, _, detail = str(entry.get("source", "assumed: no source given")).partition(":")
+    if kind.strip() not in SOURCES:
+        raise MachineError(f"{where}: source {kind.strip()!r} is unknown; begin it with one of {', '.join(SOURCES)}")
+    note, record, sha256 = (str(entry.get(name, "")).strip() for name in ("note", "record", "sha256"))
+    return entry["value"], Provenance(kind.strip(), detail.strip(), note, record, sha256)
+
+
+def join(where: str, name: str) -> str:
+    """The dotted name of a value in a part of a machine."""
+    return f"{where}.{name}" if where else name
+
+
+def _nearest(key: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
+
+
+def _unit_hint(declared: Declaration | None) -> str:
+    if declared is None:
+        return ""
+    return f", {declared.meaning}" + (f", in {declared.unit}" if declared.unit != "1" else "")
