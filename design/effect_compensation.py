@@ -11,17 +11,17 @@ from dataclasses import replace
 from typing import Final
 
 from models.controller import Controller
-from models.effect_feedforward import Ahead
-from models.effects.base import Effect
+from models.effect_feedforward import EffectFeedforward
+from models.effects.base import Effect, Place
 from models.effects.catalogue import named
 from models.machine import Machine
 from models.plant import Plant, delay_split
 
-MET: Final = frozenset({"thrust", "path", "limit", "friction", "force"})
+MET: Final = frozenset({Place.THRUST, Place.PATH, Place.LIMIT, Place.FRICTION, Place.FORCE})
 REASONS: Final = {
-    "reading": "the scale shows the table elsewhere, and the feedback goes by the scale: mend or calibrate it",
-    "control": "it is in the controller's own law: put that right",
-    "command": "it acts on single commands, the feedback's among them: no thrust along x_T* undoes it",
+    Place.READING: "the scale shows the table elsewhere, and the feedback goes by the scale: mend or calibrate it",
+    Place.CONTROL: "it is in the controller's own law: put that right",
+    Place.COMMAND: "it acts on single commands, the feedback's among them: no thrust along x_T* undoes it",
 }
 CLOCKED: Final = "it follows a time whose beginning the controller does not know"
 
@@ -43,8 +43,8 @@ def with_effects(controller: Controller, machine: Machine) -> Controller:
     met = tuple(effect for effect in machine.effects if effect.hooks and not _reason(effect))
     if not met:
         return controller
-    _, late = delay_split(machine.plant.dead_time, machine.sample_time)
-    return replace(controller, effect_compensation=Ahead(met, late))
+    _, fractional_delay = delay_split(machine.plant.dead_time, machine.sample_time)
+    return replace(controller, effect_compensation=EffectFeedforward(met, fractional_delay))
 
 
 def _reason(effect: Effect) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.effect_feedforward import Ahead, ahead_thrust
+from models.effect_feedforward import EffectFeedforward, effect_thrust
 from models.effects import catalogue
 from models.effects.base import Effect, parameters
 from models.friction import Friction, elements, follow
@@ -65,7 +65,7 @@ class Controller:
     n_ff: tuple[float, ...]
     d_ff: tuple[float, ...]
     friction_compensation: Friction | None = None
-    effect_compensation: Ahead | None = None
+    effect_compensation: EffectFeedforward | None = None
 
     def __repr__(self) -> str:
         rfm = "without" if self.friction_compensation is None else "with"
@@ -98,7 +98,7 @@ def to_json(controller: Controller, stroke: float, settling_time: float) -> dict
         "friction_compensation": rfm and {"stiffness_N_per_m": list(rfm.stiffness), "limit_m": list(rfm.limit)},
     }
     if ahead is not None:
-        content["effect_compensation"] = {"late_s": ahead.late, "effects": _effects_to_json(ahead.effects)}
+        content["effect_compensation"] = {"late_s": ahead.fractional_delay, "effects": _effects_to_json(ahead.effects)}
     return content
 
 
@@ -136,8 +136,8 @@ def _from_json(content: Mapping[str, Any]) -> Controller:
         raise ValueError("sample_time_s must be above 0 and reference_delay_samples at least 0")
     compensation = rfm and elements(rfm["stiffness_N_per_m"], rfm["limit_m"])
     known = content.get("effect_compensation")
-    ahead = known and Ahead(_effects_from_json(known["effects"]), float(known["late_s"]))
-    if ahead and not 0 <= ahead.late < sample_time:
+    ahead = known and EffectFeedforward(_effects_from_json(known["effects"]), float(known["late_s"]))
+    if ahead and not 0 <= ahead.fractional_delay < sample_time:
         raise ValueError("effect_compensation.late_s must be at least 0 and below sample_time_s")
     filters = tuple(content["n_ff"]), tuple(content["d_ff"])
     return Controller(sample_time, PID(*gains), delay, *filters, compensation, ahead)
@@ -187,7 +187,7 @@ def references(controller: Controller, target: ArrayLike) -> References:
     if rfm is not None:
         compensation, _ = follow(rfm, position)
     if ahead is not None:
-        compensation = compensation + ahead_thrust(
+        compensation = compensation + effect_thrust(
             ahead, rfm, position, feedforward + compensation, controller.sample_time
         )
     return References(position, feedforward, compensation)

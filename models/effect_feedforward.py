@@ -11,7 +11,7 @@ smaller by the effect's relative size. More would do a lag no good: its inverse 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -30,38 +30,42 @@ NO_FRICTION: Final = elements([0.0], [1.0])
 
 
 @dataclass(frozen=True)
-class Ahead:
-    """Effects to be met along x_T*, in the catalogue's order; late [s]: how far behind the sample of x_T* at k T_s the
-    thrust of sample k begins to act, the part of the dead time that is no whole sample.
+class EffectFeedforward:
+    """Effects to be met along x_T*, in the catalogue's order.
+
+    fractional_delay [s]: the part of the dead time that is not a whole sample, by which the thrust of sample k begins
+    to act later than the sample of x_T* at k T_s.
     """
 
     effects: tuple[Effect, ...]
-    late: float
+    fractional_delay: float
 
 
-def ahead_thrust(ahead: Ahead, friction: Friction | None, position: Array, thrust: Array, sample_time: float) -> Array:
+def effect_thrust(
+    feedforward: EffectFeedforward, friction: Friction | None, position: Array, thrust: Array, sample_time: float
+) -> Array:
     """The thrust c (n,) [N] that meets the effects along x_T* `position` (n,) [m], from rest at 0 before its start.
 
     friction: the compensator's elements, virgin at the start; thrust (n,) [N]: all else that is put out. What the
     effects ask for at rest at the start is held by the feedback, so c is the departure from it.
     """
-    rubbing, path = friction or NO_FRICTION, _path(position, sample_time, ahead.late)
+    contacts, path = friction or NO_FRICTION, _path(position, sample_time, feedforward.fractional_delay)
     known = np.concatenate([np.zeros(BEFORE), thrust])
-    plain = replay(rubbing, (), replace(path, command=known), 0.0).friction
+    plain = replay(contacts, (), path._replace(command=known), 0.0).friction
     added = np.zeros(known.size)
     for _ in range(ROUNDS):
         sent = known + added
-        met = replay(rubbing, ahead.effects, replace(path, command=sent), 0.0, start=0.0)
+        met = replay(contacts, feedforward.effects, path._replace(command=sent), 0.0, start=0.0)
         added = sent + np.mean(met.friction - plain - met.force - met.thrust, axis=1)
     return np.asarray(added[BEFORE:] - added[0], float)
 
 
-def _path(position: Array, sample_time: float, late: float) -> Path:
+def _path(position: Array, sample_time: float, delay: float) -> Path:
     """The intervals of the thrust along x_T*, BEFORE at rest before them; between samples a cubic without overshoot."""
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415  # slow to import, and few designs meet effects
 
     n, after = position.size, np.full(2, position[-1])
     course = PchipInterpolator(np.arange(-BEFORE, n + 2), np.concatenate([np.zeros(BEFORE), position, after]))
-    samples = np.arange(-BEFORE, n) + late / sample_time
+    samples = np.arange(-BEFORE, n) + delay / sample_time
     middles = samples[:, None] + (np.arange(PARTS) + 0.5) / PARTS
     return Path(sample_time, course(middles), course(middles, 1) / sample_time, course(samples), np.zeros(samples.size))

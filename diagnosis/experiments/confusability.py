@@ -23,7 +23,7 @@ from diagnosis.model.residual import columns
 from diagnosis.where.controller import replayed
 from diagnosis.which.command_jitter import lateness
 from diagnosis.which.scan import BATCH, quadratures
-from models.effects.base import POSITIVE, Effect, Parameter, parameters
+from models.effects.base import POSITIVE, Effect, Parameter, Place, parameters
 from models.effects.catalogue import every, in_order
 from models.effects.priors import USUAL, Priors
 from models.machine import Machine
@@ -205,7 +205,7 @@ def _squared_distance(found: Columns, at: int, sign: float, point: tuple[Effect,
 def _squared_distance_in_log(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:
     """Squared distance [1] from the nominal parameters of an effect that shows in the log only: through the replay if
     it changes the controller's law, else through the scatter of equal motions."""
-    seen = _by_replay if "control" in typical.hooks else _by_lateness
+    seen = _by_replay if Place.CONTROL in typical.hooks else _by_lateness
     return seen(typical, fitted, records)
 
 

@@ -220,10 +220,11 @@ def shifted(seen: Smoothed, differs: Array) -> Path:
     states = smoothed(model, np.zeros_like(path.position), -differs, np.zeros(model.C.size))
     still = Record(path.sample_time, *(np.zeros(differs.size) for _ in range(5)))
     moved = _path(states, seen.count, still, np.zeros(differs.size))
-    return replace(
-        path, position=path.position + moved.position, speed=path.speed + moved.speed,
+    return path._replace(
+        position=path.position + moved.position,
+        speed=path.speed + moved.speed,
         at_samples=path.at_samples + moved.at_samples,
-    )  # fmt: skip
+    )
 
 
 def _acts(

@@ -1,8 +1,8 @@
 """Every effect of the catalogue against what a fit leaves: one pass over grids of their shapes, by linear algebra.
 
-An effect's columns are what it would change of the innovations at a point of its grid. Columns and innovations are
-freed of all that the nominal parameters and the effects already in the model explain (with their priors); the rest is
-compared motion by motion, so that every fold of a cross-validation is small algebra on sums.
+An effect's columns are the changes that it would make in the innovations at a point of its grid. The nominal parameters
+and the effects already in the model are partialled out of columns and innovations, within their priors (Frisch, Waugh
+and Lovell). Products of what remains are summed for each motion, so that a fold of a cross-validation costs small sums.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from diagnosis.model.kalman import adjoint
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns
 from models.compiled import compiled
-from models.effects.base import PLACES, POSITIVE, SHOWN, Effect, Parameter, parameters
+from models.effects.base import POSITIVE, SHOWN, Effect, Parameter, Place, parameters
 from models.effects.catalogue import in_order
 from models.records.record import Record
 
@@ -44,7 +44,8 @@ PADDED: Final = {"position": 8, "reading": 2, "command": 2, "time": 2}
 
 @dataclass(frozen=True)
 class Finding:
-    """An effect at its best point of the grid; what it gains of chi-square on all motions, and on motions held out."""
+    """An effect at its best point of the grid, and by how much it reduces chi-square on all motions and on held-out
+    motions [1]."""
 
     effect: Effect
     gain: float
@@ -53,8 +54,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Freed:
-    """What the model's own parameters do not explain: e (n,), the segment of every sample (n,), their folds, the basis
-    (n, B) of the own parameters and the Cholesky factor of its normal equations."""
+    """The projection that partials out a model's parameters: the innovations e (n,) after it, each sample's motion
+    (n,), each motion's fold, the basis (n, B) of the parameters and the Cholesky factor of its normal equations."""
 
     e: Array
     segment: NDArray[np.int64]
@@ -63,18 +64,18 @@ class Freed:
     factor: tuple[Array, bool]
 
     def __call__(self, given: NDArray[Any]) -> Array:
-        """Columns (n, k) freed likewise."""
+        """Columns (n, k) with the model's parameters partialled out [1]."""
         out = self.basis @ cho_solve(self.factor, self.basis.T @ given)
         return np.asarray(np.subtract(given, out, out=out))
 
 
 def freed(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> Freed:
-    """The innovations of a fit, freed [1]; segment (n,): the number of the motion that each sample belongs to."""
+    """The projection for a fit; segment (n,): the number of the motion that each sample belongs to. Its e is [1]."""
     candidate = fitted.candidate
     layout, theta = candidate.layout, candidate.theta
     margin = 0.01 * (layout.high - layout.low)
     inside = (theta > layout.low + margin) & (theta < layout.high - margin)
-    free = np.where(inside, layout.deviation, 0.0)  # what stands at its bound stays there
+    free = np.where(inside, layout.deviation, 0.0)  # a parameter at its bound is held there
     basis = np.hstack([fitted.slopes * free, fitted.own * effects_prior_std(candidate)])
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
     count = int(segment.max()) + 1
@@ -92,10 +93,10 @@ def scan(
     known: Columns = MappingProxyType({}),
 ) -> tuple[list[Finding], Columns]:
     """The catalogue's effects, each at the point of its grid that gains the most on held-out motions, best first; and
-    columns (n, k) [1] of points of the grids, in single precision, that are the same to first order in another fit of
-    these references. Not those that the model's own parameters mostly explain: too little remains of them.
+    columns (n, k) [1], in single precision, that another fit of these references can reuse, as they are the same to
+    first order (see MIN_ORTHOGONAL_FRACTION).
 
-    known: such columns of another fit whose random forces are the same, in place of what this one's path would give.
+    known: such columns of another fit with the same random forces, used in place of columns along this fit's path.
     """
     trials: list[Effect] = []
     for name, kind in fitted.candidate.layout.machine.kinds.items():
@@ -135,7 +136,7 @@ def _findings(
 
 
 def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) -> list[NDArray[Any]]:
-    """What each effect's quadratures change of the innovations: (n, 1) or (n, 2) [1] each."""
+    """The change of the innovations by each effect's quadratures: (n, 1) or (n, 2) [1] each."""
     variants = [variant for effect in batch for variant in quadratures(effect)]
     added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
     whole = columns(fitted.candidate, added, records, fitted.paths, fitted.seen, fitted.walk)
@@ -145,7 +146,7 @@ def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) ->
 
 
 def judged(effect: Effect, products: Array, slopes: Array, own: Freed) -> Finding:
-    """The effect's amplitude by least squares, and its gains [1], from what `by_segment` says of its one or two freed
+    """The effect's amplitude by least squares, and its gains [1], from the sums of `by_segment` for its one or two
     columns: products (S, k, 2), slopes (S, k)."""
     k = slopes.shape[1]
     grams = products[:, :, :1] * np.eye(k)
@@ -175,8 +176,8 @@ def _possible(effect: Effect, factor: Array) -> bool:
 
 
 def by_segment(given: Array, own: Freed) -> tuple[Array, Array]:
-    """Of freed columns (n, k), in each of S segments: products of each with itself and with the next (S, k, 2), and
-    with the innovations (S, k); all [1]. One pass over a whole batch: its columns pass through memory once."""
+    """Sums over each of S motions of products of columns (n, k) after the projection: of each with itself and with the
+    next (S, k, 2), and with the innovations (S, k); all [1]. One pass, because the columns of a batch are large."""
     products, slopes = np.zeros((own.fold.size, given.shape[1], 2)), np.zeros((own.fold.size, given.shape[1]))
     _sums(given, own.e, own.segment, products, slopes)
     return products, slopes
@@ -250,8 +251,8 @@ def _points(item: Parameter) -> Array:
 
 
 def adjoints(fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[tuple[Record, Array, Array]]:
-    """For each record what any force (n,) and any reading (n,) would have in common with the innovations
-    [1/N], [1/m]."""
+    """For each record the gradient of half of chi-square with respect to a force (n,) [1/N] and to an error of the
+    reading (n,) [1/m] at each sample."""
     model = fitted.candidate.predictor(records[0].sample_time, fitted.walk)
     begin = 0
     for record in records:
@@ -293,10 +294,10 @@ def _coordinate(name: str, record: Record, fitted: Fit) -> Array:
 def _multiplied(kind: type[Effect], item: Parameter, record: Record) -> Array:
     """What (n,) the periodic factor of a law multiplies in the force, but for its size, by where the law acts: the
     command on the way to the thrust, the friction, of which the sign of the speed is the main part, or nothing [1]."""
-    place = min(kind.hooks, key=list(PLACES).index)
-    if item.periodic_in == "command" or place in {"force", "path"}:
+    place = min(kind.hooks)
+    if item.periodic_in == "command" or place in {Place.FORCE, Place.PATH}:
         return np.ones(record.position.size)
-    return np.sign(np.gradient(record.position)) if place in {"limit", "friction"} else record.command
+    return np.sign(np.gradient(record.position)) if place in {Place.LIMIT, Place.FRICTION} else record.command
 
 
 def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded: int = 2) -> list[float]:

@@ -17,6 +17,7 @@ import math
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from functools import cache
 from typing import Any, ClassVar, Final, Protocol, Self
 
@@ -52,17 +53,27 @@ COORDINATES: Final = {"position": "m", "reading": "m", "command": "N", "time": "
 """What a law can be periodic in, with its unit: the table's position, the scale's reading, the command, the time."""
 SHOWN: Final = ("force", "reading")  # where an effect can add something that a record of position and command shows
 
-PLACES: Final = {
-    "reading": "x [m] -> what the scale shows before noise and rounding [m], once a sample",
-    "control": "the law's command [N] -> the command put out and logged [N], once a sample",
-    "command": "logged command [N] -> what the drive takes in [N], once a sample, before the dead time",
-    "thrust": "thrust reference after dead time and limit [N] -> its mean over the substep [N]",
-    "path": "x [m] -> displacement that the friction's contacts see [m], every substep",
-    "limit": "1 -> factor of every X_i, every substep",
-    "friction": "force of the elements [N] -> friction [N], every substep",
-    "force": "0 -> external force, in newtons of thrust reference, every substep",
-}
-"""Where a hook acts, in the order of a sample; H is the sample time, the substep, or the time since the last call."""
+
+class Place(IntEnum):
+    """Where a hook acts, in the order of a sample; `now[H]` is then the sample time or the substep, or, for what acts
+    on the friction, the time since the last call."""
+
+    READING = 0
+    """x [m] -> what the scale shows before noise and rounding [m], once a sample."""
+    CONTROL = 1
+    """The law's command [N] -> the command put out and logged [N], once a sample."""
+    COMMAND = 2
+    """Logged command [N] -> what the drive takes in [N], once a sample, before the dead time."""
+    THRUST = 3
+    """Thrust reference after dead time and limit [N] -> its mean over the substep [N]."""
+    PATH = 4
+    """x [m] -> displacement that the friction's contacts see [m], every substep."""
+    LIMIT = 5
+    """1 -> factor of every X_i, every substep."""
+    FRICTION = 6
+    """Force of the elements [N] -> friction [N], every substep."""
+    FORCE = 7
+    """0 -> external force, in newtons of thrust reference, every substep."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +193,7 @@ def hook(law: Hook) -> Hook:
 class Effect(ABC):
     """One effect and the values of its parameters (SI). A subclass is a frozen dataclass whose fields are `parameter`s.
 
-    equation: LaTeX. source: where the law and its typical sizes come from. hooks: by place, a key of PLACES.
+    equation: LaTeX. source: where the law and its typical sizes come from. hooks: by the Place where they act.
     depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common: any
     positioning table may have it; what is not is considered only in a machine whose file states its sizes. shows_in:
     where it shows in a record of position and command: as a "force", in the scale's "reading", only in the "log" of
@@ -193,7 +204,7 @@ class Effect(ABC):
     family: ClassVar[str]
     equation: ClassVar[str]
     source: ClassVar[str]
-    hooks: ClassVar[Mapping[str, Hook]] = {}
+    hooks: ClassVar[Mapping[Place, Hook]] = {}
     depends_on_time: ClassVar[bool] = False
     common: ClassVar[bool] = True
     shows_in: ClassVar[str] = ""
@@ -204,9 +215,9 @@ class Effect(ABC):
         no unit."""
         if cls.shows_in or not cls.hooks:
             return cls.shows_in or "force"
-        return {"reading": "reading", "control": "log"}.get(min(cls.hooks, key=list(PLACES).index), "force")
+        return {Place.READING: "reading", Place.CONTROL: "log"}.get(min(cls.hooks), "force")
 
-    def memory(self, elements: int) -> int:  # noqa: ARG002  # a subclass may need the number of elements
+    def memory(self, elements: int) -> int:
         """How many numbers the hooks keep between calls, shared by all of them, for a friction of so many elements."""
         return 0
 

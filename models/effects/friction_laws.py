@@ -13,6 +13,7 @@ from models.effects.base import (
     Effect,
     H,
     Numbers,
+    Place,
     T,
     V,
     X,
@@ -31,15 +32,16 @@ SURVEY: Final = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, A survey o
 
 @hook
 def _relaxing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
-    keep = math.exp(-0.5 * now[H] / p[1])
-    leaking, count, reloads = 0.0, memory.size // 2, p[2] > 0.5
+    part, time, reloads = p[0], p[1], p[2] > 0.5
+    keep = math.exp(-0.5 * now[H] / time)
+    leaking, count = 0.0, memory.size // 2
     for i in range(count):
         moved = now[MOVED] if reloads else contact[Z, i] - memory[count + i]
         z = (memory[i] * keep + moved) * keep
         memory[i] = max(-contact[LIMIT, i], min(z, contact[LIMIT, i])) if reloads else z
         memory[count + i] = contact[Z, i]
         leaking += contact[STIFFNESS, i] * memory[i]
-    return (1.0 - p[0]) * value + p[0] * leaking
+    return (1.0 - part) * value + part * leaking
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class FrictionRelaxation(Effect):
         "Flügge 1975, Viscoelasticity (a Maxwell element beside a spring), here with the slip of each contact; "
         "sizes assumed"
     )
-    hooks: ClassVar = {"friction": _relaxing}
+    hooks: ClassVar = {Place.FRICTION: _relaxing}
     part: float = parameter("1", "part b of the force that decays", 0.05, 0.3, "amplitude", at_least=0, below=1)
     time: float = parameter("s", "time constant tau", 0.05, 1.0, "shape", above=0)
     reload: int = switch("r: slip loads it again")
@@ -68,12 +70,13 @@ class FrictionRelaxation(Effect):
 
 
 @hook
-def _healing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _healing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    rise, time, distance = p[0], p[1], p[2]
     rest = 1.0 / (1.0 + (now[V] / REST_SPEED) ** 2)
-    gain, loss = rest * now[H] / p[1], (1.0 - rest) * abs(now[MOVED]) / p[2]
+    gain, loss = rest * now[H] / time, (1.0 - rest) * abs(now[MOVED]) / distance
     final = gain / (gain + loss)
     memory[0] = final + (memory[0] - final) * math.exp(-(gain + loss))
-    return value * (1.0 + p[0] * memory[0])
+    return value * (1.0 + rise * memory[0])
 
 
 @dataclass(frozen=True)
@@ -90,20 +93,20 @@ class DwellBreakaway(Effect):
         f"Ruina 1983, Slip instability and state variable friction laws (a state that heals in time and is lost over a "
         f"distance); {SURVEY}; v_0 and sizes assumed"
     )
-    hooks: ClassVar = {"limit": _healing}
+    hooks: ClassVar = {Place.LIMIT: _healing}
     rise: float = parameter("1", "rise a of the limits after a long rest", 0.02, 0.3, "amplitude", at_least=0)
     time: float = parameter("s", "time constant tau of the rise", 0.1, 10.0, "shape", above=0)
     distance: float = parameter(
         "m", "distance lambda over which it is lost", 1e-6, 1e-5, "shape", points_per_decade=2, above=0
     )
 
-    def memory(self, elements: int) -> int:  # noqa: ARG002
+    def memory(self, elements: int) -> int:
         """The state theta."""
         return 1
 
 
 @hook
-def _viscous(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _viscous(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value + p[0] * now[V]
 
 
@@ -115,13 +118,14 @@ class ViscousFriction(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = r"F+c\,\dot x"
     source: ClassVar = f"{SURVEY}; sizes assumed"
-    hooks: ClassVar = {"friction": _viscous}
+    hooks: ClassVar = {Place.FRICTION: _viscous}
     coefficient: float = parameter("N s/m", "drag c", 10.0, 100.0, "amplitude", at_least=0)
 
 
 @hook
-def _stribeck(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value * (1.0 + p[0] * math.exp(-((now[V] / p[1]) ** 2)))
+def _stribeck(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    rise, speed = p[0], p[1]
+    return value * (1.0 + rise * math.exp(-((now[V] / speed) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -132,14 +136,15 @@ class Stribeck(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = r"X_i\left(1+a\,e^{-(\dot x/v_s)^2}\right)"
     source: ClassVar = f"Bo and Pavelescu 1982, The friction-speed relation; {SURVEY}; sizes assumed"
-    hooks: ClassVar = {"limit": _stribeck}
+    hooks: ClassVar = {Place.LIMIT: _stribeck}
     rise: float = parameter("1", "rise a of the limits at rest", 0.05, 0.3, "amplitude", at_least=0)
     speed: float = parameter("m/s", "speed v_s over which it is lost", 5e-4, 5e-3, "shape", above=0)
 
 
 @hook
-def _strengthening(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value * (1.0 + 0.5 * p[0] * math.log1p((now[V] / p[1]) ** 2))
+def _strengthening(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    rise, speed = p[0], p[1]
+    return value * (1.0 + 0.5 * rise * math.log1p((now[V] / speed) ** 2))
 
 
 @dataclass(frozen=True)
@@ -153,17 +158,18 @@ class VelocityStrengthening(Effect):
         "Eyring 1936, Viscosity, plasticity, and diffusion as examples of absolute reaction rates (the stress of a "
         "film); Dieterich 1979, Modeling of rock friction (the logarithm); smooth at rest, and sizes: assumed"
     )
-    hooks: ClassVar = {"limit": _strengthening}
+    hooks: ClassVar = {Place.LIMIT: _strengthening}
     common: ClassVar = False  # rolling guides have none: a machine file that states its sizes asks for it
     rise: float = parameter("1", "rise a of the limits with each e-fold of speed", 0.02, 0.5, "amplitude", at_least=0)
     speed: float = parameter("m/s", "speed v_0 above which it is a logarithm", 1e-4, 1e-2, "shape", above=0)
 
 
 @hook
-def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    keep = math.exp(-0.5 * now[H] / FORGOTTEN) if p[2] > 0.5 else 1.0
-    memory[0] = max(-1.0, min((memory[0] * keep + now[MOVED] / p[1]) * keep, 1.0))
-    return value * (1.0 + p[0] * memory[0])
+def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    asymmetry, distance, forgets = p[0], p[1], p[2] > 0.5
+    keep = math.exp(-0.5 * now[H] / FORGOTTEN) if forgets else 1.0
+    memory[0] = max(-1.0, min((memory[0] * keep + now[MOVED] / distance) * keep, 1.0))
+    return value * (1.0 + asymmetry * memory[0])
 
 
 @dataclass(frozen=True)
@@ -186,21 +192,22 @@ class DirectionalFriction(Effect):
         "over a distance, so that nothing jumps where the table turns, and what a rest does: assumed, as sizes; tau_0 "
         "such that the direction goes by speeds below 0.1 to 1 mm/s, as that of the blind trial's sealer"
     )
-    hooks: ClassVar = {"friction": _directional}
+    hooks: ClassVar = {Place.FRICTION: _directional}
     asymmetry: float = parameter("1", "asymmetry a", 0.02, 0.1, "amplitude", signed=True, above=-1, below=1)
     distance: float = parameter(
         "m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", points_per_decade=2, above=0
     )
     forgets: int = switch("r: a rest loses the direction")
 
-    def memory(self, elements: int) -> int:  # noqa: ARG002
+    def memory(self, elements: int) -> int:
         """The direction s."""
         return 1
 
 
 @hook
-def _placed(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value * (1.0 + p[0] * math.sin(2.0 * math.pi * now[X] / p[1] + p[2]))
+def _placed(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    part, length, angle = p[0], p[1], p[2]
+    return value * (1.0 + part * math.sin(2.0 * math.pi * now[X] / length + angle))
 
 
 @dataclass(frozen=True)
@@ -211,21 +218,22 @@ class PositionDependentFriction(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = r"F\left(1+a\sin(2\pi x/L+\varphi)\right)"
     source: ClassVar = "Armstrong-Hélouvry 1991, Control of machines with friction (measured on a robot); sizes assumed"
-    hooks: ClassVar = {"friction": _placed}
+    hooks: ClassVar = {Place.FRICTION: _placed}
     part: float = parameter("1", "variation a", 0.03, 0.2, "amplitude", at_least=0, below=1)
     length: float = period("m", "length L of a period", 3e-3, 6e-2, "position", points=18, above=0)
     phase: float = phase()
 
 
 @hook
-def _lagging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    if p[0] == 0.0:
+def _lagging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    time, lag, last, called = p[0], memory[0], memory[1], memory[2] > 0.0
+    if time == 0.0:
         return value
-    if memory[2] > 0.0:  # the force as a straight line from the last call's to this one
-        keep = math.exp(-now[H] / p[0])
-        memory[0] = memory[0] * keep + (value - memory[1]) * p[0] / now[H] * (1.0 - keep)
-    memory[1], memory[2] = value, 1.0
-    return value - memory[0]
+    if called:  # the force as a straight line from the last call's to this one
+        keep = math.exp(-now[H] / time)
+        lag = lag * keep + (value - last) * time / now[H] * (1.0 - keep)
+    memory[0], memory[1], memory[2] = lag, value, 1.0
+    return value - lag
 
 
 @dataclass(frozen=True)
@@ -239,16 +247,16 @@ class FrictionalLag(Effect):
         "Hess and Soom 1990, Friction at a lubricated line contact operating at oscillating sliding velocities "
         "(a lag); of first order, and sizes: assumed"
     )
-    hooks: ClassVar = {"friction": _lagging}
+    hooks: ClassVar = {Place.FRICTION: _lagging}
     time: float = parameter("s", "time constant tau", 2e-4, 3e-3, "width", at_least=0)
 
-    def memory(self, elements: int) -> int:  # noqa: ARG002
+    def memory(self, elements: int) -> int:
         """By how much the friction lags, the force at the last call, and whether there was one."""
         return 3
 
 
 @hook
-def _drifting(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _drifting(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value * (1.0 + p[0] * now[T])
 
 
@@ -260,14 +268,15 @@ class FrictionDrift(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = r"F(1+k t)"
     source: ClassVar = "assumed: the first term of any slow change; 4 to 40 % in 40 s"
-    hooks: ClassVar = {"friction": _drifting}
+    hooks: ClassVar = {Place.FRICTION: _drifting}
     depends_on_time: ClassVar = True
     rate: float = parameter("1/s", "relative rate k", 1e-3, 1e-2, "amplitude", signed=True)
 
 
 @hook
-def _playing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    memory[0] = max(-0.5 * p[0], min(memory[0] - now[MOVED], 0.5 * p[0]))
+def _playing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    width = p[0]
+    memory[0] = max(-0.5 * width, min(memory[0] - now[MOVED], 0.5 * width))
     return value + memory[0]
 
 
@@ -282,9 +291,9 @@ class Play(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = r"x_c=x+o,\quad \dot o=-\dot x\ \text{while}\ |o|\le w/2\quad(\text{play operator})"
     source: ClassVar = "Krasnosel'skii and Pokrovskii 1989, Systems with hysteresis; sizes assumed"
-    hooks: ClassVar = {"path": _playing}
+    hooks: ClassVar = {Place.PATH: _playing}
     width: float = parameter("m", "width w of the dead zone", 2e-7, 3e-6, "width", at_least=0)
 
-    def memory(self, elements: int) -> int:  # noqa: ARG002
+    def memory(self, elements: int) -> int:
         """By how much the contacts are off the table."""
         return 1

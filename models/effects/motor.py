@@ -6,15 +6,16 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import Effect, H, Numbers, X, hook, parameter, period, phase, switch
+from models.effects.base import Effect, H, Numbers, Place, X, hook, parameter, period, phase, switch
 
 RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
 FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated
 
 
 @hook
-def _cogging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value + p[0] * math.sin(2.0 * math.pi * now[X] / p[1] + p[2])
+def _cogging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    amplitude, pitch, angle = p[0], p[1], p[2]
+    return value + amplitude * math.sin(2.0 * math.pi * now[X] / pitch + angle)
 
 
 @dataclass(frozen=True)
@@ -25,15 +26,16 @@ class Cogging(Effect):
     family: ClassVar = "motor"
     equation: ClassVar = r"d=A\sin(2\pi x/p+\varphi)"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
-    hooks: ClassVar = {"force": _cogging}
+    hooks: ClassVar = {Place.FORCE: _cogging}
     amplitude: float = parameter("N", "amplitude A", 0.5, 5.0, "amplitude", at_least=0)
     pitch: float = period("m", "pitch p", 2e-2, 6e-2, "position", points=10, above=0)
     phase: float = phase()
 
 
 @hook
-def _ripple(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value * (1.0 + p[0] * math.sin(2.0 * math.pi * now[X] / p[1] + p[2]))
+def _ripple(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    part, pitch, angle = p[0], p[1], p[2]
+    return value * (1.0 + part * math.sin(2.0 * math.pi * now[X] / pitch + angle))
 
 
 @dataclass(frozen=True)
@@ -44,14 +46,14 @@ class ThrustRipple(Effect):
     family: ClassVar = "motor"
     equation: ClassVar = r"K_t\left(1+a\sin(2\pi x/p+\varphi)\right)u"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
-    hooks: ClassVar = {"thrust": _ripple}
+    hooks: ClassVar = {Place.THRUST: _ripple}
     part: float = parameter("1", "variation a", 0.01, 0.06, "amplitude", at_least=0, below=1)
     pitch: float = period("m", "pitch p", 2e-2, 6e-2, "position", points=10, above=0)
     phase: float = phase()
 
 
 @hook
-def _asymmetric(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _asymmetric(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value + p[0] * abs(value)
 
 
@@ -63,12 +65,12 @@ class GainAsymmetry(Effect):
     family: ClassVar = "motor"
     equation: ClassVar = r"K_t(1+a\,\mathrm{sign}\,u)\,u"
     source: ClassVar = "assumed: two halves of an amplifier with unequal gains"
-    hooks: ClassVar = {"thrust": _asymmetric}
+    hooks: ClassVar = {Place.THRUST: _asymmetric}
     asymmetry: float = parameter("1", "asymmetry a", 0.005, 0.04, "amplitude", signed=True, above=-1, below=1)
 
 
 @hook
-def _saturating(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _saturating(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value * (1.0 - p[0] * (value / FULL_THRUST) ** 2)
 
 
@@ -80,18 +82,19 @@ class ThrustSaturation(Effect):
     family: ClassVar = "motor"
     equation: ClassVar = r"K_t\left(1-a\,(u/100\,\mathrm{N})^2\right)u"
     source: ClassVar = "assumed: the first term of iron that saturates alike both ways"
-    hooks: ClassVar = {"thrust": _saturating}
+    hooks: ClassVar = {Place.THRUST: _saturating}
     loss: float = parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0, below=0.3)
 
 
 @hook
-def _lagging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    if p[0] == 0.0:
+def _lagging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    time, current, called = p[0], memory[0], memory[1] > 0.0
+    if time == 0.0:
         return value
-    behind = memory[0] - value if memory[1] > 0.0 else 0.0
-    keep = math.exp(-now[H] / p[0])
+    behind = current - value if called else 0.0
+    keep = math.exp(-now[H] / time)
     memory[0], memory[1] = value + behind * keep, 1.0
-    return value + behind * (1.0 - keep) * p[0] / now[H]
+    return value + behind * (1.0 - keep) * time / now[H]
 
 
 @dataclass(frozen=True)
@@ -102,22 +105,22 @@ class CurrentLoopLag(Effect):
     family: ClassVar = "motor"
     equation: ClassVar = r"\tau\dot u_i+u_i=u"
     source: ClassVar = "assumed: a current control of first order; 0.2 ms is a bandwidth of 800 Hz"
-    hooks: ClassVar = {"thrust": _lagging}
+    hooks: ClassVar = {Place.THRUST: _lagging}
     time: float = parameter("s", "time constant tau", 1e-4, 5e-4, "width", at_least=0)
 
-    def memory(self, elements: int) -> int:  # noqa: ARG002
+    def memory(self, elements: int) -> int:
         """The current at the end of the last substep, in newtons, and whether there was one."""
         return 2
 
 
 @hook
-def _late(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    sample, before = memory[1], memory[0] if memory[1] > 0.0 else value
+def _late(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    part, sample, before = p[0], memory[1], memory[0] if memory[1] > 0.0 else value
     memory[0], memory[1] = value, sample + 1.0
     number = int(sample) & 0x7FFFFFFF  # a hash of the sample's number: mixed bits, the same in every run
     for _ in range(3):
         number = ((number ^ (number >> 15)) * 0x2C1B3C6D + 0x297A2D39) & 0x7FFFFFFF
-    return before if number < p[0] * 0x80000000 else value
+    return before if number < part * 0x80000000 else value
 
 
 @dataclass(frozen=True)
@@ -130,18 +133,19 @@ class TimingJitter(Effect):
     source: ClassVar = (
         "Wittenmark, Nilsson and Törngren 1995, Timing problems in real-time control systems; sizes assumed"
     )
-    hooks: ClassVar = {"command": _late}
+    hooks: ClassVar = {Place.COMMAND: _late}
     shows_in: ClassVar = "log"  # as a scatter of motions that the log says are equal, not as a force of its own
     part: float = parameter("1", "part q of the samples", 0.005, 0.1, "amplitude", at_least=0, below=1)
 
-    def memory(self, elements: int) -> int:  # noqa: ARG002
+    def memory(self, elements: int) -> int:
         """The last command and the number of samples so far."""
         return 2
 
 
 @hook
-def _dead(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value - max(-p[0], min(value, p[0]))
+def _dead(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    width = p[0]
+    return value - max(-width, min(value, width))
 
 
 @dataclass(frozen=True)
@@ -154,17 +158,18 @@ class AmplifierDeadband(Effect):
     source: ClassVar = (
         "Tao and Kokotović 1996, Adaptive control of systems with actuator and sensor nonlinearities; sizes assumed"
     )
-    hooks: ClassVar = {"command": _dead}
+    hooks: ClassVar = {Place.COMMAND: _dead}
     width: float = parameter("N", "command w up to which nothing happens", 0.05, 0.5, "width", at_least=0)
 
 
 @hook
-def _stepped(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    if p[0] == 0.0:
+def _stepped(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    step, rises = p[0], p[1] > 0.5
+    if step == 0.0:
         return value
-    if p[1] > 0.5:
-        return (math.floor(value / p[0]) + 0.5) * p[0]
-    return math.floor(value / p[0] + 0.5) * p[0]
+    if rises:
+        return (math.floor(value / step) + 0.5) * step
+    return math.floor(value / step + 0.5) * step
 
 
 @dataclass(frozen=True)
@@ -178,6 +183,6 @@ class DacQuantisation(Effect):
         r"q\left(\lfloor u/q\rfloor+\tfrac12\right)\ (r=1)"
     )
     source: ClassVar = "Widrow and Kollár 2008, Quantization noise (mid-tread and mid-rise); sizes assumed"
-    hooks: ClassVar = {"command": _stepped}
+    hooks: ClassVar = {Place.COMMAND: _stepped}
     step: float = period("N", "step q", 1e-2, 1e-1, "command", role="width", linear_within=1e-5, at_least=0)
     rise: int = switch("r: it jumps at zero")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import U_LAW, Effect, Numbers, hook, parameter
+from models.effects.base import U_LAW, Effect, Numbers, Place, hook, parameter
 
 
 @hook
-def _mismatched(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _mismatched(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value + p[0] * now[U_LAW]
 
 
@@ -21,5 +21,5 @@ class ControllerMismatch(Effect):
     family: ClassVar = "protocol"
     equation: ClassVar = r"u_M=(1+a)\,u_{fb}+u_{ff}+u_{rf}"
     source: ClassVar = "assumed: a gain that was changed, or another unit of it"
-    hooks: ClassVar = {"control": _mismatched}
+    hooks: ClassVar = {Place.CONTROL: _mismatched}
     excess: float = parameter("1", "excess a of the feedback", 0.01, 0.1, "amplitude", signed=True, above=-1)

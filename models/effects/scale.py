@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, T, hook, parameter, period, phase
+from models.effects.base import Effect, Numbers, Place, T, hook, parameter, period, phase
 
 
 @hook
-def _drifting(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _drifting(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value + p[0] * now[T]
 
 
@@ -24,13 +24,14 @@ class ScaleDrift(Effect):
     source: ClassVar = (
         "Bryan 1990, International status of thermal error research; at a constant rate, and sizes: assumed"
     )
-    hooks: ClassVar = {"reading": _drifting}
+    hooks: ClassVar = {Place.READING: _drifting}
     rate: float = parameter("m/s", "rate r", 1e-8, 3e-7, "amplitude", signed=True)
 
 
 @hook
-def _periodic(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value + p[0] * math.sin(2.0 * math.pi * value / p[1] + p[2])
+def _periodic(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    amplitude, length, angle = p[0], p[1], p[2]
+    return value + amplitude * math.sin(2.0 * math.pi * value / length + angle)
 
 
 @dataclass(frozen=True)
@@ -43,14 +44,14 @@ class ScalePeriodicError(Effect):
     source: ClassVar = (
         "Heydemann 1981, Determination and correction of quadrature fringe measurement errors; sizes assumed"
     )
-    hooks: ClassVar = {"reading": _periodic}
+    hooks: ClassVar = {Place.READING: _periodic}
     amplitude: float = parameter("m", "amplitude e", 2e-8, 2e-7, "amplitude", at_least=0)
     period: float = period("m", "period P", 4e-6, 4e-5, "reading", linear_within=1e-5, above=0)
     phase: float = phase()
 
 
 @hook
-def _stretched(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _stretched(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value + p[0] * value
 
 
@@ -62,6 +63,6 @@ class ScaleGainError(Effect):
     family: ClassVar = "scale"
     equation: ClassVar = r"x(1+e)"
     source: ClassVar = "assumed: calibration and temperature; 100 ppm are a wrong setting rather than a warm scale"
-    hooks: ClassVar = {"reading": _stretched}
+    hooks: ClassVar = {Place.READING: _stretched}
     shows_in: ClassVar = "nothing"  # a longer scale looks like a lighter table on softer contacts
     error: float = parameter("1", "relative error e", 1e-4, 5e-3, "amplitude", signed=True, above=-1)

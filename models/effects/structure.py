@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, T, X, hook, parameter, period, phase
+from models.effects.base import Effect, Numbers, Place, T, X, hook, parameter, period, phase
 from models.plant import Mode
 
 
@@ -28,8 +28,9 @@ class AdditionalMode(Effect):
 
 
 @hook
-def _shaking(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
-    return value + p[0] * math.sin(2.0 * math.pi * p[1] * now[T] + p[2])
+def _shaking(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    amplitude, frequency, angle = p[0], p[1], p[2]
+    return value + amplitude * math.sin(2.0 * math.pi * frequency * now[T] + angle)
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class FloorVibration(Effect):
         "Gordon 1991, Generic criteria for vibration-sensitive equipment; sizes assumed: 0.02 N is an acceleration of "
         "0.4 mm/s2 of 45 kg"
     )
-    hooks: ClassVar = {"force": _shaking}
+    hooks: ClassVar = {Place.FORCE: _shaking}
     depends_on_time: ClassVar = True
     amplitude: float = parameter("N", "amplitude A", 0.02, 1.0, "amplitude", at_least=0)
     frequency: float = period("Hz", "frequency f", 2.0, 30.0, "time", above=0)
@@ -51,7 +52,7 @@ class FloorVibration(Effect):
 
 
 @hook
-def _pulling(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+def _pulling(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value - p[0] * now[X]
 
 
@@ -63,5 +64,5 @@ class CableSpring(Effect):
     family: ClassVar = "structure"
     equation: ClassVar = r"d=-k\,x"
     source: ClassVar = "assumed: a linear spring; sizes assumed"
-    hooks: ClassVar = {"force": _pulling}
+    hooks: ClassVar = {Place.FORCE: _pulling}
     stiffness: float = parameter("N/m", "stiffness k", 50.0, 500.0, "amplitude", at_least=0)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.compiled import compiled, inlined
-from models.effects.base import MOVED, U_LAW, E, Effect, H, T, U, V, X
+from models.effects.base import MOVED, U_LAW, E, Effect, H, Place, T, U, V, X
 from models.friction import Friction
 from models.plant import delay_split
 from models.simulation.hooks import COMMAND, CONTROL, FORCE, FRICTION, LIMIT, PATH, READING, THRUST, Hooks, act, pack
@@ -25,16 +25,15 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ACTING: Final = {
-    "thrust": frozenset({"command", "thrust"}),
-    "friction": frozenset({"path", "limit", "friction"}),
-    "force": frozenset({"force"}),
-    "reading": frozenset({"reading"}),
+    "thrust": frozenset({Place.COMMAND, Place.THRUST}),
+    "friction": frozenset({Place.PATH, Place.LIMIT, Place.FRICTION}),
+    "force": frozenset({Place.FORCE}),
+    "reading": frozenset({Place.READING}),
 }
 """What acts along a path, and the hooks that change it."""
 
 
-@dataclass(frozen=True)
-class Path:
+class Path(NamedTuple):
     """Where the table went: position (n, M) [m] and speed (n, M) [m/s] at the middles of M equal substeps of each
     sample interval, that from sample k to k + 1; at_samples (n,) [m]; the logged command (n,) [N]; sample_time [s].
     """
@@ -80,7 +79,7 @@ def replay(
     known: what is to be taken from an earlier answer for the same path, see `kept`; only the rest is computed.
     """
     anew = ACTING.keys() - known.keys()
-    course = _Course(path.sample_time, *(np.ascontiguousarray(signal, float) for signal in _signals(path)))
+    course = Path(path.sample_time, *(np.ascontiguousarray(signal, float) for signal in path[1:]))
     contact, empty = _contact(friction, state), np.empty((0, 0))
     hooks = pack([effect for effect in effects if not touched(effect).isdisjoint(anew)], contact.shape[1])
     found = dict(known)
@@ -120,7 +119,7 @@ def changed(before: Sequence[Effect], now: Sequence[Effect]) -> frozenset[str]:
     """
     differing = [effect for effect in (*before, *now) if before.count(effect) != now.count(effect)]
     found = frozenset[str]().union(*map(touched, differing))
-    if any("command" in effect.hooks for effect in differing):
+    if any(Place.COMMAND in effect.hooks for effect in differing):
         found = found.union(*map(touched, now))
     return coupled(found, now)
 
@@ -135,27 +134,13 @@ def coupled(anew: Collection[str], effects: Sequence[Effect]) -> frozenset[str]:
         found = more
 
 
-class _Course(NamedTuple):
-    """A Path as the loops read it."""
-
-    sample_time: float
-    position: Array
-    speed: Array
-    at_samples: Array
-    command: Array
-
-
-def _signals(path: Path) -> tuple[Array, ...]:
-    return path.position, path.speed, path.at_samples, path.command
-
-
 def _contact(friction: Friction, state: ArrayLike | None) -> Array:
     """Rows z, stiffness and limit of the elements; see base.py."""
     z = np.zeros(len(friction.limit)) if state is None else np.asarray(state, float)
     return np.array([z, friction.stiffness, friction.limit])
 
 
-def _sent(taken: Array, course: _Course, dead_time: float, thrust_limit: float, before: float) -> Array:
+def _sent(taken: Array, course: Path, dead_time: float, thrust_limit: float, before: float) -> Array:
     """The thrust reference (n, M) [N] of the commands that the drive takes in (n,) [N], after `before` [N]."""
     n, parts = course.position.shape
     delay, rest = delay_split(dead_time, course.sample_time)
@@ -165,7 +150,7 @@ def _sent(taken: Array, course: _Course, dead_time: float, thrust_limit: float, 
 
 
 @compiled
-def _sampled(course: _Course, hooks: Hooks, contact: Array) -> tuple[Array, Array]:
+def _sampled(course: Path, hooks: Hooks, contact: Array) -> tuple[Array, Array]:
     """What acts once a sample: the reading less the position (n,) [m], and the commands as the drive takes them in."""
     at, speed, command = course.at_samples, course.speed, course.command
     now, last = np.zeros(8), speed.shape[1] - 1
@@ -180,7 +165,7 @@ def _sampled(course: _Course, hooks: Hooks, contact: Array) -> tuple[Array, Arra
 
 @compiled
 def _along(
-    course: _Course,
+    course: Path,
     elements: Array,
     hooks: Hooks,
     contact: Array,
@@ -190,13 +175,13 @@ def _along(
 ) -> None:
     """What acts every substep: thrust, friction and external force (n, M), each written to where `anew` (3,) says so.
 
-    elements: see `rubbed`. sent (n, M): the thrust as it comes from the drive.
+    elements: see `friction_step`. sent (n, M): the thrust as it comes from the drive.
     """
     position, speed, now = course.position, course.speed, np.zeros(8)
     thrust, friction, force = acting
     n, parts = position.shape
     h = course.sample_time / parts
-    at = seen = course.at_samples[0]
+    at = contact_position = course.at_samples[0]
     for k in range(n):
         for j in range(parts):
             middle = position[k, j]
@@ -207,7 +192,9 @@ def _along(
             if anew[2]:
                 force[k, j] = act(FORCE, 0.0, hooks, now, contact)
             if anew[1]:
-                seen, friction[k, j] = rubbed(middle, seen, elements, hooks, now, contact)
+                contact_position, friction[k, j] = friction_step(
+                    middle, contact_position, elements, hooks, now, contact
+                )
             at = middle
 
 
@@ -223,17 +210,18 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
     contact, elements = np.empty((3, run.z.size)), np.empty((2, run.z.size))
     contact[0], contact[1], contact[2] = run.z, loop.stiffness, loop.limit
     elements[0], elements[1] = loop.limit, loop.damping
-    now, aside, trial, taken = np.zeros(8), np.empty(hooks.memory.size), contact.copy(), np.empty(n)
-    aside[:], now[H] = hooks.memory, 0.5 * loop.step[1]
+    now, taken = np.zeros(8), np.empty(n)
+    kept_memory, trial_contact = np.empty(hooks.memory.size), contact.copy()
+    kept_memory[:], now[H] = hooks.memory, 0.5 * loop.step[1]
     start = run.start - act(FORCE, 0.0, hooks, now, contact)
-    hooks.memory[:] = aside
+    hooks.memory[:] = kept_memory
     integral, slope, previous = start, 0.0, 0.0
     acceleration = x = v = 0.0
     for j in range(modes):
         x += state[j, 0]
         v += state[j, 1]
-    at = seen = x  # where the table stood when its contacts were last moved, and where they saw themselves
-    behind = 0.0  # time since then
+    at = contact_position = x  # of the table when its contacts were last moved, and of these contacts
+    elapsed = 0.0  # time since then
     for k in range(n):
         now[T], now[X], now[V], now[H] = k * loop.sample_time, x, v, loop.sample_time
         run.position[k] = x
@@ -246,10 +234,10 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
         run.command[k] = act(CONTROL, command, hooks, now, contact)
         now[U] = run.command[k]
         taken[k] = act(COMMAND, run.command[k], hooks, now, contact)
-        aside[:], trial[:] = hooks.memory, contact  # the friction at x, but everything stays where it is
-        now[H], now[MOVED] = behind if k > 0 else 0.5 * loop.step[1], x - at
-        run.friction[k] = rubbed(x, seen, elements, hooks, now, trial)[1]
-        hooks.memory[:] = aside
+        kept_memory[:], trial_contact[:] = hooks.memory, contact  # the friction at x, but all contacts stay in place
+        now[H], now[MOVED] = elapsed if k > 0 else 0.5 * loop.step[1], x - at
+        run.friction[k] = friction_step(x, contact_position, elements, hooks, now, trial_contact)[1]
+        hooks.memory[:] = kept_memory
         for part in range(2):
             sent = k - loop.delays[0] - 1 + part
             thrust = clipped(taken[sent] if sent >= 0 else start, loop.thrust_limit)
@@ -260,9 +248,9 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
                 now[X], now[V], now[H], now[U], now[MOVED] = middle, ahead, h, thrust, middle - at
                 driven = act(THRUST, thrust, hooks, now, contact) - loop.offset
                 external = act(FORCE, 0.0, hooks, now, contact)
-                now[H] = behind + 0.5 * h
-                seen, force = rubbed(middle, seen, elements, hooks, now, contact)
-                at, behind = middle, 0.5 * h
+                now[H] = elapsed + 0.5 * h
+                contact_position, force = friction_step(middle, contact_position, elements, hooks, now, contact)
+                at, elapsed = middle, 0.5 * h
                 net = driven - force + external
                 before = v
                 x = v = 0.0
@@ -277,14 +265,16 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
 
 
 @inlined
-def rubbed(at: float, seen: float, elements: Array, hooks: Hooks, now: Array, contact: Array) -> tuple[float, float]:
-    """Moves the friction's contacts to the position `at` [m]: (where they now see themselves [m], friction [N]).
+def friction_step(
+    position: float, previous_contact: float, elements: Array, hooks: Hooks, now: Array, contact: Array
+) -> tuple[float, float]:
+    """Moves the friction's contacts along with the table to `position` [m]: their own position then [m], friction [N].
 
-    seen: where they saw themselves before. elements: rows X_i [m] and D_i [N s/m]. now: of this move, with MOVED the
-    table's, and afterwards the contacts'.
+    previous_contact: the contacts' position before, which a path hook makes differ from the table's. elements: rows X_i
+    [m] and D_i [N s/m]. now: of this move, with the table's MOVED, which becomes that of the contacts.
     """
-    sight = act(PATH, at, hooks, now, contact)
-    now[MOVED] = sight - seen
+    contact_position = act(PATH, position, hooks, now, contact)
+    now[MOVED] = contact_position - previous_contact
     factor = act(LIMIT, 1.0, hooks, now, contact)
     force = 0.0
     limit, damping = elements[0], elements[1]
@@ -293,4 +283,4 @@ def rubbed(at: float, seen: float, elements: Array, hooks: Hooks, now: Array, co
         contact[0, i] = clipped(contact[0, i] + now[MOVED], contact[2, i])
         stuck = contact[1, i] * contact[0, i]
         force += stuck if damping[i] == 0.0 else clipped(stuck + damping[i] * now[V], contact[1, i] * contact[2, i])
-    return sight, act(FRICTION, force, hooks, now, contact)
+    return contact_position, act(FRICTION, force, hooks, now, contact)

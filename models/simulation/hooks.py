@@ -13,12 +13,12 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from models.compiled import inlined
-from models.effects.base import PLACES, Effect
+from models.effects.base import Effect, Place
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-READING, CONTROL, COMMAND, THRUST, PATH, LIMIT, FRICTION, FORCE = range(len(PLACES))
+READING, CONTROL, COMMAND, THRUST, PATH, LIMIT, FRICTION, FORCE = (int(place) for place in Place)
 
 _VECTOR: Final = types.float64[::1]
 _SIGNATURE: Final = types.float64(types.float64, _VECTOR, _VECTOR, _VECTOR, types.float64[:, ::1])
@@ -42,7 +42,7 @@ def pack(effects: Sequence[Effect], elements: int) -> Hooks:
     ends = np.concatenate([[0], np.cumsum([v.size for v in values])]).astype(np.int64)
     memory = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     laws, span, first = [], [], [0]
-    for place in PLACES:
+    for place in Place:
         for i, effect in enumerate(effects):
             if place in effect.hooks:
                 laws.append(_address(effect.hooks[place]))
@@ -59,7 +59,7 @@ def pack(effects: Sequence[Effect], elements: int) -> Hooks:
 
 @inlined
 def act(place: int, value: float, hooks: Hooks, now: Array, contact: Array) -> float:
-    """What the hooks at a place make of a value, one after another; units: PLACES, SI."""
+    """What the hooks at a place make of a value, one after another; units: Place, SI."""
     for j in range(hooks.first[place], hooks.first[place + 1]):
         value = call(
             hooks.law[j],

@@ -25,6 +25,15 @@ Integers = NDArray[np.int64]
 LANES: Final = 32  # machines side by side; loops of 16 are unrolled before they are vectorised, and so stay scalar
 CHUNK: Final = 32  # samples whose signals are turned into lanes at a time, few enough for the first-level cache
 
+# Rows of the local arrays of `run_many`, whose last axis are the lanes.
+X, V, AT, MOVED, AHEAD, ACCELERATION, NET, THRUST, H, HALF = range(10)  # `now`: AT, where the elements stand; HALF of H
+INTEGRAL, SLOPE, PREVIOUS = range(3)  # `memory` of the PID: I, d, e[k-1]
+Z, LIMIT, STIFFNESS, DAMPING, SLIPPING = range(5)  # `element`: SLIPPING, its force at its limit
+THRUST_LIMIT, RESOLUTION, STEP, START, OFFSET = 4, 5, 6, 8, 9  # `fixed`, behind the four gains; of STEP there are two
+GAMMA: Final = 4  # `effect`, behind the four entries of phi
+REFERENCE, FEEDFORWARD, NOISE = range(3)  # `given`
+READING, COMMAND, POSITION, FRICTION = range(4)  # `logged`
+
 
 class Loop(NamedTuple):
     """Machines and controllers as the loops read them; `run_many` takes every shape with a first axis L, but for *.
@@ -148,9 +157,9 @@ def run_many(loop: Loop, run: Run) -> None:
 
 @inlined
 def _substep(element: Array, mode: Array, effect: Array, now: Array, part: int, damped: bool) -> None:
-    """One substep of every lane; rows: see _run_lanes."""
-    x, v, at, moved, ahead = now[0], now[1], now[2], now[3], now[4]
-    acceleration, net, thrust, h, half = now[5], now[6], now[7], now[8], now[9]
+    """One substep of every lane; rows: see the head of the module."""
+    x, v, at, moved, ahead = now[X], now[V], now[AT], now[MOVED], now[AHEAD]
+    acceleration, net, thrust, h, half = now[ACCELERATION], now[NET], now[THRUST], now[H], now[HALF]
     for lane in range(LANES):
         middle = x[lane] + half[lane] * v[lane]
         moved[lane] = middle - at[lane]
@@ -161,15 +170,15 @@ def _substep(element: Array, mode: Array, effect: Array, now: Array, part: int, 
     for i in range(element.shape[0]):
         if damped:
             for lane in range(LANES):
-                z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
-                held = element[i, 2, lane] * z + element[i, 3, lane] * ahead[lane]
-                net[lane] += clipped(held, element[i, 4, lane])
-                element[i, 0, lane] = z
+                z = clipped(element[i, Z, lane] + moved[lane], element[i, LIMIT, lane])
+                held = element[i, STIFFNESS, lane] * z + element[i, DAMPING, lane] * ahead[lane]
+                net[lane] += clipped(held, element[i, SLIPPING, lane])
+                element[i, Z, lane] = z
         else:
             for lane in range(LANES):
-                z = clipped(element[i, 0, lane] + moved[lane], element[i, 1, lane])
-                net[lane] += element[i, 2, lane] * z
-                element[i, 0, lane] = z
+                z = clipped(element[i, Z, lane] + moved[lane], element[i, LIMIT, lane])
+                net[lane] += element[i, STIFFNESS, lane] * z
+                element[i, Z, lane] = z
     for lane in range(LANES):
         net[lane] = thrust[lane] - net[lane]
         x[lane] = 0.0
@@ -178,9 +187,9 @@ def _substep(element: Array, mode: Array, effect: Array, now: Array, part: int, 
         for lane in range(LANES):
             q, rate, force = mode[j, 0, lane], mode[j, 1, lane], net[lane]
             by_q, by_rate = effect[part, j, 0, lane], effect[part, j, 1, lane]
-            mode[j, 0, lane] = by_q * q + by_rate * rate + effect[part, j, 4, lane] * force
+            mode[j, 0, lane] = by_q * q + by_rate * rate + effect[part, j, GAMMA, lane] * force
             by_q, by_rate = effect[part, j, 2, lane], effect[part, j, 3, lane]
-            mode[j, 1, lane] = by_q * q + by_rate * rate + effect[part, j, 5, lane] * force
+            mode[j, 1, lane] = by_q * q + by_rate * rate + effect[part, j, GAMMA + 1, lane] * force
             x[lane] += mode[j, 0, lane]
             v[lane] += mode[j, 1, lane]
     if damped:
@@ -194,17 +203,17 @@ def _run_lanes(loop: Loop, run: Run, first: int) -> None:
     n, modes, elements, delay = run.reference.shape[1], run.state.shape[1], run.z.shape[1], loop.delays[0]
     mode = np.empty((modes, 2, LANES))  # q, q'
     effect = np.empty((2, modes, 6, LANES))  # phi, gamma
-    element = np.empty((elements, 5, LANES))  # z, limit, stiffness, damping, force at the limit
-    fixed = np.empty((10, LANES))  # kp, ki, kd, tau, thrust limit, resolution, two lengths of a substep, start, offset
+    element = np.empty((elements, 5, LANES))
+    fixed = np.empty((10, LANES))
     now = np.zeros((10, LANES))
-    x, v, at, thrust, h, half = now[0], now[1], now[2], now[7], now[8], now[9]
-    memory = np.zeros((3, LANES))  # I, d, e of the PID
+    x, v, at, thrust, h, half = now[X], now[V], now[AT], now[THRUST], now[H], now[HALF]
+    memory = np.zeros((3, LANES))
     sent = np.empty((delay + 2, LANES))  # commands under way, in a ring
     given, logged = np.empty((3, CHUNK, LANES)), np.empty((4, CHUNK, LANES))
     _load(loop, run, first, mode, effect, element, fixed)
-    memory[0] = fixed[8]
-    sent[:] = fixed[8]
-    damped = element[:, 3].max() > 0.0
+    memory[INTEGRAL] = fixed[START]
+    sent[:] = fixed[START]
+    damped = element[:, DAMPING].max() > 0.0
     for j in range(modes):
         for lane in range(LANES):
             x[lane] += mode[j, 0, lane]
@@ -214,12 +223,12 @@ def _run_lanes(loop: Loop, run: Run, first: int) -> None:
         if k % CHUNK == 0:
             _gather(run, first, k, loop.delays[1], given)
         _control(element, fixed, now, memory, given, logged, k % CHUNK, loop.sample_time)
-        sent[k % (delay + 2)] = logged[1, k % CHUNK]
+        sent[k % (delay + 2)] = logged[COMMAND, k % CHUNK]
         for part in range(2):
             under_way = (k - delay - 1 + part) % (delay + 2)
             for lane in range(LANES):
-                thrust[lane] = clipped(sent[under_way, lane], fixed[4, lane]) - fixed[9, lane]
-                h[lane] = fixed[6 + part, lane]
+                thrust[lane] = clipped(sent[under_way, lane], fixed[THRUST_LIMIT, lane]) - fixed[OFFSET, lane]
+                h[lane] = fixed[STEP + part, lane]
                 half[lane] = 0.5 * h[lane]
             for _ in range(loop.counts[part]):
                 _substep(element, mode, effect, now, part, damped)
@@ -239,25 +248,30 @@ def _control(
     s: int,
     sample_time: float,
 ) -> None:
-    """What the controller does at a sample; reading, command, x and f go to logged[:, s]. Rows: see _run_lanes."""
-    x, v, at = now[0], now[1], now[2]
+    """What the controller does at a sample; reading, command, x and f go to logged[:, s]. Rows: see the head."""
+    x, v, at = now[X], now[V], now[AT]
     for lane in range(LANES):
-        logged[2, s, lane] = x[lane]
-        logged[3, s, lane] = 0.0
+        logged[POSITION, s, lane] = x[lane]
+        logged[FRICTION, s, lane] = 0.0
     for i in range(element.shape[0]):
         for lane in range(LANES):
-            stuck = clipped(element[i, 0, lane] + (x[lane] - at[lane]), element[i, 1, lane])
-            held = element[i, 2, lane] * stuck + element[i, 3, lane] * v[lane]
-            logged[3, s, lane] += clipped(held, element[i, 4, lane])
+            stuck = clipped(element[i, Z, lane] + (x[lane] - at[lane]), element[i, LIMIT, lane])
+            held = element[i, STIFFNESS, lane] * stuck + element[i, DAMPING, lane] * v[lane]
+            logged[FRICTION, s, lane] += clipped(held, element[i, SLIPPING, lane])
     for lane in range(LANES):
-        reading = quantised(x[lane] + given[2, s, lane], fixed[5, lane])
-        error = given[0, s, lane] - reading
-        feedback, memory[0, lane], memory[1, lane] = pid_step(
-            error, memory[2, lane], memory[0, lane], memory[1, lane], fixed[:4, lane], sample_time
+        reading = quantised(x[lane] + given[NOISE, s, lane], fixed[RESOLUTION, lane])
+        error = given[REFERENCE, s, lane] - reading
+        feedback, memory[INTEGRAL, lane], memory[SLOPE, lane] = pid_step(
+            error,
+            memory[PREVIOUS, lane],
+            memory[INTEGRAL, lane],
+            memory[SLOPE, lane],
+            fixed[:THRUST_LIMIT, lane],
+            sample_time,
         )
-        memory[2, lane] = error
-        logged[0, s, lane] = reading
-        logged[1, s, lane] = feedback + given[1, s, lane]
+        memory[PREVIOUS, lane] = error
+        logged[READING, s, lane] = reading
+        logged[COMMAND, s, lane] = feedback + given[FEEDFORWARD, s, lane]
 
 
 @compiled
@@ -266,19 +280,19 @@ def _load(loop: Loop, run: Run, first: int, mode: Array, effect: Array, element:
     for lane in range(LANES):
         machine = min(first + lane, run.z.shape[0] - 1)
         mode[:, :, lane] = run.state[machine]
-        effect[:, :, :4, lane] = loop.phi[machine]
-        effect[:, :, 4:, lane] = loop.gamma[machine]
-        element[:, 0, lane] = run.z[machine]
-        element[:, 1, lane] = loop.limit[machine]
-        element[:, 2, lane] = loop.stiffness[machine]
-        element[:, 3, lane] = loop.damping[machine]
-        element[:, 4, lane] = loop.stiffness[machine] * loop.limit[machine]
-        fixed[:4, lane] = loop.gains[machine]
-        fixed[4, lane] = loop.thrust_limit[machine]
-        fixed[5, lane] = loop.resolution[machine]
-        fixed[6:8, lane] = loop.step[machine]
-        fixed[8, lane] = run.start[machine]
-        fixed[9, lane] = loop.offset[machine]
+        effect[:, :, :GAMMA, lane] = loop.phi[machine]
+        effect[:, :, GAMMA:, lane] = loop.gamma[machine]
+        element[:, Z, lane] = run.z[machine]
+        element[:, LIMIT, lane] = loop.limit[machine]
+        element[:, STIFFNESS, lane] = loop.stiffness[machine]
+        element[:, DAMPING, lane] = loop.damping[machine]
+        element[:, SLIPPING, lane] = loop.stiffness[machine] * loop.limit[machine]
+        fixed[:THRUST_LIMIT, lane] = loop.gains[machine]
+        fixed[THRUST_LIMIT, lane] = loop.thrust_limit[machine]
+        fixed[RESOLUTION, lane] = loop.resolution[machine]
+        fixed[STEP : STEP + 2, lane] = loop.step[machine]
+        fixed[START, lane] = run.start[machine]
+        fixed[OFFSET, lane] = loop.offset[machine]
 
 
 @compiled
@@ -288,9 +302,9 @@ def _gather(run: Run, first: int, begin: int, wait: int, given: Array) -> None:
         machine = min(first + lane, run.z.shape[0] - 1)
         reference, feedforward, noise = run.reference[machine], run.feedforward[machine], run.noise[machine]
         for s in range(min(CHUNK, reference.size - begin)):
-            given[0, s, lane] = reference[max(begin + s - wait, 0)]
-            given[1, s, lane] = feedforward[begin + s]
-            given[2, s, lane] = noise[begin + s]
+            given[REFERENCE, s, lane] = reference[max(begin + s - wait, 0)]
+            given[FEEDFORWARD, s, lane] = feedforward[begin + s]
+            given[NOISE, s, lane] = noise[begin + s]
 
 
 @compiled
@@ -306,10 +320,10 @@ def _scatter(logged: Array, run: Run, first: int, last: int) -> None:
             run.friction[machine],
         )
         for k in range(begin, last + 1):
-            reading[k] = logged[0, k - begin, lane]
-            command[k] = logged[1, k - begin, lane]
-            position[k] = logged[2, k - begin, lane]
-            friction[k] = logged[3, k - begin, lane]
+            reading[k] = logged[READING, k - begin, lane]
+            command[k] = logged[COMMAND, k - begin, lane]
+            position[k] = logged[POSITION, k - begin, lane]
+            friction[k] = logged[FRICTION, k - begin, lane]
 
 
 @compiled
@@ -317,4 +331,4 @@ def _store(mode: Array, element: Array, run: Run, first: int) -> None:
     """Turns lanes into the state of each machine after the last sample."""
     for lane in range(min(LANES, run.z.shape[0] - first)):
         run.state[first + lane] = mode[:, :, lane]
-        run.z[first + lane] = element[:, 0, lane]
+        run.z[first + lane] = element[:, Z, lane]

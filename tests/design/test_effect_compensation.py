@@ -14,7 +14,7 @@ from design.deadbeat import synthesise
 from design.effect_compensation import designed_for, left_out, with_effects
 from design.validation import validate
 from models.controller import Controller, ControllerError, load, references, to_json
-from models.effect_feedforward import Ahead, ahead_thrust
+from models.effect_feedforward import EffectFeedforward, effect_thrust
 from models.effects.base import Effect
 from models.effects.catalogue import every
 from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
@@ -46,15 +46,15 @@ def test_forces_along_a_ramp_have_their_closed_form(late: float) -> None:
     position = np.asarray(speed * TS * np.arange(count), float)
     middles = position + speed * (0.5 * TS + late)
     inner = slice(3, count - 3)  # the cubic rounds the ramp's ends
-    cable = ahead_thrust(Ahead((CableSpring(300.0),), late), None, position, np.zeros(count), TS)
-    drag = ahead_thrust(Ahead((ViscousFriction(50.0),), late), None, position, np.zeros(count), TS)
+    cable = effect_thrust(EffectFeedforward((CableSpring(300.0),), late), None, position, np.zeros(count), TS)
+    drag = effect_thrust(EffectFeedforward((ViscousFriction(50.0),), late), None, position, np.zeros(count), TS)
     assert cable[inner] == pytest.approx(300.0 * middles[inner], rel=1e-9)
     assert drag[inner] == pytest.approx(50.0 * speed, rel=1e-9)
 
 
 def test_an_amplifier_s_gain_is_inverted_but_for_the_third_order() -> None:
     thrust = 100.0 * np.sin(np.arange(80) / 5)
-    added = ahead_thrust(Ahead((GainAsymmetry(0.03),), 0.0), None, np.zeros(80), thrust, TS)
+    added = effect_thrust(EffectFeedforward((GainAsymmetry(0.03),), 0.0), None, np.zeros(80), thrust, TS)
     sent = thrust + added
     assert np.max(np.abs(sent + 0.03 * np.abs(sent) - thrust)) < 1.5 * 0.03**3 * 100
     assert np.max(np.abs(added)) > 2.9
@@ -62,7 +62,7 @@ def test_an_amplifier_s_gain_is_inverted_but_for_the_third_order() -> None:
 
 def test_what_holds_the_table_before_the_start_is_the_feedback_s() -> None:
     pull = Cogging(2.0, 0.03, 1.0)
-    still = ahead_thrust(Ahead((pull,), 0.0), None, np.zeros(20), np.zeros(20), TS)
+    still = effect_thrust(EffectFeedforward((pull,), 0.0), None, np.zeros(20), np.zeros(20), TS)
     assert np.all(still == 0.0)
 
 
@@ -74,7 +74,7 @@ def test_without_effects_nothing_changes() -> None:
     off = ViscousFriction(0.0)
     plain, nothing = (
         references(controller, target),
-        references(replace(controller, effect_compensation=Ahead((off,), 0.0)), target),
+        references(replace(controller, effect_compensation=EffectFeedforward((off,), 0.0)), target),
     )
     assert np.array_equal(plain.compensation, nothing.compensation)
     assert controller.without_compensation().effect_compensation is None

@@ -18,7 +18,7 @@ from diagnosis.model.fit import largest
 from diagnosis.verdict import Outcome
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import Topic, statements
-from models.effects.base import Effect, H, Numbers, T, V, X, hook, parameter
+from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook, parameter
 from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
 from models.records.record import Record
@@ -93,7 +93,7 @@ class Glitch(Effect):
     family: ClassVar = "scale"
     equation: ClassVar = "e"
     source: ClassVar = "a test"
-    hooks: ClassVar = {"reading": _struck}
+    hooks: ClassVar = {Place.READING: _struck}
     size: float = parameter("m", "error", 1e-7, 1e-6, "amplitude")
     when: float = parameter("s", "its time", 0.0, 10.0, "shape")
 
@@ -126,7 +126,7 @@ class DragInAZone(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = "-c v"
     source: ClassVar = "a test"
-    hooks: ClassVar = {"force": _dragging}
+    hooks: ClassVar = {Place.FORCE: _dragging}
     coefficient: float = parameter("N s/m", "drag", 1.0, 100.0, "amplitude")
     place: float = parameter("m", "its place", 0.0, 0.1, "shape")
     width: float = parameter("m", "half its width", 1e-4, 1e-2, "shape")

@@ -24,7 +24,7 @@ from diagnosis.model.motions import MotionKind, Piece, pieces, rms, scatter
 from diagnosis.model.parameters import applied, parameters
 from diagnosis.refit import refit_within, weighed
 from diagnosis.verdict import Outcome
-from models.effects.base import Effect, Numbers, T, hook, parameter
+from models.effects.base import Effect, Numbers, Place, T, hook, parameter
 from models.effects.friction_laws import ViscousFriction
 from models.machine import Machine
 from models.records.record import Record
@@ -50,8 +50,8 @@ class Knocks(Effect):
     family: ClassVar = "structure"
     equation: ClassVar = "d"
     source: ClassVar = "a test"
-    hooks: ClassVar = {"force": _knocking}
-    clocked: ClassVar = True
+    hooks: ClassVar = {Place.FORCE: _knocking}
+    depends_on_time: ClassVar = True
     size: float = parameter("N", "deviation", 0.1, 10.0, "amplitude")
     period: float = parameter("s", "how long each lasts", 1e-4, 1e-3, "shape", above=0)
 

@@ -28,7 +28,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, X, hook, parameter, period, phase
+from models.effects.base import Effect, Numbers, X, hook, parameter, period, phase, Place
 
 
 @hook
@@ -50,7 +50,7 @@ class ScrewRipple(Effect):
     family: ClassVar = "motor"
     equation: ClassVar = r"u(1 + a \\sin(2 \\pi x/h + \\varphi))"
     source: ClassVar = "assumed"
-    hooks: ClassVar = {"thrust": _wobbling}
+    hooks: ClassVar = {Place.THRUST: _wobbling}
     part: float = parameter("1", "variation a", 0.01, 0.1, "amplitude", at_least=0)
     lead: float = period("m", "lead h", 2e-3, 1e-2, "position", above=0)
     phase: float = phase()
@@ -64,7 +64,7 @@ class TightSpot(Effect):
     family: ClassVar = "friction"
     equation: ClassVar = r"F(1 + a (e^{-4 \\sin^2(\\pi x/h + \\varphi/2)} - 1/2))"
     source: ClassVar = "assumed"
-    hooks: ClassVar = {"friction": _tightening}
+    hooks: ClassVar = {Place.FRICTION: _tightening}
     part: float = parameter("1", "growth a", 0.03, 0.3, "amplitude", at_least=0)
     lead: float = period("m", "lead h", 2e-3, 1e-2, "position", above=0)
     phase: float = phase()

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import models.effects
-from models.effects.base import COORDINATES, FAMILIES, PLACES, ROLES, SHOWN, parameter, parameters, period
+from models.effects.base import COORDINATES, FAMILIES, ROLES, SHOWN, Place, parameter, parameters, period
 from models.effects.catalogue import beyond, every, in_order, looked_for, named
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
@@ -62,7 +62,7 @@ def test_an_effect_says_all_that_is_asked_of_it(name: str) -> None:
     assert kind.equation
     assert kind.__doc__
     assert re.search(r"\b(19|20)\d\d\b|assumed: ", kind.source)
-    assert set(kind.hooks) <= set(PLACES)
+    assert set(kind.hooks) <= set(Place)
     assert kind.hooks or kind.typical().modes()
     assert {item.role for item in parameters(kind)} & {"amplitude", "width"}
     for item in parameters(kind):

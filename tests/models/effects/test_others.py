@@ -24,7 +24,7 @@ COMMAND = 80 * np.sin(0.3 * np.arange(200)) * np.linspace(0, 1, 200)
 
 def driven(*effects: Effect, dead_time: float = 0.0, parts: int = 4) -> Replayed:
     """Thrust for COMMAND along a slow stroke over 20 mm."""
-    path = dataclasses.replace(steady(0.2, COMMAND.size, parts), command=COMMAND)
+    path = steady(0.2, COMMAND.size, parts)._replace(command=COMMAND)
     return replay(FRICTION, effects, path, dead_time)
 
 

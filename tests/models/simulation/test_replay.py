@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from models.effects.base import Effect, Numbers, U, hook, parameter
+from models.effects.base import Effect, Numbers, Place, U, hook, parameter
 from models.effects.catalogue import every
 from models.machine import load
 from models.simulation.effect_kernel import ACTING, Replayed, changed, kept, replay
@@ -67,7 +67,7 @@ class Both(Effect):
     family: ClassVar = "motor"
     equation: ClassVar = "n"
     source: ClassVar = "a test"
-    hooks: ClassVar = {"force": _counting, "friction": _counted}
+    hooks: ClassVar = {Place.FORCE: _counting, Place.FRICTION: _counted}
     size: float = parameter("N", "a call", 0.1, 1.0, "amplitude")
 
     def memory(self, elements: int) -> int:  # noqa: ARG002

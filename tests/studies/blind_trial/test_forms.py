@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from models.effects.base import T, V, X
+from models.effects.base import Place, T, V, X
 from models.effects.catalogue import every, looked_for
 from studies.blind_trial.sealer import nominal, simulate
 from studies.blind_trial.sealer.effects import CATALOGUE
@@ -136,7 +136,7 @@ def left(name: str, curve: Curve) -> float:
     machine = simulate.physics_of(TABLE, curve.fields)
     before = curve.at if curve.none is None else np.full(curve.at.size, curve.none)
     change = curve.sign * (np.array([curve.sealed(machine, float(x)) for x in curve.at]) - before)
-    hook: Callable[..., float] = every()[name].hooks[curve.place]
+    hook: Callable[..., float] = every()[name].hooks[Place[curve.place.upper()]]
     memory, contact = np.zeros(4), np.zeros((3, 1))
 
     def misfit(scale: Array, law: Sequence[float]) -> float:
