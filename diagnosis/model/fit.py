@@ -36,8 +36,9 @@ MIN_EQUAL_MOTIONS: Final = 4  # Fewer equal motions, of all groups together, do 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted candidate, its paths, what it leaves, and of the last linearisation: the innovations e (n,) of all
-    records, which of them count, slopes by theta (n, P), slopes by the effects' coordinates (n, Q), cost."""
+    """A fitted candidate with its smoothed paths and residuals, and its last linearisation: the weighted innovations e
+    (n,) of all records, their Jacobians with respect to theta (n, P) and to the effects' coordinates (n, Q), the cost,
+    and the deviation of the unknown force's random walk [N a sample]."""
 
     candidate: Candidate
     paths: tuple[Smoothed, ...]
@@ -50,7 +51,7 @@ class Fit:
 
 
 def weights(records: Sequence[Record]) -> Array:
-    """1 for every sample of all records (n,) that counts, 0 for those in which the state settles; [1]."""
+    """1 for every sample of all records (n,) [1], but 0 for the first ones of each, in which the filter settles."""
     parts = [np.ones(record.position.size) for record in records]
     for part in parts:
         part[:STARTING] = 0.0
@@ -58,8 +59,8 @@ def weights(records: Sequence[Record]) -> Array:
 
 
 def unrepeated(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Array:
-    """What of a fit's innovations (n,) [1] does not repeat between equal motions; not a number where nothing is equal,
-    nor anywhere if fewer than MIN_EQUAL_MOTIONS motions are."""
+    """The part of a fit's innovations (n,) [1] that does not repeat between equal motions; NaN where a motion has no
+    equal, and everywhere if fewer than MIN_EQUAL_MOTIONS have one."""
     groups, whole = repeated(pieces, records), fitted.innovations.copy()
     if sum(map(len, groups)) < MIN_EQUAL_MOTIONS:
         return np.full(whole.size, np.nan)
@@ -87,7 +88,7 @@ def largest(fitted: Fit) -> Largest:
 
 
 def coordinates(effect: Effect) -> Array:
-    """The effect's coordinates (Q,): see the module's head; [SI and logarithms of SI]."""
+    """The effect's coordinates (Q,) [SI and logarithms of SI]; see the head of the module."""
     rows, size, phase = [], 0.0, None
     for item in parameters(type(effect)):
         number = getattr(effect, item.name)
@@ -355,7 +356,7 @@ def _moved(candidate: Candidate, step: Array) -> Candidate:
 
 
 def _cost(candidate: Candidate, seen: Sequence[Seen], weight: Array) -> float:
-    """-2 log of the posterior, but for a constant."""
+    """-2 log of the posterior density, up to a constant."""
     e = _innovations(seen, weight)
     scale = sum(2 * (one.innovations.size - STARTING) * float(np.log(one.deviation)) for one in seen)
     layout, priors = candidate.layout, candidate.layout.machine.priors
@@ -364,5 +365,5 @@ def _cost(candidate: Candidate, seen: Sequence[Seen], weight: Array) -> float:
 
 
 def _innovations(seen: Sequence[Seen], weight: Array) -> Array:
-    """Those of all records (n,) [1] that count."""
+    """The innovations of all records (n,) [1], those of the first samples set to 0."""
     return np.concatenate([one.innovations for one in seen]) * weight
