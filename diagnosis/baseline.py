@@ -50,7 +50,7 @@ class Baseline:
     @cached_property
     def replays(self) -> tuple[Replayed, ...]:
         """By record, whether the stated controller, replayed, made its commands."""
-        return tuple(replayed(self.machine, record) for record in self.records)
+        return tuple(replayed(self.machine, record, self.criteria) for record in self.records)
 
     @cached_property
     def thresholds(self) -> dict[str, float]:

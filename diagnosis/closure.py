@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
+from diagnosis.criteria import Criteria
 from diagnosis.how_far import Gap, gap, gaps_by_record, with_sines
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.motions import Piece, repeated, rms, scatter
@@ -86,7 +87,7 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     """
     records, first, final = baseline.records, stages[0].fitted, stages[-1].fitted
     if final.candidate.rough and not stages[-1].carried_by(Carrier.FLOOR):
-        floor = measured(final, records, baseline.pieces)
+        floor = measured(final, records, baseline.pieces, baseline.criteria)
     else:
         floor = _simulated_floor(stages[-1], baseline, seed)
     known, weight = ~np.isnan(floor.innovations[0]), weights(records)
@@ -130,17 +131,19 @@ def _deviations(fitted: Fit) -> Array:
     return np.concatenate([np.full(one.innovations.size, one.deviation) for one in fitted.seen])
 
 
-def measured(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> NoiseFloor:
+def measured(
+    fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], criteria: Criteria = Criteria()
+) -> NoiseFloor:
     """The floor from what does not repeat between equal motions. An effect that does not repeat is floor here."""
-    groups = repeated(pieces, records)
+    groups, apart = repeated(pieces, records), unrepeated(fitted, records, pieces, criteria.min_equal_motions)
 
     def scattered() -> Gap:
-        force, apart, _ = gaps_by_record(fitted.candidate, records, fitted.paths)
-        return Gap(rms(scatter(groups, pieces, force)), rms(scatter(groups, pieces, apart)), None)
+        force, position, _ = gaps_by_record(fitted.candidate, records, fitted.paths)
+        return Gap(rms(scatter(groups, pieces, force)), rms(scatter(groups, pieces, position)), None)
 
     size = fitted.seen[0].deviation * noise(fitted.candidate.machine)
     ratio = len(groups) / (sum(map(len, groups)) - len(groups))
-    return NoiseFloor((unrepeated(fitted, records, pieces) * size,), (), ratio, "repeats", scattered)
+    return NoiseFloor((apart * size,), (), ratio, "repeats", scattered)
 
 
 def simulated_records(

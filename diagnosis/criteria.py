@@ -46,6 +46,49 @@ class Criteria:
         1.5, "1", "times the largest innovation of simulated tables without an effect, beyond which one stands out"
     )
 
+    min_equal_motions: int = _criterion(
+        4, "1", "equal motions, of all groups together, from which on they show what does not repeat"
+    )
+
+    # The replay of the controller.
+    replay_tolerance: float = _criterion(
+        1e-4, "1", "rounding in the log that a replayed command may show, relative to the command's standard deviation"
+    )
+    replay_log_noise: float = _criterion(
+        2.0, "1", "times the noise that a rounded reading makes of the command, up to which a difference is of the log"
+    )
+    replay_log_extreme: float = _criterion(6.0, "1", "largest value of that noise, in its standard deviations")
+    replay_remedy: float = _criterion(
+        0.5, "1", "part of the difference that a change of the controller may leave to be stated as the remedy"
+    )
+
+    # Where: what is stated.
+    force_above_noise: float = _criterion(
+        1.2, "1", "times the scale's noise, from which on there is an unknown force to locate"
+    )
+    stated_p_value: float = _criterion(0.02, "1", "p-value below which a dependence is stated")
+    stated_share: float = _criterion(0.02, "1", "share of a variance or an energy below which nothing is stated")
+    certain_share: float = _criterion(
+        0.2, "1", "lower end of a share's interval, from which on it is stated even if few motions make p large"
+    )
+    stands_out: float = _criterion(
+        1.3, "1", "ratio of a part's share of the energy to its share of the time, from which on it is stated"
+    )
+    side_min_gain: float = _criterion(
+        25.0, "1", "chi-square below which neither a force nor an error of the reading explains anything"
+    )
+    side_ratio: float = _criterion(1.5, "1", "ratio of their gains from which on one of the two is preferred")
+
+    # What can be distinguished, and the next experiment.
+    distinguishable: float = _criterion(
+        40.0,
+        "1",
+        "squared distance, in units of the noise, from which on two effects can be distinguished",
+        "chance reaches 10 at most",
+    )
+    experiment_margin: float = _criterion(4.0, "1", "margin on that distance for an experiment that is to be run once")
+    experiment_repeats: int = _criterion(10, "1", "repetitions of an experiment that are reasonable")
+
     # Forward selection.
     max_effects: int = _criterion(3, "1", "classes of effects in one answer; also random forces in one model")
     max_members: int = _criterion(2, "1", "effects of one class in a model, such as two time constants")

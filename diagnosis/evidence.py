@@ -14,9 +14,7 @@ from diagnosis.experiments.confusability import to_json as confusion
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
 from diagnosis.model.parallel import parallel_map
 from diagnosis.verdict import Outcome
-from diagnosis.where.coordinates import SURE
 from diagnosis.where.locate import Where, locate
-from diagnosis.where.sentences import LEAST
 from diagnosis.where.serialise import to_json as place
 
 UNSHOWN: Final = 6  # undetectable effects for which an experiment is searched, at most
@@ -64,8 +62,8 @@ def examined(
 
 
 def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
-    lies = locate(found.nominal, found.records, found.pieces, seed=seed, spike=found.spike)
-    return lies, confusability(found.nominal, found.records, disabled)
+    lies = locate(found.nominal, found.records, found.pieces, seed=seed, spike=found.spike, criteria=found.criteria)
+    return lies, confusability(found.nominal, found.records, disabled, found.criteria)
 
 
 def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) -> Evidence:
@@ -74,13 +72,24 @@ def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) 
 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
     candidate, named = found.baseline.nominal.candidate, found.effects
-    machine, jitter = candidate.machine, candidate.jitter
+    machine, criteria = candidate.machine, found.baseline.criteria
     if found.outcome is Outcome.AMBIGUOUS:
-        return next_experiment(found.equivalent[0] if found.equivalent else named, machine, seed=seed, jitter=jitter)
+        return next_experiment(
+            found.equivalent[0] if found.equivalent else named,
+            machine,
+            criteria=criteria,
+            seed=seed,
+            jitter=candidate.jitter,
+        )
     if found.outcome is Outcome.NONE:
         best = lies.coordinate
-        return along(best.name if best.share > LEAST and best.p < SURE else None, machine)
+        stated = best.share > criteria.stated_share and best.p < criteria.stated_p_value
+        return along(best.name if stated else None, machine)
     if found.outcome is Outcome.ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
-        return next_experiment([*named[:1], *near], machine, seed=seed, jitter=jitter) if near else None
-    return showing(apart.not_identifiable[:UNSHOWN], machine, seed=seed, jitter=jitter)
+        return (
+            next_experiment([*named[:1], *near], machine, criteria=criteria, seed=seed, jitter=candidate.jitter)
+            if near
+            else None
+        )
+    return showing(apart.not_identifiable[:UNSHOWN], machine, criteria=criteria, seed=seed, jitter=candidate.jitter)

@@ -62,7 +62,7 @@ def weighed(fitted: Fit, records: Sequence[Record], criteria: Criteria = Criteri
     keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
     (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood). Where a
     white force as large as the commands (their deviation) is not enough, it is no force, and the weights stay."""
-    if not fitted.candidate.rough and not _scatter(fitted, records) > criteria.rough_variance:
+    if not fitted.candidate.rough and not _scatter(fitted, records, criteria) > criteria.rough_variance:
         return fitted
     given, most = fitted, max(float(np.std(record.command)) for record in records)
     slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
@@ -85,9 +85,9 @@ def _variance(fitted: Fit) -> float:
     return float(np.mean(fitted.innovations**2))
 
 
-def _scatter(fitted: Fit, records: Sequence[Record]) -> float:
+def _scatter(fitted: Fit, records: Sequence[Record], criteria: Criteria) -> float:
     """Variance [1] of what does not repeat between equal motions; not a number where too few are equal."""
-    apart = unrepeated(fitted, records, pieces(records))
+    apart = unrepeated(fitted, records, pieces(records), criteria.min_equal_motions)
     known = apart[~np.isnan(apart)]
     return float(np.mean(known**2)) if known.size else float("nan")
 

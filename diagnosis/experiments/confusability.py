@@ -31,7 +31,6 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-THRESHOLD: Final = 40.0  # squared distance from which on two effects can be distinguished: chance reaches 10 at most
 NOTHING: Final = 1e-3  # distance below which an effect shows at no size
 ROOM: Final = 1.5  # factor by which a size may exceed its prior range
 
@@ -70,7 +69,12 @@ class Columns:
         return [(effect, list(where)) for other, effect, where in self.place if other == name]
 
 
-def confusability(fitted: Fit, records: Sequence[Record], left_out: Collection[str] = ()) -> Confusability:
+def confusability(
+    fitted: Fit,
+    records: Sequence[Record],
+    left_out: Collection[str] = (),
+    criteria: Criteria = Criteria(),
+) -> Confusability:
     """The matrix for the fit's records, without the effects in `left_out`. Distances are [1].
 
     An effect that shows in the log only is neither a force nor an addition to the reading, so that no other effect can
@@ -82,18 +86,20 @@ def confusability(fitted: Fit, records: Sequence[Record], left_out: Collection[s
     distance = distances(products(fitted, records, [name for name in names if name not in logged]), names)
     of_log, machine = [names.index(name) for name in logged], fitted.candidate.layout.machine
     for i, name in zip(of_log, logged, strict=True):
-        distance[i, :] = np.sqrt(_squared_distance_in_log(kinds[name].typical(machine.priors), fitted, records))
+        distance[i, :] = np.sqrt(
+            _squared_distance_in_log(kinds[name].typical(machine.priors), fitted, records, criteria)
+        )
     distance[:, of_log] = np.diag(distance)[:, None]
-    return _confusability(names, distance, machine)
+    return _confusability(names, distance, machine, criteria.distinguishable)
 
 
-def _confusability(names: tuple[str, ...], distance: Array, machine: Machine) -> Confusability:
-    seen = np.diag(distance) ** 2 >= THRESHOLD
-    near = distance**2 < THRESHOLD
+def _confusability(names: tuple[str, ...], distance: Array, machine: Machine, threshold: float) -> Confusability:
+    seen = np.diag(distance) ** 2 >= threshold
+    near = distance**2 < threshold
     limits = []
     for i, name in enumerate(names):
         size = _size(machine.kinds[name], machine.priors)
-        factor = np.sqrt(THRESHOLD) / distance[i, i] if distance[i, i] > NOTHING else np.inf
+        factor = np.sqrt(threshold) / distance[i, i] if distance[i, i] > NOTHING else np.inf
         limits.append((size.name, float(size.typical * factor), size.typical))
     mistaken = {
         name: tuple(names[j] for j in np.flatnonzero(near[i]) if j != i and seen[j])
@@ -102,7 +108,7 @@ def _confusability(names: tuple[str, ...], distance: Array, machine: Machine) ->
     }
     groups = _groups(names, near & near.T & seen & seen[:, None])
     hidden = tuple(name for i, name in enumerate(names) if not seen[i])
-    return Confusability(names, distance, THRESHOLD, tuple(limits), groups, mistaken, hidden)
+    return Confusability(names, distance, threshold, tuple(limits), groups, mistaken, hidden)
 
 
 def _groups(names: Sequence[str], near: NDArray[np.bool_]) -> tuple[tuple[str, ...], ...]:
@@ -202,25 +208,26 @@ def _squared_distance(found: Columns, at: int, sign: float, point: tuple[Effect,
     return float(found.product[at, at] - 2 * best @ onto + best @ gram @ best)
 
 
-def _squared_distance_in_log(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:
+def _squared_distance_in_log(typical: Effect, fitted: Fit, records: Sequence[Record], criteria: Criteria) -> float:
     """Squared distance [1] from the nominal parameters of an effect that shows in the log only: through the replay if
     it changes the controller's law, else through the scatter of equal motions."""
     seen = _by_replay if Place.CONTROL in typical.hooks else _by_lateness
-    return seen(typical, fitted, records)
+    return seen(typical, fitted, records, criteria)
 
 
-def _by_lateness(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:
+def _by_lateness(typical: Effect, fitted: Fit, records: Sequence[Record], criteria: Criteria) -> float:
     """Squared distance of late commands: their variance over its standard error where motions repeat and none is late,
-    scaled so that the detector's own threshold is THRESHOLD."""
+    scaled so that the detector's own threshold counts as distinguishable."""
     variance = typical.strength() * records[0].sample_time ** 2
-    return (variance / lateness(fitted, records).scatter) ** 2 * THRESHOLD / Criteria().late_commands_min_gain
+    squared = (variance / lateness(fitted, records).scatter) ** 2
+    return float(squared * criteria.distinguishable / criteria.late_commands_min_gain)
 
 
-def _by_replay(typical: Effect, fitted: Fit, records: Sequence[Record]) -> float:
+def _by_replay(typical: Effect, fitted: Fit, records: Sequence[Record], criteria: Criteria) -> float:
     """Squared distance of a relative change of the feedback: the change of the command over the replay's tolerance."""
     total = 0.0
     for record in records:
-        replay = replayed(fitted.candidate.layout.machine, record)
+        replay = replayed(fitted.candidate.layout.machine, record, criteria)
         if replay.checked:
             feedback = record.command - record.feedforward
             change = typical.strength() * (feedback - np.median(feedback))

@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.experiments.confusability import THRESHOLD, distances, products
+from diagnosis.criteria import Criteria
+from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.kalman import JITTER
@@ -28,8 +29,6 @@ from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 
-SPARE: Final = 4.0  # margin on the threshold of an experiment that is to be run once
-REPEATS: Final = 10  # repetitions of an experiment that are reasonable; squared distances grow in proportion
 MOST: Final = 4  # effects that are compared: the first ones
 
 
@@ -43,7 +42,7 @@ class Proposal:
 
 
 def next_experiment(
-    members: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER
+    members: Sequence[str], machine: Machine, *, criteria: Criteria = Criteria(), seed: int = 0, jitter: float = JITTER
 ) -> Proposal | None:
     """What to run on the machine to distinguish the members, or to detect the only one; None without members.
 
@@ -53,16 +52,18 @@ def next_experiment(
     if not asked:
         return None
     tried = [(one, _reached(machine, one, asked, seed, jitter)) for one in menu(machine)]
-    enough = [(one, reached) for one, reached in tried if reached >= SPARE * THRESHOLD]
+    enough = [
+        (one, reached) for one, reached in tried if reached >= criteria.experiment_margin * criteria.distinguishable
+    ]
     if enough:
         best, reached = min(enough, key=lambda item: item[0].schedule.target.size)
     else:
         best, reached = max(tried, key=lambda item: item[1])
-    times = max(int(np.ceil(THRESHOLD / max(reached, 1e-9))), 1)
-    if times > REPEATS:
-        return Proposal(_hopeless(asked, best, reached, len(tried)), best.schedule, reached)
+    times = max(int(np.ceil(criteria.distinguishable / max(reached, 1e-9))), 1)
+    if times > criteria.experiment_repeats:
+        return Proposal(_hopeless(asked, best, reached, len(tried), criteria), best.schedule, reached)
     whole = together(best.schedule.name, [best.schedule] * times)
-    return Proposal(_sentence(asked, best, reached, times, len(tried)), whole, times * reached)
+    return Proposal(_sentence(asked, best, reached, times, len(tried), criteria), whole, times * reached)
 
 
 def _comparable(names: Sequence[str], machine: Machine) -> list[str]:
@@ -71,20 +72,22 @@ def _comparable(names: Sequence[str], machine: Machine) -> list[str]:
     return [name for name in names if name in machine.kinds and machine.kinds[name].shown_in() != "log"]
 
 
-def _sentence(asked: Sequence[str], best: Experiment, reached: float, times: int, tried: int) -> str:
-    how = "is the shortest that" if reached >= SPARE * THRESHOLD else "best"
+def _sentence(
+    asked: Sequence[str], best: Experiment, reached: float, times: int, tried: int, criteria: Criteria
+) -> str:
+    how = "is the shortest that" if reached >= criteria.experiment_margin * criteria.distinguishable else "best"
     often = f" {times} times" if times > 1 else ""
     return (
         f"Run{often} {best.words}: of {tried} experiments it {how} {_what(asked)} (chi-square {times * reached:.0f}, "
-        f"{THRESHOLD:.0f} needed)."
+        f"{criteria.distinguishable:.0f} needed)."
     )
 
 
-def _hopeless(asked: Sequence[str], best: Experiment, reached: float, tried: int) -> str:
+def _hopeless(asked: Sequence[str], best: Experiment, reached: float, tried: int, criteria: Criteria) -> str:
     return (
         f"None of {tried} experiments with this scale and command {_what(asked)}; the best, {best.words}, would reach "
-        f"a chi-square of {reached:.2g}, {THRESHOLD:.0f} needed: measure the table with an external gauge as well, "
-        "such as an interferometer."
+        f"a chi-square of {reached:.2g}, {criteria.distinguishable:.0f} needed: measure the table with an external "
+        "gauge as well, such as an interferometer."
     )
 
 
@@ -114,13 +117,18 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
     return Proposal(sentence, one.schedule, float("nan"))
 
 
-def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: float = JITTER) -> Proposal | None:
+def showing(
+    names: Sequence[str], machine: Machine, *, criteria: Criteria = Criteria(), seed: int = 0, jitter: float = JITTER
+) -> Proposal | None:
     """The experiment that detects the most of these effects at their typical sizes [SI], which the records could
     not; None where no experiment of the menu detects any."""
     asked = _comparable(names, machine)
     if not asked:
         return None
-    seen = [(one, np.diag(_distances(machine, one, asked, seed, jitter)) ** 2 >= THRESHOLD) for one in menu(machine)]
+    seen = [
+        (one, np.diag(_distances(machine, one, asked, seed, jitter)) ** 2 >= criteria.distinguishable)
+        for one in menu(machine)
+    ]
     best, shown = max(seen, key=lambda item: (np.count_nonzero(item[1]), -item[0].schedule.target.size))
     if not np.any(shown):
         return None
@@ -129,7 +137,7 @@ def showing(names: Sequence[str], machine: Machine, *, seed: int = 0, jitter: fl
         f"Run {best.words}: of {len(seen)} experiments it shows the most of the effects that these records could not "
         f"show, {_named(found)}, if they are of a typical size."
     )
-    return Proposal(sentence, best.schedule, THRESHOLD)
+    return Proposal(sentence, best.schedule, criteria.distinguishable)
 
 
 def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, jitter: float) -> float:

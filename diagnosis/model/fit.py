@@ -31,8 +31,6 @@ DIFFERENCE: Final = {"shape": 0.02, "period": 0.02, "width": 0.05}  # Relative s
 OF_PERIOD: Final = 0.02  # Such a step in a period moves the last period of a record by this part of one.
 MIN_GAIN: Final = 10.0  # A step that gains less chi-square than this ends the fit.
 
-MIN_EQUAL_MOTIONS: Final = 4  # Fewer equal motions, of all groups together, do not show what does not repeat.
-
 
 @dataclass(frozen=True)
 class Fit:
@@ -58,11 +56,11 @@ def weights(records: Sequence[Record]) -> Array:
     return np.concatenate(parts)
 
 
-def unrepeated(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> Array:
+def unrepeated(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], least: int) -> Array:
     """The part of a fit's innovations (n,) [1] that does not repeat between equal motions; NaN where a motion has no
-    equal, and everywhere if fewer than MIN_EQUAL_MOTIONS have one."""
+    equal, and everywhere if fewer than `least` have one."""
     groups, whole = repeated(pieces, records), fitted.innovations.copy()
-    if sum(map(len, groups)) < MIN_EQUAL_MOTIONS:
+    if sum(map(len, groups)) < least:
         return np.full(whole.size, np.nan)
     whole[weights(records) == 0] = np.nan
     ends = np.cumsum([record.position.size for record in records])[:-1]

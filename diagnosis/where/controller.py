@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.criteria import Criteria
 from diagnosis.model.residual import STARTING
 from models.controller import PID
 from models.machine import Machine
@@ -24,11 +25,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-TOLERANCE: Final = 1e-4  # tolerance for rounding in the log, relative to the command's standard deviation
 LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
 FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # factors of the derivative filter's time
-LOGGED: Final = 2.0  # ratio to the command's noise from a rounded reading, up to which the rest is noise of the log
-EXTREME: Final = 6.0  # largest value of that noise, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -53,13 +51,13 @@ class Replayed:
         return not self.checked or self.departs is None
 
 
-def replayed(machine: Machine, record: Record) -> Replayed:
+def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> Replayed:
     """The machine's PID and reference delay, replayed on a record; forces in [N]."""
     pid, delay = machine.control.pid, machine.control.reference_delay
     difference = _difference(record, replay(record, pid, delay))
     steps = quantisation(record.command)
     spread = float(np.std(record.command[STARTING:]))
-    tolerance = max(TOLERANCE * spread, steps, _resolution(machine, record))
+    tolerance = max(criteria.replay_tolerance * spread, steps, _resolution(machine, record))
     beyond = np.flatnonzero(np.abs(difference) > tolerance)
     largest, rms = float(np.max(np.abs(difference), initial=0.0)), float(np.sqrt(np.mean(difference**2)))
     if beyond.size == 0:
@@ -67,12 +65,12 @@ def replayed(machine: Machine, record: Record) -> Replayed:
     if np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution:
         return Replayed(False, largest, rms, tolerance, None, None, rms)
     remedy, remains = min(_remedies(record, pid, delay), key=lambda one: one[1])
-    noise = LOGGED * _rounded(machine, record)
-    if remains > 0.5 * rms and rms < noise and largest < EXTREME * noise:
-        return Replayed(True, largest, rms, EXTREME * noise, None, None, rms)
-    return Replayed(
-        True, largest, rms, tolerance, int(beyond[0]) + STARTING, remedy if remains < 0.5 * rms else None, remains
-    )
+    noise = criteria.replay_log_noise * _rounded(machine, record)
+    most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
+    if remains > mended and rms < noise and largest < most:
+        return Replayed(True, largest, rms, most, None, None, rms)
+    departs = int(beyond[0]) + STARTING
+    return Replayed(True, largest, rms, tolerance, departs, remedy if remains < mended else None, remains)
 
 
 def _resolution(machine: Machine, record: Record) -> float:

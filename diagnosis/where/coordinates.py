@@ -32,7 +32,6 @@ RIDGES: Final = (1e-3, 1e-2, 0.1, 1.0)  # ridge parameters of which the best is 
 SLOWEST: Final = 1e-4  # m/s: below this speed the table counts as at rest
 PITCHES: Final = (3e-3, 7e-2)  # m: the range in which a period of the force over position is searched
 SMOOTH: Final = 5  # samples over which an acceleration is averaged
-SURE: Final = 0.02  # p-value below which a dependence is stated
 RESTED: Final = 1.0  # s of rest assumed before a record: longer than any recovery that it could show
 
 

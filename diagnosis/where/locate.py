@@ -22,7 +22,6 @@ from diagnosis.model.residual import noise
 from diagnosis.refit import FOLLOWED, RATED
 from diagnosis.where.controller import Replayed, replayed
 from diagnosis.where.coordinates import (
-    SURE,
     Coordinate,
     Dependence,
     Explained,
@@ -40,7 +39,6 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-ABOVE_NOISE: Final = 1.2  # ratio to the noise's deviation from which on there is a force to locate
 FEW: Final = 200  # samples in motion below which nothing is said about the scatter
 
 
@@ -65,6 +63,7 @@ class Where:
     sample_time: float
     spike: Largest | None = None
     beyond_rating: float | None = None
+    criteria: Criteria = Criteria()
 
     @property
     def force(self) -> Array:
@@ -79,16 +78,22 @@ class Where:
     @property
     def is_noise(self) -> bool:
         """Whether the force is no larger than the scale's noise alone would make it."""
-        return self.deviation < ABOVE_NOISE * self.unknown.noise
+        return self.deviation < self.criteria.force_above_noise * self.unknown.noise
 
     @property
     def coordinate(self) -> Explained:
         """The coordinate that explains the most; those that chance could explain as well come last."""
-        return max(self.dependence.coordinates, key=lambda one: (one.p < SURE, one.share))
+        return max(self.dependence.coordinates, key=lambda one: (one.p < self.criteria.stated_p_value, one.share))
 
 
 def locate(
-    fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], *, seed: int = 0, spike: float = Criteria().spike
+    fitted: Fit,
+    records: Sequence[Record],
+    pieces: Sequence[Piece],
+    *,
+    seed: int = 0,
+    spike: float = Criteria().spike,
+    criteria: Criteria = Criteria(),
 ) -> Where:
     """Where the fitted model leaves the records; pieces: those of `motions.pieces`; spike [1]: see `Null.spike`."""
     nominal = fitted.candidate.layout.machine
@@ -100,7 +105,7 @@ def locate(
     dependence = _dependence(fitted, records, unknown.centred(samples), known, samples, seed)
     most = largest(fitted)
     return Where(
-        controller=tuple(replayed(nominal, record) for record in records),
+        controller=tuple(replayed(nominal, record, criteria) for record in records),
         unknown=unknown,
         energy=_energy(fitted, records, unknown, samples, seed),
         dependence=dependence,
@@ -110,6 +115,7 @@ def locate(
         sample_time=records[0].sample_time,
         spike=most if most.deviations > spike else None,
         beyond_rating=nominal.drive.rated_thrust if nominal.sources.get(RATED) == FOLLOWED else None,
+        criteria=criteria,
     )
 
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from diagnosis.where.coordinates import SURE, Explained
+from diagnosis.criteria import Criteria
+from diagnosis.where.coordinates import Explained
 from diagnosis.where.energy import Shares
 from diagnosis.where.locate import Where
 from diagnosis.where.side import Side, force_or_reading
 from models.quantity import show
 
-LEAST: Final = 0.02  # share below which a finding is not worth a sentence
-CERTAIN: Final = 0.2  # lower end of a share's interval from which on it is stated even if few motions make p large
 SLOW_CLOCK: Final = 0.5  # weight of the time since the record began, which correlates with whatever changes slowly
-MORE: Final = 1.3  # ratio of a part's share of the energy to its share of the time from which on it stands out
 COORDINATES: Final = {
     "time": "The time since the record began",
     "time_in_motion": "The time since the motion began",
@@ -72,7 +70,7 @@ def statements(where: Where) -> tuple[Statement, ...]:
     first = [*_controller(where), _size(where)]
     last = [*_drive(where), _floor(where)]
     if where.is_noise:
-        side = [] if force_or_reading(where.sides) == "neither" else [_side(where)]
+        side = [] if force_or_reading(where.sides, where.criteria) == "neither" else [_side(where)]
         return (*first, *_spike(where), *side, *last)
     findings = [one for part in (_energy, _coordinates, _parity, _scatter) for one in part(where)]
     findings.sort(key=lambda one: -one.weight)
@@ -148,7 +146,7 @@ def _floor(where: Where) -> Statement:
             f"{show(floor.position, 'm', 2)} and {show(floor.force, 'N', 2)}.",
         )
     repeats = f"{percent(floor.repeats)} of the force's variance repeats, which an effect could explain"
-    if floor.repeats < LEAST:
+    if floor.repeats < where.criteria.stated_share:
         repeats = "none of the force repeats"
     groups = f"{floor.motions} in {floor.groups} group{'s' * (floor.groups > 1)}"
     return Statement(
@@ -159,10 +157,11 @@ def _floor(where: Where) -> Statement:
     )
 
 
-def _standing_out(shares: Shares) -> int | None:
+def _standing_out(shares: Shares, criteria: Criteria) -> int | None:
     """The part whose share of the energy most exceeds its share of the time, if it does so clearly."""
     i = max(range(len(shares.names)), key=lambda i: float(shares.share[i] - shares.time[i]))
-    return i if shares.share[i] > max(MORE * shares.time[i], LEAST) else None
+    least = max(criteria.stands_out * shares.time[i], criteria.stated_share)
+    return i if shares.share[i] > least else None
 
 
 def _part(shares: Shares, i: int, name: str) -> Statement:
@@ -173,7 +172,7 @@ def _part(shares: Shares, i: int, name: str) -> Statement:
 
 
 def _energy(where: Where) -> Iterator[Statement]:
-    motion, phase = _standing_out(where.energy.motion), _standing_out(where.energy.phase)
+    motion, phase = (_standing_out(one, where.criteria) for one in (where.energy.motion, where.energy.phase))
     if motion is not None:
         yield _part(where.energy.motion, motion, f"in {where.energy.motion.names[motion]}")
     if phase is not None and where.energy.phase.names[phase] != "excitation":  # a kind of motion says the same
@@ -184,14 +183,19 @@ def _energy(where: Where) -> Iterator[Statement]:
     )
     for shares, part in spectra:
         i = shares.ranked()[0]
-        if shares.low[i] > LEAST:
+        if shares.low[i] > where.criteria.stated_share:
             span = _interval(float(shares.low[i]), float(shares.high[i]))
             text = f"{percent(float(shares.share[i]))} ({span}) {part} {shares.names[i]}."
             yield Statement(Topic.ENERGY, text, float(shares.low[i]) - 0.5)
 
 
 def _coordinates(where: Where) -> Iterator[Statement]:
-    stated = [one for one in where.dependence.coordinates if one.share > LEAST and (one.p < SURE or one.low > CERTAIN)]
+    criteria = where.criteria
+    stated = [
+        one
+        for one in where.dependence.coordinates
+        if _stated(one, criteria) or (one.share > criteria.stated_share and one.low > criteria.certain_share)
+    ]
     for one in stated:
         yield Statement(Topic.COORDINATE, _explains(one), one.low * (SLOW_CLOCK if one.name == "time" else 1.0))
     if not stated:
@@ -201,6 +205,10 @@ def _coordinates(where: Where) -> Iterator[Statement]:
             f"No single coordinate explains it on held-out motions: the best, {words(best.name)}, explains "
             f"{percent(best.share)} (p = {best.p:.2g}).",
         )
+
+
+def _stated(one: Explained, criteria: Criteria) -> bool:
+    return one.p < criteria.stated_p_value and one.share > criteria.stated_share
 
 
 def _explains(one: Explained) -> str:
@@ -216,7 +224,8 @@ def _explains(one: Explained) -> str:
 
 def _parity(where: Where) -> Iterator[Statement]:
     even, odd = where.dependence.parity
-    if max(even.share, odd.share) > LEAST and min(even.p, odd.p) < SURE:
+    criteria = where.criteria
+    if max(even.share, odd.share) > criteria.stated_share and min(even.p, odd.p) < criteria.stated_p_value:
         yield Statement(
             Topic.PARITY,
             f"While the table moves, {percent(even.share)} of it is an even function of the speed (the same in both "
@@ -227,7 +236,7 @@ def _parity(where: Where) -> Iterator[Statement]:
 
 def _scatter(where: Where) -> Iterator[Statement]:
     for one in where.dependence.scatter[:1]:
-        if one.p < SURE and one.share > LEAST:
+        if _stated(one, where.criteria):
             yield Statement(
                 Topic.SCATTER,
                 f"While the table moves, the magnitude of the innovations depends on {words(one.name)} "
@@ -244,7 +253,7 @@ def _side(where: Where) -> Statement:
         "scale": "It acts as an error of the scale, not as a force",
         "either": "A force and an error of the scale explain it about equally well",
         "neither": "Neither a force nor an error of the scale over a single coordinate explains it",
-    }[force_or_reading(where.sides)]
+    }[force_or_reading(where.sides, where.criteria)]
     return Statement(
         Topic.SIDE,
         f"{start}: on held-out motions, curves over {_over(force)} as a force lower chi-square by {force.force:.0f}, "

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.kalman import Predictor, adjoint, responses
 from diagnosis.model.parameters import initial_state
@@ -28,8 +29,6 @@ Array = NDArray[np.float64]
 
 PROBE: Final = 2e-8  # m: step of the finite difference with respect to a reading, friction included
 FINE: Final = (3e-6, 5e-5)  # m: the range in which a period of the scale's error is searched
-CLEAR: Final = 25.0  # held-out chi-square below which neither side explains anything
-APART: Final = 1.5  # ratio of chi-squares from which on one side is preferred
 
 
 @dataclass(frozen=True)
@@ -61,14 +60,14 @@ def sides(
     return tuple(found)
 
 
-def force_or_reading(found: Sequence[Side]) -> str:
+def force_or_reading(found: Sequence[Side], criteria: Criteria = Criteria()) -> str:
     """ "force", "scale", "either" or "neither"."""
     force, reading = (max((getattr(one, part) for one in found), default=0.0) for part in ("force", "reading"))
-    if max(force, reading) < CLEAR:
+    if max(force, reading) < criteria.side_min_gain:
         return "neither"
-    if force > APART * reading:
+    if force > criteria.side_ratio * reading:
         return "force"
-    return "scale" if reading > APART * force else "either"
+    return "scale" if reading > criteria.side_ratio * force else "either"
 
 
 def _gain(columns: Array, own: Freed, records: Sequence[Record], samples: Samples, seed: int) -> float:

@@ -130,7 +130,7 @@ def test_a_reading_that_drops_out_is_no_force() -> None:
         for one in records
     )
     found = refit_within(MACHINE, broken)
-    apart = unrepeated(found, broken, pieces(broken))
+    apart = unrepeated(found, broken, pieces(broken), Criteria().min_equal_motions)
     assert np.nanmean(apart**2) > Criteria().rough_variance
     assert found.candidate.jitter == JITTER
 
@@ -139,7 +139,7 @@ def test_without_repeated_motions_no_drive_is_called_rough() -> None:
     (record,) = recorded(MACHINE, PLAN[:1], [KNOCKS], seed=SEED, wrong=0.0)
     once = (record.part(0, record.position.size // 2),)
     found = refit_within(MACHINE, once)
-    assert np.isnan(unrepeated(found, once, pieces(once))).all()
+    assert np.isnan(unrepeated(found, once, pieces(once), Criteria().min_equal_motions)).all()
     assert found.candidate.jitter == JITTER
 
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.criteria import Criteria
 from diagnosis.experiments import schedules as experiments
 from diagnosis.experiments.confusability import (
-    THRESHOLD,
     Confusability,
     confusability,
     distances,
@@ -36,6 +36,8 @@ from models.machine import load
 from models.simulation.simulator import simulate
 from studies.command import to_text
 from tests.diagnosis.where.cases import case, fitted, run, table
+
+THRESHOLD = Criteria().distinguishable
 
 
 @pytest.fixture(scope="module")
