@@ -21,14 +21,14 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from design.trajectory.history_aware import build as build_trajectory
     from design.trajectory.history_aware import solve as solve_trajectory
     from design.validation import Validation, validate
+    from diagnosis.criteria import Criteria
     from diagnosis.diagnose import Diagnosis, diagnose
     from diagnosis.improved import improved_machine
     from models.controller import PID, Controller
     from models.controller import load as load_controller
     from models.friction import Friction
-    from models.friction import branch as friction_branch
     from models.friction import elements as friction_elements
-    from models.identification.pipeline import Identified, identify
+    from models.identification.pipeline import identify
     from models.machine import Machine, MachineError
     from models.machine import load as load_machine
     from models.plant import Mode, Plant, frequency_response
@@ -46,11 +46,11 @@ _WHERE: Final = {
     "Columns": "models.records.columns",
     "Constraints": "design.deadbeat",
     "Controller": "models.controller",
+    "Criteria": "diagnosis.criteria",
     "Deadbeat": "design.deadbeat",
     "DesignError": "design.deadbeat",
     "Diagnosis": "diagnosis.diagnose",
     "Friction": "models.friction",
-    "Identified": "models.identification.pipeline",
     "Machine": "models.machine",
     "MachineError": "models.machine",
     "Mode": "models.plant",
@@ -70,10 +70,9 @@ _WHERE: Final = {
     "diagnose": "diagnosis.diagnose",
     "feeding_sequence": "models.records.record",
     "frequency_response": "models.plant",
-    "friction_branch": "models.friction:branch",
     "friction_elements": "models.friction:elements",
-    "improved_machine": "diagnosis.improved",
     "identify": "models.identification.pipeline",
+    "improved_machine": "diagnosis.improved",
     "load_controller": "models.controller:load",
     "load_machine": "models.machine:load",
     "plot": "reports.plot",
@@ -92,11 +91,11 @@ __all__ = [
     "Columns",
     "Constraints",
     "Controller",
+    "Criteria",
     "Deadbeat",
     "DesignError",
     "Diagnosis",
     "Friction",
-    "Identified",
     "Machine",
     "MachineError",
     "Mode",
@@ -116,7 +115,6 @@ __all__ = [
     "diagnose",
     "feeding_sequence",
     "frequency_response",
-    "friction_branch",
     "friction_elements",
     "identify",
     "improved_machine",

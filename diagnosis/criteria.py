@@ -28,6 +28,10 @@ class Criteria:
 
     "Chi-square" is the sum of squares of the whitened innovations; a "gain" is what an effect takes off it on motions
     that its amplitude was not fitted to.
+
+    >>> strict = pos.Criteria(min_gain=40.0)  # pos.diagnose(machine, records, criteria=strict)
+    >>> strict.min_gain, strict.spike == pos.Criteria().spike
+    (40.0, True)
     """
 
     # The nominal re-fit and what chance alone gains.

@@ -38,9 +38,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that was found: the outcome, the names, the stages of the search, what is left, how far the gap shrinks, the
-    effects' shares of it over all orders of addition [1], and the baseline that it began with. partly: effects that
-    take off a part of what is left, where none explains it."""
+    """What was found: the outcome and the names of the effects, strongest first.
+
+    partly: effects that take off a part of the gap, where none explains it. equivalent: groups of effects that these
+    records cannot tell apart. unexplained [1]: the share of the gap that stays. which: every candidate with its gain
+    and threshold. how_far: the gap before and after, in [N], [m] and [s]. shares [1]: each effect's part of what was
+    closed, over all orders of addition. stages: the models of the search; baseline: what it began with.
+
+    >>> diagnosis
+    Diagnosis(attributed: viscous_friction; ... % of the gap closes where nothing was fitted)
+    """
 
     outcome: Outcome
     effects: tuple[str, ...]
@@ -52,6 +59,11 @@ class Diagnosis:
     shares: Mapping[str, float]
     stages: tuple[Stage, ...]
     baseline: Baseline
+
+    def __repr__(self) -> str:
+        names = f": {', '.join(self.effects)}" if self.effects else ""
+        closed = f"{100 * self.how_far.closure:.0f} %"
+        return f"Diagnosis({self.outcome}{names}; {closed} of the gap closes where nothing was fitted)"
 
     @property
     def final(self) -> Fit:
@@ -69,10 +81,23 @@ def diagnose(
     progress: Progress | None = None,
     cache: Path | None = None,
 ) -> Diagnosis:
-    """Why the records differ from what the machine file says; disabled: names of effects that are not to be used.
+    """Why the records differ from what the machine file says, and how far the gap closes once that is in the model.
 
-    cache: a folder in which the null's gains are kept for other records of the same schedule.
+    records: of one machine, each with its signals (n,) in [m] and [N]. criteria: every threshold of a decision. seed:
+    of simulated floors. disabled: names of effects that are not to be used. progress is told the share of the work that
+    is done, 0 .. 1, and what comes next. cache: a folder in which the null's gains are kept for other records of the
+    same schedule; without them the null is simulated anew, which is half of the time.
+
+    Raises ValueError without records.
+
+    >>> diagnosis.outcome, diagnosis.effects  # after diagnosis = pos.diagnose(machine, records)
+    (<Outcome.ATTRIBUTED: 'attributed'>, ('viscous_friction',))
+    >>> pos.diagnose(machine, [])
+    Traceback (most recent call last):
+    ValueError: a diagnosis needs at least one record
     """
+    if not records:
+        raise ValueError("a diagnosis needs at least one record")
     baseline = refit_and_null(machine, records, criteria=criteria, progress=progress, cache=cache)
     return diagnosed(baseline, seed=seed, disabled=disabled, progress=progress)
 

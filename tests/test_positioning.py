@@ -67,14 +67,14 @@ def test_the_notebook_of_the_readme_does_what_it_says(notebook: dict[str, Any]) 
 
 
 def test_what_a_notebook_shows_of_an_object_is_one_line(notebook: dict[str, Any]) -> None:
-    for name in ("machine", "deadbeat", "controller", "response", "validation", "tuning"):
+    for name in ("machine", "deadbeat", "controller", "response", "validation", "tuning", "diagnosis"):
         shown = repr(notebook[name])
         assert shown.startswith(f"{type(notebook[name]).__name__}(")
         assert "\n" not in shown
         assert len(shown) <= 160, shown
 
 
-@pytest.mark.parametrize("name", [name for name in pos.__all__ if name.lower() not in {"diagnose", "diagnosis"}])
+@pytest.mark.parametrize("name", pos.__all__)
 def test_every_name_has_an_example_that_runs(name: str, notebook: dict[str, Any], folder: Path) -> None:
     item = getattr(pos, name)
     text = inspect.getdoc(item) or ""
