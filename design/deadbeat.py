@@ -40,7 +40,7 @@ LONGEST: Final = 4096  # samples; a search for the shortest settling time gives 
 
 
 class DesignError(ValueError):
-    """A design that can't be; the message says why and what could.
+    """A design that is impossible; the message says why, and what is possible.
 
     >>> pos.design_deadbeat(machine, settling_time=15e-3)
     Traceback (most recent call last):
@@ -174,8 +174,8 @@ def _samples(settling_time: float, sample_time: float) -> int:
     if count < 1 or abs(settling_time / sample_time - count) > 1e-6:
         nearest = max(count, 1) * sample_time
         raise DesignError(
-            f"the settling time {show(settling_time, 's')} is no whole number of samples of {show(sample_time, 's')}; "
-            f"take {show(nearest, 's')}"
+            f"the settling time must be a whole number of samples of {show(sample_time, 's')}, "
+            f"not {show(settling_time, 's')}; take {show(nearest, 's')}"
         )
     return count
 
@@ -299,7 +299,7 @@ def _least_peak(problem: _Problem, constraints: Constraints) -> Array | None:
 def _refined(solution: Array, a: Array, lower: Array, upper: Array) -> Array | None:
     """The nearest w that meets the deadbeat and the active constraints to round-off; None if there is none near.
 
-    Only what the solver left within ACTIVE of its bound is held there: a small first step of x_T* is no active bound.
+    Only what the solver left within ACTIVE of its bound is held there: a small step of x_T* is not an active bound.
     """
     refined, close = solution, 1e-6
     at_lower, at_upper = a @ solution - lower < ACTIVE, upper - a @ solution < ACTIVE
@@ -363,7 +363,7 @@ def _deadbeat(plant: Plant, sample_time: float, stroke: float, settling_time: fl
 def polynomials(plant: Plant, sample_time: float) -> tuple[Array, Array]:
     """(N, D) of P_l(z) = z^-d N(z) / D(z), coefficients of z^0, z^-1, ...; D has the sampled poles, D[0] = 1.
 
-    A dead time that is no whole number of samples gives N one coefficient more. For reading: designs use the states.
+    A dead time that is not a whole number of samples gives N one coefficient more. For reading: designs use the states.
     """
     poles = np.exp(sample_time * np.concatenate([_poles(mode) for mode in plant.modes]))
     denominator = np.real(np.poly(poles))

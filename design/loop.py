@@ -92,7 +92,7 @@ def pid_model(pid: PID, sample_time: float) -> control.StateSpace:
     b = np.array([[pid.ki * sample_time], [(keep - 1) * slope]])
     d = pid.kp + pid.ki * sample_time + pid.kd * slope
     c = np.array([[1.0, pid.kd]])
-    if pid.ki == 0:  # an integral that never moves is no part of the loop, and its eigenvalue of 1 none of the loop's
+    if pid.ki == 0:  # an integral that never moves is not part of the loop, nor is its eigenvalue of 1
         a, b, c = a[1:, 1:], b[1:], c[:, 1:]
     return control.StateSpace(a, b, c, [[d]], sample_time, inputs=["e"], outputs=["u"])
 
@@ -292,7 +292,7 @@ def stays_below(system: control.StateSpace, bound: float) -> bool:
 
 
 def _crossings(omega: Array, values: Array) -> Array:
-    """Where `values` (n,) change their sign over omega (n,) [rad/s], on straight lines; nan is no sign."""
+    """Where `values` (n,) change their sign over omega (n,) [rad/s], on straight lines; nan has no sign."""
     index = np.flatnonzero(values[:-1] * values[1:] < 0)
     share = values[index] / (values[index] - values[index + 1])
     return np.asarray(omega[index] + share * (omega[index + 1] - omega[index]), float)

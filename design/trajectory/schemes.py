@@ -58,7 +58,7 @@ def samples_for(machine: Machine, settling_time: float) -> int:
 def rest_time(machine: Machine, samples: int) -> float:
     """When [s] the table rests after a motion of so many samples: L later.
 
-    Where L is no whole number of samples, the last sample's thrust is held by the friction alone already.
+    Where L is not a whole number of samples, the last sample's thrust is held by the friction alone already.
     """
     _, rest = delay_split(machine.plant.dead_time, machine.sample_time)
     return (samples - (rest > 0)) * machine.sample_time + machine.plant.dead_time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from design.deadbeat import DesignError
 from design.family import Member, family, slopes
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, frequency_response, grid, intersample, pid_response, sensitivities
-from design.pid.front import Point, judged, rules, tuned
+from design.pid.front import Front, Point, judged, rules, tuned
 from design.pid.goal import OBJECTIVES, Goal
 from design.pid.problem import Bounds, TuningError, mt_bound
 from design.pid.rules import magnitude
@@ -38,23 +38,79 @@ from studies.study import Answer, Progress
 
 Array = NDArray[np.float64]
 
-LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # of the bound on |S|
+LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # The bounds on |S| that PIDs are tuned for.
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
-QUICK_MEMBERS: Final = 10  # every so many of an ensemble
-SHOWN: Final = 4.0  # settling times of the reversal in the figures
-BETWEEN: Final = 0.05  # s after a step of friction over which the path between the samples is shown
-PARTS: Final = 10  # points a sample of that path
+QUICK_MEMBERS: Final = 10  # A quick run takes one machine of an ensemble out of so many.
+SHOWN: Final = 4.0  # The figures show so many settling times of the reversal.
+BETWEEN: Final = 0.05  # s. The path between the samples is shown for so long after a step of friction.
+PARTS: Final = 10  # That path has so many points a sample.
+
+
+@dataclass(frozen=True)
+class _TradeOff:
+    """What was tuned: the family's plants, the goal, the bounds of the chosen point, the present PID, and the front."""
+
+    members: tuple[Member, ...]
+    goal: Goal
+    limits: Bounds
+    present: Point
+    front: Front
+    chosen: Point
 
 
 def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
-    wanted = _wanted(options)
-    others = _ensemble(options)
-    members = family(machine, wanted["mode_error"], wanted["mass_error"], others if options.ensemble else ())
+    wanted, others = _wanted(options), _ensemble(options)
     try:
         controller = default_controller(machine)
     except DesignError as error:
         raise BadInputError(f"--machine: {error}") from error
+    tuning = _tuned(machine, wanted, options, others, progress)
+    members, limits, points, chosen = tuning.members, tuning.limits, tuning.front.points, tuning.chosen
+    progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
+    every = [*points, tuning.present, *rules(machine, members)]
+    validations = nonsmooth(machine, controller, every)
+    rows = [point_row(machine, members, point, v) for point, v in zip(every, validations, strict=True)]
+    progress(0.65, "what each limit costs")
+    costs = _costs(machine, wanted, limits, chosen, quick=options.quick)
+    progress(0.7, f"the PIDs on {len(others)} members of the ensemble")
+    on_ensemble = _on_ensemble(machine, others, wanted, limits, controller, chosen, tuned=options.ensemble is not None)
+    progress(0.8, "published optima, limits and certificates")
+    fit = replace(controller, pid=chosen.pid)
+    compensated = validate_many([with_pid(machine, c.pid, "this study") for c in (controller, fit)], [controller, fit])
+    results = {
+        "quick": options.quick,
+        "wanted": _asked(wanted, tuning),
+        "diagram": DIAGRAM,
+        "ensemble": on_ensemble,
+        "family": [member.name for member in members],
+        **_named(machine, tuning, rows),
+        "attempts": [{"ms": ms, **vars(attempt)} for ms, attempt in tuning.front.attempts],
+        "loops": _loops(members, chosen.pid, machine.control.pid, limits.mcs),
+        "limits": _limits(machine, members[0], points, tuning.present, limits.mcs),
+        "costs": costs,
+        "dearest": max(costs, key=lambda cost: cost["ki_N_per_ms"] or 0.0),
+        "published": compare(),
+        "reversal": _reversal(machine, every, validations, (chosen, tuning.present, points[-1])),
+        "between": _between(machine, chosen.pid),
+        "compensated": [_outcome(one) for one in compensated],
+        "force_N": _force(machine),
+    }
+    checks = made(members, points, results, compensated[1], machine)
+    stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
+    files = {"controller.json": to_json(fit, stroke, settling)}
+    return Answer(results, checks, files, _summary(results))
+
+
+def _tuned(
+    machine: Machine,
+    wanted: dict[str, Any],
+    options: TradeoffOptions,
+    others: Sequence[Machine],
+    progress: Progress,
+) -> _TradeOff:
+    """The present PID on the family and the front. Raises BadInputError where no PID keeps to the bounds."""
+    members = family(machine, wanted["mode_error"], wanted["mass_error"], others if options.ensemble else ())
     progress(0.02, f"the present PID on {len(members)} plants")
     present = judged("present", machine.control.pid, members)
     limits = Bounds(wanted["ms"], wanted["mt"], _noise(machine, options.noise, present))
@@ -66,54 +122,34 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         front = tuned(problem, levels, limits, machine)
     except TuningError as error:
         raise BadInputError(f"--ms, --mt, --noise: {error}") from error
-    points, chosen = front.points, front.nearest(wanted["ms"])
-    limits = replace(limits, ms=chosen.bound or wanted["ms"])
-    progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
-    ruled = rules(machine, members)
-    every = [*points, present, *ruled]
-    validations = nonsmooth(machine, controller, every)
-    rows = [point_row(machine, members, point, v) for point, v in zip(every, validations, strict=True)]
-    progress(0.65, "what each limit costs")
-    costs = _costs(machine, wanted, limits, chosen, quick=options.quick)
-    progress(0.7, f"the PIDs on {len(others)} members of the ensemble")
-    on_ensemble = _on_ensemble(machine, others, wanted, limits, controller, chosen, tuned=options.ensemble is not None)
-    progress(0.8, "published optima, limits and certificates")
-    published, count = compare(), len(points)
-    fit = replace(controller, pid=chosen.pid)
-    compensated = validate_many([with_pid(machine, c.pid, "this study") for c in (controller, fit)], [controller, fit])
-    results = {
-        "quick": options.quick,
-        "wanted": {
-            **wanted,
-            "mcs_N_per_m": limits.mcs,
-            "objective": goal.objective,
-            "meaning": OBJECTIVES[goal.objective],
-        },
-        "diagram": DIAGRAM,
-        "ensemble": on_ensemble,
-        "family": [member.name for member in members],
-        "front": rows[:count],
-        "present": rows[count],
-        "chosen": rows[points.index(chosen)],
-        "fastest": min(rows[:count], key=lambda one: one["settling_s"]),
-        "equal": _first_within(rows[:count], rows[count]["settling_s"]),
-        "enough": _first_within(rows[:count], machine.specification.settling_time),
-        "rules": rows[count + 1 :],
-        "attempts": [{"ms": ms, **vars(attempt)} for ms, attempt in front.attempts],
-        "loops": _loops(members, chosen.pid, machine.control.pid, limits.mcs),
-        "limits": _limits(machine, members[0], points, present, limits.mcs),
-        "costs": costs,
-        "dearest": max(costs, key=lambda cost: cost["ki_N_per_ms"] or 0.0),
-        "published": published,
-        "reversal": _reversal(machine, every, validations, (chosen, present, points[-1])),
-        "between": _between(machine, chosen.pid),
-        "compensated": [_outcome(one) for one in compensated],
-        "force_N": _force(machine),
+    chosen = front.nearest(wanted["ms"])
+    return _TradeOff(members, goal, replace(limits, ms=chosen.bound or wanted["ms"]), present, front, chosen)
+
+
+def _asked(wanted: dict[str, Any], tuning: _TradeOff) -> dict[str, Any]:
+    """What was asked for, with the bound on |CS| and the objective in words."""
+    objective = tuning.goal.objective
+    return {
+        **wanted,
+        "mcs_N_per_m": tuning.limits.mcs,
+        "objective": objective,
+        "meaning": OBJECTIVES[objective],
     }
-    checks = made(members, points, results, compensated[1], machine)
-    stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
-    files = {"controller.json": to_json(fit, stroke, settling)}
-    return Answer(results, checks, files, _summary(results))
+
+
+def _named(machine: Machine, tuning: _TradeOff, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The rows by what they are: those of the front come first, then the present PID's, then those of the rules."""
+    count = len(tuning.front.points)
+    front, present = rows[:count], rows[count]
+    return {
+        "front": front,
+        "present": present,
+        "chosen": rows[tuning.front.points.index(tuning.chosen)],
+        "fastest": min(front, key=lambda one: one["settling_s"]),
+        "equal": _first_within(front, present["settling_s"]),
+        "enough": _first_within(front, machine.specification.settling_time),
+        "rules": rows[count + 1 :],
+    }
 
 
 def _wanted(options: TradeoffOptions) -> dict[str, Any]:

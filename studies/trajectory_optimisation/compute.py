@@ -43,9 +43,11 @@ from studies.trajectory_optimisation.tradeoff import (
 
 Array = NDArray[np.float64]
 
-LONGEST_STROKE: Final = 10.0  # of the way on which the last element slips: beyond, history has no part in a motion
-MOST_SAMPLES: Final = 120  # of a motion: three times those of the paper's
-RESERVE: Final = 0.7  # of T_fc, kept of the rated thrust for the feedback and for tables with more friction
+LONGEST_STROKE: Final = (
+    10.0  # Beyond so many times the distance over which the last element slips, history hardly counts.
+)
+MOST_SAMPLES: Final = 120  # A motion has at most three times as many samples as the paper's.
+RESERVE: Final = 0.7  # So much of T_fc is kept of the rated thrust, for the feedback and for tables with more friction.
 
 
 @dataclass(frozen=True)

@@ -180,7 +180,7 @@ def test_fewer_samples_than_states_are_no_deadbeat_for_any_number_of_modes(dead_
 @pytest.mark.parametrize(
     ("settling_time", "stroke", "says"),
     [
-        (20.2e-3, STROKE, "no whole number of samples of 500 µs; take 20 ms"),
+        (20.2e-3, STROKE, "must be a whole number of samples of 500 µs, not 20.2 ms; take 20 ms"),
         (0.0, STROKE, "give one above 0"),
         (math.nan, STROKE, "give one above 0"),
         (20e-3, 0.0, "the stroke is 0 m; give one above 0"),

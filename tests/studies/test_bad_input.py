@@ -29,7 +29,7 @@ OWN = {
         (["--settling-time", "1000 s"], "longer than a motion"),
         (["--thrust-limit", ""], "--thrust-limit: '' must be a number with a unit"),
         (["--stroke", "1e-12 m"], "is not a stroke of an axis"),
-        (["--settling-time", "20.2 ms"], "no whole number of samples"),
+        (["--settling-time", "20.2 ms"], "must be a whole number of samples"),
         (["--settling-time", "20"], "--settling-time: '20' has no unit"),
         (["--thrust-limit", "200 N"], "--thrust-limit: 200 N is not between 0 and the rated 150 N"),
         (["--overshoot", "-0.1"], "--overshoot: -0.1 must be at least 0"),
