@@ -33,10 +33,11 @@ OBJECTIVES: Final[dict[Objective, str]] = {
     "peak_thrust": "least peak thrust",
     "mode_robustness": "least vibration left when a mode's frequency is off by up to 5 %",
 }
-MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # relative errors of a frequency that "mode_robustness" looks at
-ROUGHNESS: Final = 1e-6  # weight of the thrust's differences beside the vibration left, for a smooth thrust
-ACTIVE: Final = 1e-10  # of the stroke, or of the thrust's scale: a constraint this near its bound is met with equality
-LONGEST: Final = 4096  # samples; a search for the shortest settling time gives up beyond
+MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # "mode_robustness" looks at these relative errors of a frequency.
+ROUGHNESS: Final = 1e-6  # The weight of the thrust's differences beside the vibration left keeps the thrust smooth.
+# A constraint is met with equality if it is this near its bound, as a share of the stroke or of the thrust's scale.
+ACTIVE: Final = 1e-10
+LONGEST: Final = 4096  # A search for the shortest settling time gives up beyond so many samples.
 
 
 class DesignError(ValueError):

@@ -17,7 +17,7 @@ from models.controller import PID
 from models.plant import Plant, sampled, state_space
 
 Array = NDArray[np.float64]
-FREQUENCIES = 4000  # evenly spread in their logarithm, for the integrals
+FREQUENCIES = 4000  # The integrals take so many frequencies, evenly spread in their logarithm.
 
 
 @dataclass(frozen=True)

@@ -35,11 +35,11 @@ DIAGRAM: Final = """\
                                                     PS = P/(1 + L)   d -> x
                                                     CS = C/(1 + L)   r -> u"""
 SENSITIVITIES: Final[tuple[Sensitivity, ...]] = ("S", "T", "PS", "CS")
-WIDTHS: Final = np.linspace(-4, 4, 17)  # half-widths of a resonance at which a grid looks at it
-UNDAMPED: Final = 1e-9  # damping ratio below which a pole counts as undamped
-INTEGRATOR: Final = 1e-6  # of Nyquist's frequency: a slower eigenvalue counts as an integrator
-ZOOM: Final = 9  # points a refinement looks at; each narrows the interval to 2 / (ZOOM - 1) of it
-REFINEMENTS: Final = 8  # to 4^-8 = 1.5e-5 of the interval, and a maximum is flat: its value is then good to 1e-9
+WIDTHS: Final = np.linspace(-4, 4, 17)  # A grid looks at each resonance so many of its half-widths off its centre.
+UNDAMPED: Final = 1e-9  # A pole with a smaller damping ratio counts as undamped.
+INTEGRATOR: Final = 1e-6  # An eigenvalue slower than this share of Nyquist's frequency counts as an integrator.
+ZOOM: Final = 9  # A refinement looks at so many points, and narrows the interval to 2 / (ZOOM - 1) of it.
+REFINEMENTS: Final = 8  # They end at 4^-8 = 1.5e-5 of the interval; a maximum is flat, so its value is good to 1e-9.
 
 
 @dataclass(frozen=True)

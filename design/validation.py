@@ -19,10 +19,10 @@ from models.simulation.simulator import Response, simulate, simulate_many
 Array = NDArray[np.float64]
 Reading = Literal["position", "scale"]
 
-PERIODS: Final = 3  # of the sequence, after which the default machine repeats itself
-LONGER: Final = (6, 12, 24)  # periods that are tried where fewer do not repeat
-BATCH: Final = 40  # machines simulated side by side, which bounds the memory
-ROUNDING: Final = 1e-9  # relative; readings are multiples of the resolution, and exactly 2.0 um are within +-2 um
+PERIODS: Final = 3  # The sequence is simulated so often at first; the default machine then repeats itself.
+LONGER: Final = (6, 12, 24)  # So many periods are tried where fewer do not repeat.
+BATCH: Final = 40  # So many machines are simulated side by side, which bounds the memory.
+ROUNDING: Final = 1e-9  # Relative. Readings are rounded multiples of the resolution, and 20 of 0.1 um are within 2 um.
 
 
 @dataclass(frozen=True)

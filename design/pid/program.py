@@ -17,8 +17,7 @@ from design.family import Member
 from design.pid.goal import Goal
 from models.controller import PID
 
-SLOTS: Final = 160  # of which a program has room for
-SIZE: Final = 5  # numbers of a slot, and of unknowns
+SLOTS: Final = 160  # A program has room for so many slots.
 
 
 def program(members: Sequence[Member], goal: Goal, scale: PID, in_band: int) -> ca.Function:

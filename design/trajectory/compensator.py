@@ -22,8 +22,8 @@ from models.variation import Variation, varied_friction
 
 Array = NDArray[np.float64]
 
-LENGTHS: Final = (0.4, 2.5)  # of the nominal length, within which `learn` searches
-LEAST: Final = 0.05  # of the nominal force, below which it does not go
+LENGTHS: Final = (0.4, 2.5)  # `learn` searches the length between these shares of the nominal one.
+LEAST: Final = 0.05  # It takes the force for no less than this share of the nominal one.
 
 
 @dataclass(frozen=True)

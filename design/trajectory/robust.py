@@ -6,7 +6,7 @@
 
 g (N + 1,): what is known of the friction without its history; its last is held after the motion. x_T* and u_ff are
 linear filters of the target, so the design is a Controller's n_ff and d_ff. The first solution is IPOPT's; a warm one
-is found by Newton's method (condensed.py), and by IPOPT again only where that finds none.
+is found by Newton's method (newton.py), and by IPOPT again only where that finds none.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from models.plant import Plant
 Array = NDArray[np.float64]
 Objective = Literal["worst_error", "dispersion"]
 
-WORST: Final = 0.1  # of a stroke: what the largest error is measured in
+WORST: Final = 0.1  # The largest error is measured in this share of a stroke, which makes it of order 1.
 
 OBJECTIVES: Final[dict[Objective, str]] = {
     "worst_error": "least largest error after the settling time, over every history",

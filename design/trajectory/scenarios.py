@@ -24,7 +24,7 @@ from models.variation import Variation, at_mode, varied_friction, varied_plant
 
 Array = NDArray[np.float64]
 
-QUICK: Final = 5e-3  # s: a speed is measured in strokes per so much, which only scales the program
+QUICK: Final = 5e-3  # s. A speed is measured in strokes per so much, which only scales the program.
 
 
 @dataclass(frozen=True)

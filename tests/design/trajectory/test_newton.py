@@ -1,4 +1,4 @@
-"""The condensed common problem: its derivatives, and Newton's solution beside IPOPT's of the whole program."""
+"""The condensed robust problem: its derivatives, and Newton's solution beside IPOPT's of the whole program."""
 
 from __future__ import annotations
 
