@@ -93,7 +93,7 @@ def overfitting_series(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
     first: dict[str, float] = {}
     for before, after in pairwise(stages):
         first.setdefault(f"{after.added}", before.fitted.cost - after.fitted.cost)
-    members = Counter(effect.name for effect in stages[-1].fitted.candidate.found)
+    members = Counter(effect.name for effect in stages[-1].fitted.candidate.added_effects)
     gains = {proposal.name: proposal.gain for proposal in stages[-1].scanned}
     return {
         name for name, gain in first.items() if members[name] > 1 and gains.get(name, 0.0) > criteria.series_gain * gain
@@ -103,6 +103,6 @@ def overfitting_series(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
 def strongest_at_bound(stages: Sequence[Stage]) -> bool:
     """Whether the effect that gained the most had to leave its prior range for it."""
     names = strongest_first(stages)
-    first = [effect for effect in stages[-1].fitted.candidate.found if names and effect.name == names[0]]
-    priors = stages[-1].fitted.candidate.layout.machine.priors
+    first = [effect for effect in stages[-1].fitted.candidate.added_effects if names and effect.name == names[0]]
+    priors = stages[-1].fitted.candidate.nominal.priors
     return bool(first) and at_bounds(max(first, key=lambda effect: effect.strength()), priors)

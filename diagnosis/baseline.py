@@ -40,7 +40,7 @@ class Baseline:
     @property
     def machine(self) -> Machine:
         """The machine as its file states it, but for a rated thrust that the drive was seen to exceed."""
-        return self.nominal.candidate.layout.machine
+        return self.nominal.candidate.nominal
 
     @cached_property
     def segment(self) -> NDArray[np.int64]:

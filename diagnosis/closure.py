@@ -24,9 +24,9 @@ from diagnosis.how_far import Gap, gap, gaps_by_record, with_sines
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import Candidate, Seen, Smoothed, look, noise, smooth
+from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, noise, smooth
 from diagnosis.null import simulated
-from diagnosis.which.scan import FOLDS, Freed, freed
+from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out
 from diagnosis.which.stage import Carrier, Stage
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -91,11 +91,13 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     else:
         floor = _simulated_floor(stages[-1], baseline, seed)
     known, weight = ~np.isnan(floor.innovations[0]), weights(records)
-    left = held_out(final, freed(final, baseline.segment)) * _deviations(final)  # in the order of `signal`, so that the
-    left = left * noise(final.candidate.machine) * weight  # closure of nothing is exactly 0
-    alike = replace(first.candidate, jitter=final.candidate.jitter)  # what two filters leave can't be compared
-    seen = first.seen if alike.jitter == first.candidate.jitter else look(alike, records, first.paths, first.walk)
-    before, fitted = (signal(*one) * weight for one in ((seen, alike.machine), (final.seen, final.candidate.machine)))
+    left = held_out(final, partial_out(final, baseline.segment)) * _deviations(final)
+    left = left * noise(final.candidate.machine) * weight  # in the order of `signal`: closure of nothing is exactly 0
+    residuals, alike = first.residuals, replace(first.candidate, white_force=final.candidate.white_force)
+    if alike.white_force != first.candidate.white_force:  # what two filters leave cannot be compared
+        residuals = evaluate(alike, records, first.paths, first.walk)
+    before = signal(residuals, alike.machine) * weight
+    fitted = signal(final.residuals, final.candidate.machine) * weight
     _, segment = np.unique(baseline.segment[known], return_inverse=True)
     least, random = [one[known] for one in floor.innovations], floor.random
     share, interval = gap_closure(before[known], left[known], least, segment, random)
@@ -128,7 +130,7 @@ def _simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
 
 
 def _deviations(fitted: Fit) -> Array:
-    return np.concatenate([np.full(one.innovations.size, one.deviation) for one in fitted.seen])
+    return np.concatenate([np.full(one.innovations.size, one.deviation) for one in fitted.residuals])
 
 
 def measured(
@@ -141,7 +143,7 @@ def measured(
         force, position, _ = gaps_by_record(fitted.candidate, records, fitted.paths)
         return Gap(rms(scatter(groups, pieces, force)), rms(scatter(groups, pieces, position)), None)
 
-    size = fitted.seen[0].deviation * noise(fitted.candidate.machine)
+    size = fitted.residuals[0].deviation * noise(fitted.candidate.machine)
     ratio = len(groups) / (sum(map(len, groups)) - len(groups))
     return NoiseFloor((apart * size,), (), ratio, "repeats", scattered)
 
@@ -157,29 +159,29 @@ def simulated_records(
 
 def innovations_of(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
     """Innovations (n,) [m] of all records, one after another, seen through the candidate itself."""
-    paths: tuple[Smoothed, ...] | None = None
+    paths: tuple[SmoothedPath, ...] | None = None
     for _ in range(passes):
         paths = smooth(candidate, records, paths)
     assert paths is not None
-    return signal(look(candidate, records, paths, walk), candidate.machine) * weights(records)
+    return signal(evaluate(candidate, records, paths, walk), candidate.machine) * weights(records)
 
 
-def signal(seen: Sequence[Seen], machine: Machine) -> Array:
+def signal(residuals: Sequence[Residual], machine: Machine) -> Array:
     """Innovations (n,) [m] of all records."""
-    return np.concatenate([one.innovations * one.deviation * noise(machine) for one in seen])
+    return np.concatenate([one.innovations * one.deviation * noise(machine) for one in residuals])
 
 
-def held_out(fitted: Fit, own: Freed) -> Array:
+def held_out(fitted: Fit, projection: NuisanceProjection) -> Array:
     """Innovations (n,), whitened [1], each with the effects' coordinates fitted without the motions of its own fold."""
-    if fitted.own.shape[1] == 0:
+    if fitted.effect_jacobian.shape[1] == 0:
         return fitted.innovations
     layout = fitted.candidate.layout
     basis = fitted.slopes * layout.deviation
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
-    given = fitted.own * effects_prior_std(fitted.candidate)
+    given = fitted.effect_jacobian * effects_prior_std(fitted.candidate)
     given = given - basis @ cho_solve(factor, basis.T @ given)
     e = fitted.innovations.copy()
-    fold = own.fold[own.segment]
+    fold = projection.fold[projection.segment]
     for number in range(FOLDS):
         train = fold != number
         gram = given[train].T @ given[train] + np.eye(given.shape[1])

@@ -79,7 +79,7 @@ def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) ->
             machine,
             criteria=criteria,
             seed=seed,
-            jitter=candidate.jitter,
+            white_force=candidate.white_force,
         )
     if found.outcome is Outcome.NONE:
         best = lies.coordinate
@@ -88,8 +88,12 @@ def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) ->
     if found.outcome is Outcome.ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
         return (
-            next_experiment([*named[:1], *near], machine, criteria=criteria, seed=seed, jitter=candidate.jitter)
+            next_experiment(
+                [*named[:1], *near], machine, criteria=criteria, seed=seed, white_force=candidate.white_force
+            )
             if near
             else None
         )
-    return showing(apart.not_identifiable[:UNSHOWN], machine, criteria=criteria, seed=seed, jitter=candidate.jitter)
+    return showing(
+        apart.not_identifiable[:UNSHOWN], machine, criteria=criteria, seed=seed, white_force=candidate.white_force
+    )

@@ -13,7 +13,7 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import STARTING, Candidate, Seen, Smoothed, look, seeing, smooth
+from diagnosis.model.residual import STARTING, Candidate, Residual, SmoothedPath, evaluate, smooth, unweighted_predictor
 from diagnosis.null import simulated
 from diagnosis.which.stage import Stage
 from models.effects.catalogue import in_order
@@ -70,11 +70,11 @@ class HowFar:
 
 def with_sines(candidate: Candidate) -> Candidate:
     """The candidate with a sine of equal power in the place of each random force, as a simulation can have it."""
-    sines = [FloorVibration(2**0.5 * one.level, one.frequency, 0.0) for one in candidate.shaken]
-    return replace(candidate, effects=in_order((*candidate.effects, *sines)), shaken=())
+    sines = [FloorVibration(2**0.5 * one.level, one.frequency, 0.0) for one in candidate.random_forces]
+    return replace(candidate, effects=in_order((*candidate.effects, *sines)), random_forces=())
 
 
-def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed]) -> Gap:
+def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> Gap:
     """What a candidate leaves of the records."""
     force, apart, settling = gaps_by_record(candidate, records, paths)
     differences = [time for times in settling for time in times]
@@ -82,17 +82,17 @@ def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothe
 
 
 def gaps_by_record(
-    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed]
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]
 ) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[list[float], ...]]:
     """By record: the unknown force (n,) [N], by how much the position in the closed loop is another (n,) [m], and the
     same of each motion's settling [s]; no number before the state has settled."""
     machine = candidate.machine
-    model = seeing(candidate, records[0].sample_time, SEEN_BY)
+    model = unweighted_predictor(candidate, records[0].sample_time, SEEN_BY)
 
-    def left(i: int, record: Record, seen: Seen) -> tuple[Array, Array, list[float]]:
+    def left(i: int, record: Record, residual: Residual) -> tuple[Array, Array, list[float]]:
         start = np.zeros(model.C.size)
         start[0] = record.position[0]
-        states = smoothed(model, seen.force, record.position - seen.acts.reading, start)
+        states = smoothed(model, residual.force, record.position - residual.acts.reading, start)
         unknown = states[:, 2 * len(machine.plant.modes)]
         made = simulated(quiet(candidate), record, i, 0)
         apart = made.position - record.position
@@ -100,7 +100,7 @@ def gaps_by_record(
         # a constant force is an offset of the amplifier, and costs nothing
         return unknown - np.nanmean(unknown), apart, _settling_differences(record, made, machine)
 
-    found = parallel_map(left, range(len(records)), records, look(candidate, records, paths))
+    found = parallel_map(left, range(len(records)), records, evaluate(candidate, records, paths))
     force, apart, settling = zip(*found, strict=True)
     return force, apart, settling
 
@@ -125,7 +125,7 @@ def _as_delivered(nominal: Fit) -> Candidate:
 
 def quiet(candidate: Candidate) -> Candidate:
     """The candidate with a scale that reads exactly."""
-    machine = candidate.layout.machine
+    machine = candidate.nominal
     still = replace(machine, scale=replace(machine.scale, noise=1e-15, resolution=0.0))
     return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still)))
 

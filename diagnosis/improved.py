@@ -29,7 +29,7 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     >>> [effect.name for effect in better.effects]
     ['viscous_friction']
     """
-    nominal = diagnosis.baseline.nominal.candidate.layout.machine
+    nominal = diagnosis.baseline.nominal.candidate.nominal
     if diagnosis.outcome == "nothing_to_explain":
         return nominal
     adopted = diagnosis.final if diagnosis.outcome in ADOPTED else diagnosis.baseline.nominal

@@ -25,7 +25,7 @@ from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, bounded, initial_state
 from diagnosis.model.residual import STARTING, Candidate
-from diagnosis.which.scan import Columns, Finding, Freed, freed, scan
+from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
 from models.effects.catalogue import in_order
 from models.machine import Machine, to_json
@@ -33,7 +33,7 @@ from models.records.record import Record
 from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
-Drawn = tuple[Fit, list[Record], Freed]
+Drawn = tuple[Fit, list[Record], NuisanceProjection]
 Chance = tuple[dict[str, float], tuple[float, ...], float]
 
 DRAWS: Final = 8
@@ -137,12 +137,12 @@ def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
     truth = Candidate(layout, theta, in_order(layout.machine.effects))
     made = [*parallel_map(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
     fitted = one_step(truth, made, walk=WALK_OF_SCAN)
-    return fitted, made, freed(fitted, numbered(pieces(made), made))
+    return fitted, made, partial_out(fitted, numbered(pieces(made), made))
 
 
 def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
     """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation."""
-    spread = tuple(float(np.mean(seen.innovations[STARTING:] ** 2)) for seen in drawn[0].seen)
+    spread = tuple(float(np.mean(seen.innovations[STARTING:] ** 2)) for seen in drawn[0].residuals)
     return {finding.effect.name: finding.held_out for finding in findings}, spread, largest(drawn[0]).deviations
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, fit, unrepeated
-from diagnosis.model.kalman import JITTER
+from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate
@@ -67,16 +67,16 @@ def weighed(fitted: Fit, records: Sequence[Record], criteria: Criteria = Criteri
     given, most = fitted, max(float(np.std(record.command)) for record in records)
     slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
     for _ in range(WEIGHED):
-        before = fitted.candidate.jitter
-        wanted = max(before * variance ** (1 / slope), JITTER)
+        before = fitted.candidate.white_force
+        wanted = max(before * variance ** (1 / slope), WHITE_FORCE)
         if abs(wanted / before - 1) < CLOSE:
             break
         if min(before, wanted) >= most:
             return given
-        jitter = min(wanted, most)
-        fitted = fit(replace(fitted.candidate, jitter=jitter), records, paths=fitted.paths, walk=fitted.walk)
+        white_force = min(wanted, most)
+        fitted = fit(replace(fitted.candidate, white_force=white_force), records, paths=fitted.paths, walk=fitted.walk)
         after = _variance(fitted)
-        slope = float(np.clip(-np.log(after / variance) / np.log(jitter / before), LEAST_SLOPE, 2.0))
+        slope = float(np.clip(-np.log(after / variance) / np.log(white_force / before), LEAST_SLOPE, 2.0))
         variance = after
     return started(fitted, records)
 

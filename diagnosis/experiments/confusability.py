@@ -80,11 +80,11 @@ def confusability(
     An effect that shows in the log only is neither a force nor an addition to the reading, so that no other effect can
     be mistaken for it, nor it for another: its distance from every other is that from the nominal parameters.
     """
-    kinds = fitted.candidate.layout.machine.kinds
+    kinds = fitted.candidate.nominal.kinds
     names = tuple(name for name in kinds if name not in left_out)
     logged = [name for name in names if kinds[name].shown_in() == "log"]
     distance = distances(products(fitted, records, [name for name in names if name not in logged]), names)
-    of_log, machine = [names.index(name) for name in logged], fitted.candidate.layout.machine
+    of_log, machine = [names.index(name) for name in logged], fitted.candidate.nominal
     for i, name in zip(of_log, logged, strict=True):
         distance[i, :] = np.sqrt(
             _squared_distance_in_log(kinds[name].typical(machine.priors), fitted, records, criteria)
@@ -129,7 +129,7 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
     priors [1]."""
     place: list[tuple[str, Effect, tuple[int, ...]]] = []
     variants: list[Effect] = []
-    machine = fitted.candidate.layout.machine
+    machine = fitted.candidate.nominal
     for name in names:
         for effect in grid(machine.kinds[name], machine.priors):
             parts = quadratures(effect)
@@ -142,7 +142,7 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
             [in_order((*fitted.candidate.effects, variant)) for variant in variants[i : i + BATCH]],
             records,
             fitted.paths,
-            fitted.seen,
+            fitted.residuals,
             fitted.walk,
         )
         * weight
@@ -227,7 +227,7 @@ def _by_replay(typical: Effect, fitted: Fit, records: Sequence[Record], criteria
     """Squared distance of a relative change of the feedback: the change of the command over the replay's tolerance."""
     total = 0.0
     for record in records:
-        replay = replayed(fitted.candidate.layout.machine, record, criteria)
+        replay = replayed(fitted.candidate.nominal, record, criteria)
         if replay.checked:
             feedback = record.command - record.feedforward
             change = typical.strength() * (feedback - np.median(feedback))

@@ -18,9 +18,9 @@ from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.kalman import JITTER
+from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import WALK, Candidate, look, nominal_slopes, smooth
+from diagnosis.model.residual import WALK, Candidate, evaluate, nominal_slopes, smooth
 from diagnosis.where.sentences import words
 from models.machine import Machine
 from models.quantity import listed
@@ -42,16 +42,21 @@ class Proposal:
 
 
 def next_experiment(
-    members: Sequence[str], machine: Machine, *, criteria: Criteria = Criteria(), seed: int = 0, jitter: float = JITTER
+    members: Sequence[str],
+    machine: Machine,
+    *,
+    criteria: Criteria = Criteria(),
+    seed: int = 0,
+    white_force: float = WHITE_FORCE,
 ) -> Proposal | None:
     """What to run on the machine to distinguish the members, or to detect the only one; None without members.
 
-    The sentence states the settings with their units; jitter: standard deviation of this drive's white force [N].
+    The sentence states the settings with their units; white_force: standard deviation of this drive's white force [N].
     """
     asked = _comparable(members, machine)[:MOST]
     if not asked:
         return None
-    tried = [(one, _reached(machine, one, asked, seed, jitter)) for one in menu(machine)]
+    tried = [(one, _reached(machine, one, asked, seed, white_force)) for one in menu(machine)]
     enough = [
         (one, reached) for one, reached in tried if reached >= criteria.experiment_margin * criteria.distinguishable
     ]
@@ -118,7 +123,12 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
 
 
 def showing(
-    names: Sequence[str], machine: Machine, *, criteria: Criteria = Criteria(), seed: int = 0, jitter: float = JITTER
+    names: Sequence[str],
+    machine: Machine,
+    *,
+    criteria: Criteria = Criteria(),
+    seed: int = 0,
+    white_force: float = WHITE_FORCE,
 ) -> Proposal | None:
     """The experiment that detects the most of these effects at their typical sizes [SI], which the records could
     not; None where no experiment of the menu detects any."""
@@ -126,7 +136,7 @@ def showing(
     if not asked:
         return None
     seen = [
-        (one, np.diag(_distances(machine, one, asked, seed, jitter)) ** 2 >= criteria.distinguishable)
+        (one, np.diag(_distances(machine, one, asked, seed, white_force)) ** 2 >= criteria.distinguishable)
         for one in menu(machine)
     ]
     best, shown = max(seen, key=lambda item: (np.count_nonzero(item[1]), -item[0].schedule.target.size))
@@ -140,29 +150,29 @@ def showing(
     return Proposal(sentence, best.schedule, criteria.distinguishable)
 
 
-def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, jitter: float) -> float:
+def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, white_force: float) -> float:
     """The smallest squared distance [1] between any two of the effects, or of the one from the nominal parameters."""
-    square = _distances(machine, one, asked, seed, jitter) ** 2
+    square = _distances(machine, one, asked, seed, white_force) ** 2
     if len(asked) > 1:
         np.fill_diagonal(square, np.inf)
     return float(np.min(square))
 
 
-def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, jitter: float) -> Array:
-    fitted, record = virtual(machine, one.schedule, seed, jitter)
+def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, white_force: float) -> Array:
+    fitted, record = virtual(machine, one.schedule, seed, white_force)
     return distances(products(fitted, [record], asked), tuple(asked))
 
 
-def virtual(machine: Machine, planned: Schedule, seed: int = 0, jitter: float = JITTER) -> tuple[Fit, Record]:
+def virtual(machine: Machine, planned: Schedule, seed: int = 0, white_force: float = WHITE_FORCE) -> tuple[Fit, Record]:
     """The record that the nominal machine would make of a schedule, and the linearisation along it, with a white force
-    of standard deviation `jitter` [N]; nothing is fitted. Forces in [N]."""
+    of standard deviation `white_force` [N]; nothing is fitted. Forces in [N]."""
     noisy = replace(machine, effects=(), scale=machine.scale.noisy())
     record = simulate(noisy, machine.feedback_only(), planned.target, given=planned.given, seed=seed).record
     layout = parameters(noisy, 1)
-    candidate = Candidate(layout, np.zeros(layout.count), jitter=jitter)
+    candidate = Candidate(layout, np.zeros(layout.count), white_force=white_force)
     paths = smooth(candidate, [record])
-    seen = look(candidate, [record], paths)
+    residuals = evaluate(candidate, [record], paths)
     weight = weights([record])
-    slopes = nominal_slopes(candidate, [record], seen) * weight[:, None]
-    e = seen[0].innovations * weight
-    return Fit(candidate, paths, seen, e, slopes, np.zeros((e.size, 0)), float(e @ e), WALK), record
+    slopes = nominal_slopes(candidate, [record], residuals) * weight[:, None]
+    e = residuals[0].innovations * weight
+    return Fit(candidate, paths, residuals, e, slopes, np.zeros((e.size, 0)), float(e @ e), WALK), record

@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 
 from diagnosis.model.motions import Piece, repeated, scatter
 from diagnosis.model.parameters import bounded
-from diagnosis.model.residual import STARTING, WALK, Candidate, Seen, Smoothed, columns, look, nominal_slopes, smooth
+from diagnosis.model.residual import (
+    STARTING,
+    WALK,
+    Candidate,
+    Residual,
+    SmoothedPath,
+    columns,
+    evaluate,
+    nominal_slopes,
+    smooth,
+)
 from models.effects.base import POSITIVE, Effect, Parameter, parameters
 from models.effects.priors import Priors
 from models.records.record import Record
@@ -39,11 +49,11 @@ class Fit:
     and the deviation of the unknown force's random walk [N a sample]."""
 
     candidate: Candidate
-    paths: tuple[Smoothed, ...]
-    seen: tuple[Seen, ...]
+    paths: tuple[SmoothedPath, ...]
+    residuals: tuple[Residual, ...]
     innovations: Array
     slopes: Array
-    own: Array
+    effect_jacobian: Array
     cost: float
     walk: float
 
@@ -79,7 +89,7 @@ class Largest:
 def largest(fitted: Fit) -> Largest:
     """The largest innovation [1] of a fit."""
     number = int(np.argmax(np.abs(fitted.innovations)))
-    begin = np.cumsum([0, *(seen.innovations.size for seen in fitted.seen)])
+    begin = np.cumsum([0, *(seen.innovations.size for seen in fitted.residuals)])
     record = int(np.searchsorted(begin, number, side="right")) - 1
     size = float(np.abs(fitted.innovations[number]) / np.std(fitted.innovations))
     return Largest(record, number - int(begin[record]), size)
@@ -144,16 +154,20 @@ def prior_std(effect: Effect, priors: Priors) -> Array:
 
 def effects_prior_std(candidate: Candidate) -> Array:
     """Prior standard deviations (Q,) of the coordinates of all its effects, in their order [SI, 1 for logarithms]."""
-    priors = candidate.layout.machine.priors
+    priors = candidate.nominal.priors
     return np.concatenate([np.zeros(0), *(prior_std(effect, priors) for effect in candidate.effects)])
 
 
 def slopes_of(
-    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], seen: Sequence[Seen], walk: float = WALK
+    candidate: Candidate,
+    records: Sequence[Record],
+    paths: Sequence[SmoothedPath],
+    residuals: Sequence[Residual],
+    walk: float = WALK,
 ) -> Array:
     """How the innovations (n,) change with the coordinates of the effects, in their order: (n, Q)
     [1/SI and 1 for logarithms]."""
-    trials, steps, priors = [], [], candidate.layout.machine.priors
+    trials, steps, priors = [], [], candidate.nominal.priors
     for i, effect in enumerate(candidate.effects):
         here, small = coordinates(effect), difference_steps(effect, records, priors)
         for j in range(here.size):
@@ -164,7 +178,7 @@ def slopes_of(
             steps.append(small[j])
     if not trials:
         return np.zeros((sum(record.position.size for record in records), 0))
-    return np.asarray(columns(candidate, trials, records, paths, seen, walk) / np.array(steps))
+    return np.asarray(columns(candidate, trials, records, paths, residuals, walk) / np.array(steps))
 
 
 def at_bounds(effect: Effect, priors: Priors) -> bool:
@@ -215,88 +229,93 @@ def fit(
     candidate: Candidate,
     records: Sequence[Record],
     *,
-    paths: Sequence[Smoothed] | None = None,
+    paths: Sequence[SmoothedPath] | None = None,
     iterations: int = 8,
     walk: float = WALK,
 ) -> Fit:
     """The candidate fitted, from where it stands; walk: of the unknown force [N a sample]."""
     weight = weights(records)
     known = tuple(paths) if paths else smooth(candidate, records)
-    seen = look(candidate, records, known, walk)
-    cost, damping = _cost(candidate, seen, weight), 1.0
+    residuals = evaluate(candidate, records, known, walk)
+    cost, damping = _cost(candidate, residuals, weight), 1.0
     for _ in range(iterations):
-        here = _linearised(candidate, records, known, seen, weight, walk)
+        here = _linearised(candidate, records, known, residuals, weight, walk)
         moved, after, now, damping = _search(here, records, weight, damping)
         if after >= cost:
             break
-        candidate, seen, gained, cost = moved, now, cost - after, after
+        candidate, residuals, gained, cost = moved, now, cost - after, after
         known = smooth(candidate, records, known)
-        seen = look(candidate, records, known, walk)
-        cost = _cost(candidate, seen, weight)
+        residuals = evaluate(candidate, records, known, walk)
+        cost = _cost(candidate, residuals, weight)
         if gained < MIN_GAIN:
             break
-    return _linearised(candidate, records, known, seen, weight, walk)
+    return _linearised(candidate, records, known, residuals, weight, walk)
 
 
 def one_step(candidate: Candidate, records: Sequence[Record], *, walk: float = WALK) -> Fit:
     """The candidate fitted by one step, where it stands so near that the paths and slopes before the step, which it
     keeps, hold behind it, too; walk: of the unknown force [N a sample]."""
     weight, paths = weights(records), smooth(candidate, records)
-    here = _linearised(candidate, records, paths, look(candidate, records, paths, walk), weight, walk)
-    moved, cost, seen, _ = _search(here, records, weight, damping=1.0)
+    here = _linearised(candidate, records, paths, evaluate(candidate, records, paths, walk), weight, walk)
+    moved, cost, residuals, _ = _search(here, records, weight, damping=1.0)
     if cost >= here.cost:
         return here
-    return replace(here, candidate=moved, seen=seen, innovations=_innovations(seen, weight), cost=cost)
+    return replace(here, candidate=moved, residuals=residuals, innovations=_innovations(residuals, weight), cost=cost)
 
 
 def _linearised(
     candidate: Candidate,
     records: Sequence[Record],
-    paths: Sequence[Smoothed],
-    seen: Sequence[Seen],
+    paths: Sequence[SmoothedPath],
+    residuals: Sequence[Residual],
     weight: Array,
     walk: float,
 ) -> Fit:
-    slopes, own = nominal_slopes(candidate, records, seen, walk), slopes_of(candidate, records, paths, seen, walk)
+    slopes, own = (
+        nominal_slopes(candidate, records, residuals, walk),
+        slopes_of(candidate, records, paths, residuals, walk),
+    )
     slopes *= weight[:, None]
     own *= weight[:, None]
     return Fit(
         candidate,
         tuple(paths),
-        tuple(seen),
-        _innovations(seen, weight),
+        tuple(residuals),
+        _innovations(residuals, weight),
         slopes,
         own,
-        _cost(candidate, seen, weight),
+        _cost(candidate, residuals, weight),
         walk,
     )
 
 
 def _search(
     here: Fit, records: Sequence[Record], weight: Array, damping: float
-) -> tuple[Candidate, float, tuple[Seen, ...], float]:
+) -> tuple[Candidate, float, tuple[Residual, ...], float]:
     """Levenberg and Marquardt's step: the first damping, from the last one on, with which less is left; its candidate,
     cost, what it leaves and the damping for the next step. If none does, the last tried and its larger cost."""
     candidate, layout = here.candidate, here.candidate.layout
     wide = np.concatenate([layout.deviation, effects_prior_std(candidate)])
     priors = layout.machine.priors
     residual = [candidate.theta / layout.deviation, *(_prior_residual(one, priors) for one in candidate.effects)]
-    crossed = here.slopes.T @ here.own
-    whole = np.block([[here.slopes.T @ here.slopes, crossed], [crossed.T, here.own.T @ here.own]])
-    normal = wide[:, None] * whole * wide + np.eye(wide.size)
-    onto = -wide * np.concatenate([here.slopes.T @ here.innovations, here.own.T @ here.innovations]) - np.concatenate(
-        residual
+    crossed = here.slopes.T @ here.effect_jacobian
+    whole = np.block(
+        [[here.slopes.T @ here.slopes, crossed], [crossed.T, here.effect_jacobian.T @ here.effect_jacobian]]
     )
+    normal = wide[:, None] * whole * wide + np.eye(wide.size)
+    onto = -wide * np.concatenate(
+        [here.slopes.T @ here.innovations, here.effect_jacobian.T @ here.innovations]
+    ) - np.concatenate(residual)
     low, high = _step_bounds(candidate, wide, records)
     while True:
         step = solve_box_constrained(normal + damping * np.eye(wide.size), onto, low, high) * wide
         moved = _moved(candidate, step)
-        seen = look(moved, records, here.paths, here.walk)
-        cost = _cost(moved, seen, weight)
+        residuals = evaluate(moved, records, here.paths, here.walk)
+        cost = _cost(moved, residuals, weight)
         if cost < here.cost:
-            return moved, cost, seen, damping / 10
+            return moved, cost, residuals, damping / 10
         if damping > MAX_DAMPING:
-            return moved, cost, seen, damping
+            return moved, cost, residuals, damping
         damping *= 30
 
 
@@ -353,15 +372,15 @@ def _moved(candidate: Candidate, step: Array) -> Candidate:
     return replace(candidate, theta=theta, effects=tuple(effects))
 
 
-def _cost(candidate: Candidate, seen: Sequence[Seen], weight: Array) -> float:
+def _cost(candidate: Candidate, residuals: Sequence[Residual], weight: Array) -> float:
     """-2 log of the posterior density, up to a constant."""
-    e = _innovations(seen, weight)
-    scale = sum(2 * (one.innovations.size - STARTING) * float(np.log(one.deviation)) for one in seen)
-    layout, priors = candidate.layout, candidate.layout.machine.priors
+    e = _innovations(residuals, weight)
+    scale = sum(2 * (one.innovations.size - STARTING) * float(np.log(one.deviation)) for one in residuals)
+    layout, priors = candidate.layout, candidate.nominal.priors
     residual = [candidate.theta / layout.deviation, *(_prior_residual(one, priors) for one in candidate.effects)]
     return float(e @ e) + scale + sum(float(part @ part) for part in residual)
 
 
-def _innovations(seen: Sequence[Seen], weight: Array) -> Array:
+def _innovations(residuals: Sequence[Residual], weight: Array) -> Array:
     """The innovations of all records (n,) [1], those of the first samples set to 0."""
-    return np.concatenate([one.innovations for one in seen]) * weight
+    return np.concatenate([one.innovations for one in residuals]) * weight

@@ -7,7 +7,7 @@
                 behind d two states for each random force (`Resonance`). S = 2 m + 1 without those
     f (M,)      known force [N] in the substeps of the interval after sample k: thrust less friction
     w           process noise, covariance Q: d walks randomly by `walk` [N] per sample, and a white force of standard
-                deviation `jitter` [N] acts beside it
+                deviation `white_force` [N] acts beside it
     y, v        reading of the scale [m] and its measurement noise, standard deviation `noise` [m], rounding included
     P-, P+      covariance of x before and after the reading y[k], in steady state
     K (S,)      filter gain, P- C' / (C P- C' + noise^2)                        `Predictor.gain`
@@ -38,8 +38,9 @@ Array = NDArray[np.float64]
 SUBSTEPS: Final = 2  # substeps of a sample interval, within each of which the force is constant
 BLOCK: Final = 8  # samples that `responses` filters at once
 TOGETHER: Final = 8  # columns that it filters at once, so that its intermediate arrays stay small
-JITTER: Final = 0.08  # N: white process noise for the error of the friction, which is evaluated at a smoothed position;
-# chosen so that complete models of simulated tables leave white innovations
+# N: white process noise for the error of the friction, which is evaluated at a smoothed position. Chosen so that
+# complete models of simulated tables leave white innovations.
+WHITE_FORCE: Final = 0.08
 
 
 @dataclass(frozen=True)
@@ -95,22 +96,22 @@ def predictor(
     *,
     walk: float,
     noise: float,
-    jitter: float = JITTER,
-    shaken: tuple[Resonance, ...] = (),
+    white_force: float = WHITE_FORCE,
+    random_forces: tuple[Resonance, ...] = (),
 ) -> Predictor:
     """The steady-state filter for an unknown force that walks by `walk` [N] per sample, with white process noise of
-    standard deviation `jitter` [N] and measurement noise [m].
+    standard deviation `white_force` [N] and measurement noise [m].
 
-    shaken: narrow-band random forces; each adds two states behind d, of which the first is the force.
+    random_forces: narrow-band random forces; each adds two states behind d, of which the first is the force.
     Results are cached, so that their arrays must not be written to.
     """
     a, b, c = discretised(plant, sample_time)
     walking = len(a) - 1
     held = a[:, walking].copy()
     held[walking] = 0.0
-    q = jitter**2 * np.outer(held, held)
+    q = white_force**2 * np.outer(held, held)
     q[walking, walking] += walk**2
-    for one in shaken:
+    for one in random_forces:
         a, b, c, q = _shaken(one, sample_time, held, (a, b, c, q))
         held = np.append(held, [0.0, 0.0])
     unit = noise  # the Riccati equation is better conditioned with covariances in units of the noise

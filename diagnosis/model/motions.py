@@ -92,8 +92,8 @@ def _piece(record: Record, number: int, start: int, stop: int) -> Piece:
     reference = record.reference[start:stop]
     stroke = float(np.ptp(reference))
     if stroke == 0:
-        shaken = np.std(np.diff(record.feedforward[start:stop])) > 0 if stop - start > 2 else False
-        return Piece(number, start, stop, MotionKind(excited=bool(shaken)), 0, float(reference[0]))
+        excited = np.std(np.diff(record.feedforward[start:stop])) > 0 if stop - start > 2 else False
+        return Piece(number, start, stop, MotionKind(excited=bool(excited)), 0, float(reference[0]))
     speed = float(np.max(np.abs(np.diff(reference)))) / record.sample_time
     decades = 10 ** (np.round(2 * np.log10([stroke, speed])) / 2)
     kind = MotionKind(float(decades[0]), float(decades[1]))

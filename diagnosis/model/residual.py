@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis.model.kalman import (
-    JITTER,
     SUBSTEPS,
+    WHITE_FORCE,
     Predictor,
     Resonance,
     discretised,
@@ -54,8 +54,8 @@ class Candidate:
     layout: Parameters
     theta: Array
     effects: tuple[Effect, ...] = ()
-    shaken: tuple[Resonance, ...] = ()
-    jitter: float = JITTER
+    random_forces: tuple[Resonance, ...] = ()
+    white_force: float = WHITE_FORCE
 
     @property
     def machine(self) -> Machine:
@@ -63,14 +63,19 @@ class Candidate:
         return applied(self.layout, self.theta)
 
     @property
-    def found(self) -> list[Effect]:
+    def nominal(self) -> Machine:
+        """The nominal machine as it is, without theta."""
+        return self.layout.machine
+
+    @property
+    def added_effects(self) -> list[Effect]:
         """The effects that the machine file has not."""
-        return beyond(self.layout.machine.effects, self.effects)
+        return beyond(self.nominal.effects, self.effects)
 
     @property
     def rough(self) -> bool:
         """Whether its white force is larger than a good table's."""
-        return self.jitter > JITTER
+        return self.white_force > WHITE_FORCE
 
     def predictor(self, sample_time: float, walk: float) -> Predictor:
         """Of its machine, for an unknown force that walks by `walk` [N] a sample of `sample_time` [s]."""
@@ -80,13 +85,13 @@ class Candidate:
             sample_time,
             walk=walk,
             noise=noise(machine),
-            jitter=self.jitter,
-            shaken=self.shaken,
+            white_force=self.white_force,
+            random_forces=self.random_forces,
         )
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class SmoothedPath:
     """A record seen through a candidate: the path, and what the reading's effects added to it (n,) [m]."""
 
     path: Path
@@ -96,7 +101,7 @@ class Smoothed:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Residual:
     """A record as a candidate explains it: whitened innovations (n,), net force (n, M) [N], what acts along the path,
     that path, and the innovations' deviation over that of the reading's noise [1], by which they were divided."""
 
@@ -107,10 +112,10 @@ class Seen:
     deviation: float
 
 
-def seeing(candidate: Candidate, sample_time: float, walk: float) -> Predictor:
+def unweighted_predictor(candidate: Candidate, sample_time: float, walk: float) -> Predictor:
     """The predictor that shows a force as large as it is: rough drives are weighed by a white force that would hide a
     part of it; walk [N a sample], sample_time [s]."""
-    return replace(candidate, jitter=JITTER).predictor(sample_time, walk)
+    return replace(candidate, white_force=WHITE_FORCE).predictor(sample_time, walk)
 
 
 def noise(machine: Machine) -> float:
@@ -119,29 +124,31 @@ def noise(machine: Machine) -> float:
     return max(float(np.hypot(scale.deviation, scale.resolution / np.sqrt(12))), 1e-10)
 
 
-def held(record: Record) -> float:
+def initial_command(record: Record) -> float:
     """The command [N] before the first sample: what the feedback held, without a feedforward that sets in there."""
     return float(record.command[0] - record.feedforward[0])
 
 
 def smooth(
-    candidate: Candidate, records: Sequence[Record], before: Sequence[Smoothed] | None = None
-) -> tuple[Smoothed, ...]:
+    candidate: Candidate, records: Sequence[Record], before: Sequence[SmoothedPath] | None = None
+) -> tuple[SmoothedPath, ...]:
     """Every record's path as the candidate's smoother sees it; `before`: what an earlier candidate saw."""
     machine = candidate.machine
 
-    def path(i: int, record: Record, seen: Smoothed | None) -> Smoothed:
+    def path(i: int, record: Record, smoothed_path: SmoothedPath | None) -> SmoothedPath:
         for walk in AGAIN if before else FIRST:
-            seen = _pass(candidate, machine, candidate.predictor(record.sample_time, walk), record, i, seen)
-        assert seen is not None
-        return seen
+            smoothed_path = _pass(
+                candidate, machine, candidate.predictor(record.sample_time, walk), record, i, smoothed_path
+            )
+        assert smoothed_path is not None
+        return smoothed_path
 
     return tuple(parallel_map(path, range(len(records)), records, before or [None] * len(records)))
 
 
 def _pass(
-    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, before: Smoothed | None
-) -> Smoothed:
+    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, before: SmoothedPath | None
+) -> SmoothedPath:
     """One run of the smoother with the friction of the path that the one before found, or none."""
     reading = record.position
     if before is None:
@@ -155,7 +162,7 @@ def _pass(
             still,
             machine.plant.dead_time,
             thrust_limit=machine.drive.rated_thrust,
-            start=held(record),
+            start=initial_command(record),
         )
         force, added = acts.thrust, np.zeros(reading.size)
     else:
@@ -165,7 +172,7 @@ def _pass(
     start = np.zeros(model.C.size)
     start[0], start[2 * len(machine.plant.modes)] = reading[0], -force[0, 0]
     states = smoothed(model, force, reading, start)
-    return Smoothed(
+    return SmoothedPath(
         _path(states, 2 * len(machine.plant.modes), record, record.position - added - reading),
         added,
         model,
@@ -186,20 +193,20 @@ def _path(states: Array, count: int, record: Record, vibration: Array) -> Path:
     return Path(ts, position, speed, x[:, 0], record.command)
 
 
-def look(
-    candidate: Candidate, records: Sequence[Record], paths: Sequence[Smoothed], walk: float = WALK
-) -> tuple[Seen, ...]:
+def evaluate(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath], walk: float = WALK
+) -> tuple[Residual, ...]:
     """What the candidate leaves of every record, its friction and effects evaluated along `paths`;
     walk: of the unknown force [N a sample]."""
     machine = candidate.machine
     model = candidate.predictor(records[0].sample_time, walk)
-    return tuple(parallel_map(partial(look_at, candidate, machine, model), records, range(len(records)), paths))
+    return tuple(parallel_map(partial(evaluate_record, candidate, machine, model), records, range(len(records)), paths))
 
 
-def look_at(
-    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, smooth_path: Smoothed
-) -> Seen:
-    """`look` at the record of this index, by a predictor of the machine with theta put in."""
+def evaluate_record(
+    candidate: Candidate, machine: Machine, model: Predictor, record: Record, index: int, smooth_path: SmoothedPath
+) -> Residual:
+    """`evaluate` at the record of this index, by a predictor of the machine with theta put in."""
     path = smooth_path.path
     acts = _acts(candidate, machine, record, index, path)
     differs = acts.reading - smooth_path.added
@@ -211,15 +218,15 @@ def look_at(
     start = np.zeros(model.C.size)
     start[0] = reading[0]
     e = innovations(model, force, reading, start) / model.deviation
-    return Seen(e, force, acts, path, model.deviation / noise(machine))
+    return Residual(e, force, acts, path, model.deviation / noise(machine))
 
 
-def shifted(seen: Smoothed, differs: Array) -> Path:
+def shifted(smoothed_path: SmoothedPath, differs: Array) -> Path:
     """The path, had the reading's error been larger by `differs` (n,) [m]: the smoother is linear."""
-    model, path = seen.model, seen.path
+    model, path = smoothed_path.model, smoothed_path.path
     states = smoothed(model, np.zeros_like(path.position), -differs, np.zeros(model.C.size))
     still = Record(path.sample_time, *(np.zeros(differs.size) for _ in range(5)))
-    moved = _path(states, seen.count, still, np.zeros(differs.size))
+    moved = _path(states, smoothed_path.count, still, np.zeros(differs.size))
     return path._replace(
         position=path.position + moved.position,
         speed=path.speed + moved.speed,
@@ -243,7 +250,7 @@ def _acts(
         machine.plant.dead_time,
         state=initial_state(candidate.layout, candidate.theta, index),
         thrust_limit=machine.drive.rated_thrust,
-        start=held(record),
+        start=initial_command(record),
         known=known,
     )
 
@@ -278,7 +285,9 @@ def _of_mode(mode: Mode, sample_time: float) -> tuple[Array, Array]:
     return a[:2, :2], b[:2]
 
 
-def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequence[Seen], walk: float = WALK) -> Array:
+def nominal_slopes(
+    candidate: Candidate, records: Sequence[Record], residuals: Sequence[Residual], walk: float = WALK
+) -> Array:
     """How the whitened innovations of all records, one after another (n,), change with theta: (n, P) [1]."""
     machine, layout = candidate.machine, candidate.layout
     model = candidate.predictor(records[0].sample_time, walk)
@@ -286,18 +295,18 @@ def nominal_slopes(candidate: Candidate, records: Sequence[Record], seen: Sequen
     ends = np.cumsum([record.position.size for record in records])
     whole = np.zeros((layout.count, ends[-1])).T  # a column's samples next to each other
 
-    def fill(i: int, record: Record, one: Seen, slopes: Array) -> None:
+    def fill(i: int, record: Record, one: Residual, slopes: Array) -> None:
         _plant_slopes(candidate, record, one, model, slopes)
         _force_slopes(candidate, machine, record, i, one, model, slopes)
 
-    list(parallel_map(fill, range(len(records)), records, seen, np.split(whole, ends[:-1])))
+    list(parallel_map(fill, range(len(records)), records, residuals, np.split(whole, ends[:-1])))
     return np.asarray(whole)
 
 
-def _plant_slopes(candidate: Candidate, record: Record, seen: Seen, model: Predictor, slopes: Array) -> None:
+def _plant_slopes(candidate: Candidate, record: Record, residual: Residual, model: Predictor, slopes: Array) -> None:
     """By differences of the predictor; its gain stays, as any gain is a fair filter."""
     layout, step = candidate.layout, 1e-4
-    reading = record.position - seen.acts.reading - _vibration(candidate, seen.force, record.sample_time)
+    reading = record.position - residual.acts.reading - _vibration(candidate, residual.force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0] = reading[0]
     names = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping")
@@ -307,8 +316,8 @@ def _plant_slopes(candidate: Candidate, record: Record, seen: Seen, model: Predi
         a, b = model.A.copy(), model.B.copy()
         size = 2 * len(layout.machine.plant.modes) + 1
         a[:size, :size], b[:size], _ = discretised(applied(layout, theta).plant, record.sample_time)
-        moved = innovations(replace(model, A=a, B=b), seen.force, reading, start) / model.deviation
-        slopes[:, j] = (moved - seen.innovations) / step
+        moved = innovations(replace(model, A=a, B=b), residual.force, reading, start) / model.deviation
+        slopes[:, j] = (moved - residual.innovations) / step
 
 
 def _force_slopes(
@@ -316,7 +325,7 @@ def _force_slopes(
     machine: Machine,
     record: Record,
     index: int,
-    seen: Seen,
+    residual: Residual,
     model: Predictor,
     slopes: Array,
 ) -> None:
@@ -324,18 +333,18 @@ def _force_slopes(
     layout, n = candidate.layout, record.position.size
     limit, z0 = np.array(machine.friction.limit), initial_state(layout, candidate.theta, index)
     late = replay(
-        machine.friction, candidate.effects, seen.path, machine.plant.dead_time + 1e-6, state=z0,
-        thrust_limit=machine.drive.rated_thrust, start=held(record),
-        known=kept(seen.acts, coupled({"thrust"}, candidate.effects)),
+        machine.friction, candidate.effects, residual.path, machine.plant.dead_time + 1e-6, state=z0,
+        thrust_limit=machine.drive.rated_thrust, start=initial_command(record),
+        known=kept(residual.acts, coupled({"thrust"}, candidate.effects)),
     )  # fmt: skip
     starts = layout.of("initial_friction_state").reshape(layout.records, -1)[index]
     names = ("dead_time", "amplifier_offset", "friction_level", "presliding_stiffness", "presliding_limit")
     order = np.concatenate([*(layout.of(name) for name in names), starts])
     force = np.empty((order.size, n, SUBSTEPS))
-    force[0] = (late.thrust - seen.acts.thrust) / 1e-6
-    force[1], force[2] = -1.0, -seen.acts.friction
+    force[0] = (late.thrust - residual.acts.thrust) / 1e-6
+    force[1], force[2] = -1.0, -residual.acts.friction
     elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
-    _element_slopes(seen.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
+    _element_slopes(residual.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
     slopes[:, order] = responses(model, force)
 
 
@@ -363,8 +372,8 @@ def columns(
     candidate: Candidate,
     trials: Sequence[Sequence[Effect]],
     records: Sequence[Record],
-    paths: Sequence[Smoothed],
-    seen: Sequence[Seen],
+    paths: Sequence[SmoothedPath],
+    residuals: Sequence[Residual],
     walk: float = WALK,
 ) -> Array:
     """By how much the whitened innovations of all records, one after another, differ with each of the `trials` in place
@@ -372,28 +381,34 @@ def columns(
     machine = candidate.machine
     model = candidate.predictor(records[0].sample_time, walk)
 
-    def part(i: int, record: Record, path: Smoothed, one: Seen) -> Array:
+    def part(i: int, record: Record, path: SmoothedPath, one: Residual) -> Array:
         force, reading = np.empty((len(trials), *one.force.shape)), np.empty((len(trials), record.position.size))
         for j, trial in enumerate(trials):
             other = replace(candidate, effects=tuple(trial))
             force[j], reading[j] = _differences(other, candidate, machine, record, i, path, one)
         return responses(model, force, -reading if np.any(reading) else None)
 
-    return np.concatenate(list(parallel_map(part, range(len(records)), records, paths, seen)))
+    return np.concatenate(list(parallel_map(part, range(len(records)), records, paths, residuals)))
 
 
 def _differences(
-    other: Candidate, candidate: Candidate, machine: Machine, record: Record, index: int, path: Smoothed, seen: Seen
+    other: Candidate,
+    candidate: Candidate,
+    machine: Machine,
+    record: Record,
+    index: int,
+    path: SmoothedPath,
+    residual: Residual,
 ) -> tuple[Array, Array]:
     """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
-    same = kept(seen.acts, changed(candidate.effects, other.effects))
-    acts = _acts(other, machine, record, index, seen.path, same)
-    differs = acts.reading - seen.acts.reading
+    same = kept(residual.acts, changed(candidate.effects, other.effects))
+    acts = _acts(other, machine, record, index, residual.path, same)
+    differs = acts.reading - residual.acts.reading
     if np.any(differs != 0):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))
-        differs = acts.reading - seen.acts.reading
+        differs = acts.reading - residual.acts.reading
     force = _net(machine, acts)
     if any(effect.modes() for effect in (*other.effects, *candidate.effects)):
         differs = differs + _vibration(other, force, record.sample_time)
-        differs = differs - _vibration(candidate, seen.force, record.sample_time)
-    return force - seen.force, differs
+        differs = differs - _vibration(candidate, residual.force, record.sample_time)
+    return force - residual.force, differs

@@ -23,7 +23,7 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import SUBSTEPS, responses
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, initial_state
-from diagnosis.model.residual import Candidate, held
+from diagnosis.model.residual import Candidate, initial_command
 from models.compiled import compiled
 from models.friction import deflections
 from models.records.record import Record
@@ -60,7 +60,7 @@ def static_equilibrium_start(layout: Parameters, records: Sequence[Record]) -> A
     k, limit = np.array(friction.stiffness), np.array(friction.limit)
     deflection = np.linspace(-1, 1, 2001) * limit.max()
     force = np.clip(deflection[:, None], -limit, limit) @ k
-    common = [np.interp(held(record), force, deflection) for record in records]
+    common = [np.interp(initial_command(record), force, deflection) for record in records]
     theta[layout.of("initial_friction_state")] = np.concatenate([np.clip(x, -limit, limit) for x in common])
     return theta
 

@@ -88,7 +88,7 @@ def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tup
     speed = np.concatenate([path.speed[:, 0] for path in paths])
     kernel = np.full(SMOOTH, 1 / SMOOTH)
     acceleration = [np.convolve(np.gradient(path.speed[:, 0], path.sample_time), kernel, "same") for path in paths]
-    thrust = np.concatenate([seen.acts.thrust.mean(axis=1) for seen in fitted.seen])
+    thrust = np.concatenate([seen.acts.thrust.mean(axis=1) for seen in fitted.residuals])
     begins = np.concatenate([[0], np.cumsum([record.position.size for record in records])])
     parts = [slice(a, b) for a, b in itertools.pairwise(begins)]
     ts = records[0].sample_time

@@ -81,11 +81,11 @@ def label_samples(
     that do not count; settling [s]: the time after the reference's halt that is settling, before the dwell."""
     kinds = tuple(dict.fromkeys(piece.kind for piece in pieces))
     of_piece = np.array([kinds.index(piece.kind) for piece in pieces])
-    shaken = np.array([piece.kind.excited for piece in pieces])
+    excited = np.array([piece.kind.excited for piece in pieces])
     parts = [_phases(record, settling) for record in records]
     phase = np.concatenate([part[0] for part in parts])
     still = np.isin(phase, [PHASES.index("settle"), PHASES.index("dwell")])
-    phase[shaken[motion] & still] = PHASES.index("excitation")
+    phase[excited[motion] & still] = PHASES.index("excitation")
     direction = np.concatenate([part[1] for part in parts])
     return Samples(motion, phase, of_piece[motion], kinds, direction, counts > 0)
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from diagnosis.model.fit import Fit
-from diagnosis.model.kalman import JITTER, SUBSTEPS, Predictor, discretised, innovations, smoothed
+from diagnosis.model.kalman import SUBSTEPS, WHITE_FORCE, Predictor, discretised, innovations, smoothed
 from diagnosis.model.motions import Piece, repeated, rms, scatter
-from diagnosis.model.residual import AGAIN, STARTING, Candidate, modal, noise, seeing
+from diagnosis.model.residual import AGAIN, STARTING, Candidate, modal, noise, unweighted_predictor
 from diagnosis.where.energy import Samples, centred
 from models.plant import Plant
 from models.records.record import Record
@@ -88,7 +88,7 @@ def unknown_force(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece
 
 def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
     """The record's reading (n,) [m] less what the fitted effects add to it."""
-    seen = fitted.seen[index]
+    seen = fitted.residuals[index]
     reading = record.position - seen.acts.reading
     for effect in fitted.candidate.effects:
         for mode in effect.modes():
@@ -98,11 +98,11 @@ def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
 
 def smoothed_force(fitted: Fit, records: Sequence[Record], walk: float) -> Force:
     """The unknown force for a random walk [N per sample], in newtons of thrust."""
-    machine, model = fitted.candidate.machine, seeing(fitted.candidate, records[0].sample_time, walk)
+    machine, model = fitted.candidate.machine, unweighted_predictor(fitted.candidate, records[0].sample_time, walk)
     place, values = 2 * len(machine.plant.modes), []  # the force's index among the states
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
-        values.append(smoothed(model, fitted.seen[i].force, reading, _start(model, reading))[:, place])
+        values.append(smoothed(model, fitted.residuals[i].force, reading, _start(model, reading))[:, place])
     deviation = steady_deviation(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine))
     part = noise(machine) * float(np.linalg.norm(smoother_response(fitted.candidate, records[0].sample_time, walk)[0]))
     return Force(walk, tuple(values), deviation, part)
@@ -111,7 +111,7 @@ def smoothed_force(fitted: Fit, records: Sequence[Record], walk: float) -> Force
 def smoother_response(candidate: Candidate, sample_time: float, walk: float) -> tuple[Array, Array]:
     """Impulse response of the smoother: (force [N], position [m]), (2 REACH + 1,) each, to one reading of 1 m in the
     middle, without the candidate's random forces."""
-    model = seeing(replace(candidate, shaken=()), sample_time, walk)
+    model = unweighted_predictor(replace(candidate, random_forces=()), sample_time, walk)
     reading = np.zeros(2 * REACH + 1)
     reading[REACH] = 1.0
     states = smoothed(model, np.zeros((reading.size, SUBSTEPS)), reading, np.zeros(model.C.size))
@@ -126,10 +126,10 @@ def likeliest_walk(fitted: Fit, records: Sequence[Record]) -> float:
 
 def _log_likelihoods(fitted: Fit, records: Sequence[Record], walk: float) -> Iterator[float]:
     """Logarithm of each record's likelihood, up to a constant."""
-    model = seeing(fitted.candidate, records[0].sample_time, walk)
+    model = unweighted_predictor(fitted.candidate, records[0].sample_time, walk)
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
-        e = innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:] / model.deviation
+        e = innovations(model, fitted.residuals[i].force, reading, _start(model, reading))[STARTING:] / model.deviation
         yield -0.5 * float(e @ e) - e.size * float(np.log(model.deviation))
 
 
@@ -148,7 +148,7 @@ def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: fl
     a, _, c = discretised(plant, sample_time)
     held = a[:, -1].copy()
     held[-1] = 0.0
-    q = JITTER**2 * np.outer(held, held)
+    q = WHITE_FORCE**2 * np.outer(held, held)
     q[-1, -1] += walk**2
     before = solve_discrete_are(a.T, c[:, None], q / noise**2, np.eye(1)) * noise**2
     gain = before @ c / (float(c @ before @ c) + noise**2)
@@ -185,11 +185,11 @@ def noise_floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece],
 def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
     """A fast unknown force absorbs everything else, so that what it leaves of the readings is the scale's noise."""
     candidate, ts = fitted.candidate, records[0].sample_time
-    model = seeing(candidate, ts, FAST)
+    model = unweighted_predictor(candidate, ts, FAST)
     residual = []
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
-        residual.append(innovations(model, fitted.seen[i].force, reading, _start(model, reading))[STARTING:])
+        residual.append(innovations(model, fitted.residuals[i].force, reading, _start(model, reading))[STARTING:])
     size = float(np.sqrt(np.mean(np.concatenate(residual) ** 2))) / model.deviation
     force = size * noise_deviation(candidate, ts, smoothed_force(fitted, records, SLOW))
     return Floor("innovations", force, size * noise(candidate.machine), size, 0, 0, None)

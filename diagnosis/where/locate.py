@@ -34,7 +34,7 @@ from diagnosis.where.coordinates import (
 from diagnosis.where.energy import PHASES, EnergyShares, Samples, by_band, by_wavelength, label_samples, shares
 from diagnosis.where.force import FAST, UnknownForce, smoother_response, unknown_force
 from diagnosis.where.side import Side, sides
-from diagnosis.which.scan import freed
+from diagnosis.which.scan import partial_out
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -96,7 +96,7 @@ def locate(
     criteria: Criteria = Criteria(),
 ) -> Where:
     """Where the fitted model leaves the records; pieces: those of `motions.pieces`; spike [1]: see `Null.spike`."""
-    nominal = fitted.candidate.layout.machine
+    nominal = fitted.candidate.nominal
     motion = numbered(pieces, records)
     settling_time = fitted.candidate.machine.specification.settling_time
     samples = label_samples(records, pieces, motion, weights(records), settling_time)
@@ -182,4 +182,4 @@ def _sides(
     """Time, position and the two coordinates that explain the most, as a force and as an error of the reading."""
     strongest = [one.name for one in dependence.coordinates if one.name != "pitch"][:2]
     chosen = [one for one in known if one.name in {"time", "position", *strongest}]
-    return sides(fitted, records, freed(fitted, motion, seed), chosen, samples, seed)
+    return sides(fitted, records, partial_out(fitted, motion, seed), chosen, samples, seed)

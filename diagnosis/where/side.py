@@ -21,7 +21,7 @@ from diagnosis.model.parameters import initial_state
 from diagnosis.model.residual import shifted
 from diagnosis.where.coordinates import Coordinate, by_motion, folds, hat_functions, held_out
 from diagnosis.where.energy import Samples
-from diagnosis.which.scan import Freed
+from diagnosis.which.scan import NuisanceProjection
 from models.records.record import Record
 from models.simulation.effect_kernel import replay
 
@@ -43,20 +43,25 @@ class Side:
 
 
 def sides(
-    fitted: Fit, records: Sequence[Record], own: Freed, chosen: Sequence[Coordinate], samples: Samples, seed: int = 0
+    fitted: Fit,
+    records: Sequence[Record],
+    projection: NuisanceProjection,
+    chosen: Sequence[Coordinate],
+    samples: Samples,
+    seed: int = 0,
 ) -> tuple[Side, ...]:
     """The chosen coordinates as a force and, for time and position, as a reading; and a fine period of the position."""
     found = []
     for coordinate in chosen:
         basis, _ = hat_functions(coordinate, samples.counts)
         turned = np.hstack([basis, basis * samples.direction[:, None]]) if coordinate.directional else basis
-        force = _gain(_as_force(fitted, records, turned), own, records, samples, seed)
+        force = _gain(_as_force(fitted, records, turned), projection, records, samples, seed)
         may = coordinate.name in {"time", "position"}
-        reading = _gain(_as_reading(fitted, records, basis), own, records, samples, seed) if may else 0.0
+        reading = _gain(_as_reading(fitted, records, basis), projection, records, samples, seed) if may else 0.0
         found.append(Side(coordinate.name, force, reading))
     place = next((one for one in chosen if one.name == "position"), None)
     if place is not None and float(np.ptp(place.values)) > 2 * FINE[1]:
-        found.append(_fine(fitted, records, own, place, samples, seed))
+        found.append(_fine(fitted, records, projection, place, samples, seed))
     return tuple(found)
 
 
@@ -70,10 +75,12 @@ def force_or_reading(found: Sequence[Side], criteria: Criteria = Criteria()) -> 
     return "scale" if reading > criteria.side_ratio * force else "either"
 
 
-def _gain(columns: Array, own: Freed, records: Sequence[Record], samples: Samples, seed: int) -> float:
+def _gain(
+    columns: Array, projection: NuisanceProjection, records: Sequence[Record], samples: Samples, seed: int
+) -> float:
     """Held-out gain in chi-square of the innovations by columns (n, k)."""
-    whole = own(columns * weights(records)[:, None])
-    grams, slopes = by_motion(whole, own.e, samples.motion)
+    whole = projection(columns * weights(records)[:, None])
+    grams, slopes = by_motion(whole, projection.e, samples.motion)
     gains, _ = held_out(grams, -slopes, folds(grams.shape[0], seed))
     return max(float(gains.sum()), 0.0)
 
@@ -89,7 +96,7 @@ def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
     for i, record in enumerate(records):
         here = basis[begin : begin + record.position.size]
         begin += record.position.size
-        force = np.repeat(here.T[:, :, None], fitted.seen[i].force.shape[1], axis=2)
+        force = np.repeat(here.T[:, :, None], fitted.residuals[i].force.shape[1], axis=2)
         parts.append(responses(model, force))
     return np.concatenate(parts)
 
@@ -109,7 +116,7 @@ def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
 def _friction_change(fitted: Fit, record: Record, index: int, added: Array) -> Array:
     """Change of the friction (n, M) [N] where the reading is off by `added` (n,) [m]."""
     if not np.any(added):
-        return np.zeros_like(fitted.seen[index].force)
+        return np.zeros_like(fitted.residuals[index].force)
     candidate, machine, seen = fitted.candidate, fitted.candidate.machine, fitted.paths[index]
     friction = [
         replay(
@@ -122,19 +129,26 @@ def _friction_change(fitted: Fit, record: Record, index: int, added: Array) -> A
     return np.asarray(friction[0] - friction[1])
 
 
-def _fine(fitted: Fit, records: Sequence[Record], own: Freed, place: Coordinate, samples: Samples, seed: int) -> Side:
+def _fine(
+    fitted: Fit,
+    records: Sequence[Record],
+    projection: NuisanceProjection,
+    place: Coordinate,
+    samples: Samples,
+    seed: int,
+) -> Side:
     """Sines of the position at the period that agrees best with an error of the reading, as a force and as a reading;
     less what a search over so many periods gains by chance."""
-    pitch, tried = _fine_pitch(fitted, records, own)
+    pitch, tried = _fine_pitch(fitted, records, projection)
     angle = 2 * np.pi * place.values / pitch
     basis = np.column_stack([np.cos(angle), np.sin(angle)])
     chance = 2 * float(np.log(tried))
-    force = _gain(_as_force(fitted, records, basis), own, records, samples, seed)
-    reading = _gain(_as_reading(fitted, records, basis), own, records, samples, seed)
+    force = _gain(_as_force(fitted, records, basis), projection, records, samples, seed)
+    reading = _gain(_as_reading(fitted, records, basis), projection, records, samples, seed)
     return Side("fine period", max(force - chance, 0.0), max(reading - chance, 0.0), pitch)
 
 
-def _fine_pitch(fitted: Fit, records: Sequence[Record], own: Freed) -> tuple[float, int]:
+def _fine_pitch(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> tuple[float, int]:
     """(the period [m] within FINE that agrees best with an error of the reading, number of periods searched)."""
     width, begin = FINE[0] / 6, 0
     model = _model(fitted, records)
@@ -142,7 +156,7 @@ def _fine_pitch(fitted: Fit, records: Sequence[Record], own: Freed) -> tuple[flo
     count = int(2 ** np.ceil(np.log2(2 * max(extent, 2 * FINE[1]) / width)))
     power = np.zeros(count // 2 + 1)
     for record in records:
-        reading = adjoint(model, own.e[begin : begin + record.position.size])[1]
+        reading = adjoint(model, projection.e[begin : begin + record.position.size])[1]
         begin += record.position.size
         bins = np.floor((record.position - record.position.min()) / width).astype(int)
         power += np.abs(np.fft.rfft(np.bincount(bins, reading, count))) ** 2

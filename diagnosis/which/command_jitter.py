@@ -86,7 +86,7 @@ def _signals(fitted: Fit, index: int, record: Record) -> tuple[Array, Array, Arr
     delay = round(machine.plant.dead_time / record.sample_time)
     step = np.diff(record.command, prepend=np.full(delay + 1, record.command[0]))[: record.command.size] ** 2
     moving = np.minimum(np.abs(np.gradient(path)) / (machine.scale.resolution or np.inf), 1.0)
-    return fitted.seen[index].innovations, step, moving
+    return fitted.residuals[index].innovations, step, moving
 
 
 def _met_by(signals: Sequence[tuple[Array, Array, Array]], group: Sequence[Piece], left: Array) -> _Met:

@@ -14,8 +14,8 @@ from typing import Final
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.which.command_jitter import lateness
-from diagnosis.which.random_force import shaking
-from diagnosis.which.scan import Columns, Freed, freed, scan
+from diagnosis.which.random_force import strongest_random_force
+from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
 from models.effects.motor import TimingJitter
 from models.effects.protocol import ControllerMismatch
@@ -32,7 +32,7 @@ class View:
 
     fitted: Fit
     baseline: Baseline
-    own: Freed
+    own: NuisanceProjection
     disabled: Collection[str] = ()
     dull: Collection[str] = ()
     known: Columns = field(default_factory=lambda: MappingProxyType({}))
@@ -51,7 +51,7 @@ Detector = Callable[[View], Detected]
 
 def view(fitted: Fit, baseline: Baseline, disabled: Collection[str], dull: Collection[str], known: Columns) -> View:
     """A fit as the detectors see it."""
-    return View(fitted, baseline, freed(fitted, baseline.segment), disabled, dull, known)
+    return View(fitted, baseline, partial_out(fitted, baseline.segment), disabled, dull, known)
 
 
 def catalogue_scan(seen: View) -> Detected:
@@ -75,9 +75,9 @@ def catalogue_scan(seen: View) -> Detected:
 def random_force(seen: View) -> Detected:
     """A force about a frequency that is not locked to the motion, such as a floor's vibration."""
     name, criteria = FloorVibration.name, seen.baseline.criteria
-    if name in seen.disabled or len(seen.fitted.candidate.shaken) >= criteria.max_effects:
+    if name in seen.disabled or len(seen.fitted.candidate.random_forces) >= criteria.max_effects:
         return Detected()
-    found = shaking(seen.fitted, seen.baseline.records, seen.own)
+    found = strongest_random_force(seen.fitted, seen.baseline.records, seen.own)
     threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)
     if found.steady < criteria.random_force_steadiness or found.gain <= threshold:
         return Detected()

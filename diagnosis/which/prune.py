@@ -123,7 +123,7 @@ def _without(
     where the nominal parameters begin, if not at that model's."""
     final = stages[-1].fitted
     candidate = final.candidate
-    gone = [effect for effect in candidate.found if effect.name in names]
+    gone = [effect for effect in candidate.added_effects if effect.name in names]
     effects = [effect for effect in candidate.effects if not any(effect is one for one in gone)]
     random = {_name(after) for before, after in pairwise(stages) if _forces(after) > _forces(before)}
     begin = start or final
@@ -131,13 +131,13 @@ def _without(
         candidate,
         theta=begin.candidate.theta,
         effects=tuple(effects),
-        shaken=() if random.intersection(names) else candidate.shaken,
+        random_forces=() if random.intersection(names) else candidate.random_forces,
     )
     return fit(fewer, records, paths=begin.paths, iterations=8 if start else 6, walk=final.walk)
 
 
 def _forces(stage: Stage) -> int:
-    return len(stage.fitted.candidate.shaken)
+    return len(stage.fitted.candidate.random_forces)
 
 
 def _stages(fits: Mapping[Names, Fit], ordered: Sequence[str], last: Stage) -> Iterator[Stage]:

@@ -16,8 +16,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import Resonance
-from diagnosis.model.residual import STARTING, Seen, look
-from diagnosis.which.scan import Freed, adjoints
+from diagnosis.model.residual import STARTING, Residual, evaluate
+from diagnosis.which.scan import NuisanceProjection, adjoints
 from models.effects.base import parameters
 from models.effects.priors import USUAL
 from models.effects.structure import FloorVibration
@@ -36,7 +36,7 @@ BLOCK: Final = 1.5  # s, over which power is averaged
 
 
 @dataclass(frozen=True)
-class Shaking:
+class RandomForce:
     """A random force and what it gains of -2 log likelihood with everything else held; steady: how much of its mean
     power is there half of the time [1]."""
 
@@ -50,11 +50,11 @@ class Shaking:
         return FloorVibration(2**0.5 * self.resonance.level, self.resonance.frequency, 0.0)
 
 
-def shaking(fitted: Fit, records: Sequence[Record], own: Freed) -> Shaking:
+def strongest_random_force(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> RandomForce:
     """The random force that gains the most beside what is in the model; its gain over that of its neighbours."""
-    best: Shaking | None = None
-    before = _likelihood(fitted.seen)
-    for frequency in _frequencies(fitted, records, own):
+    best: RandomForce | None = None
+    before = _likelihood(fitted.residuals)
+    for frequency in _frequencies(fitted, records, projection):
         for bandwidth in BANDWIDTHS:
             for level in LEVELS:
                 found = _tried(fitted, records, Resonance(frequency, bandwidth, level), before)
@@ -63,7 +63,7 @@ def shaking(fitted: Fit, records: Sequence[Record], own: Freed) -> Shaking:
     assert best is not None
     line = best.resonance
     aside = max(_tried(fitted, records, replace(line, frequency=line.frequency * f), before).gain for f in ASIDE)
-    innovations = [seen.innovations for seen in fitted.seen]
+    innovations = [seen.innovations for seen in fitted.residuals]
     steady = steadiness(innovations, line.frequency, records[0].sample_time)
     return replace(best, gain=best.gain - max(aside, 0.0), steady=steady)
 
@@ -79,29 +79,29 @@ def steadiness(innovations: Sequence[Array], frequency: float, sample_time: floa
     return float(np.median(power) / np.mean(power))
 
 
-def _tried(fitted: Fit, records: Sequence[Record], resonance: Resonance, before: float) -> Shaking:
-    candidate = replace(fitted.candidate, shaken=(*fitted.candidate.shaken, resonance))
-    return Shaking(resonance, before - _likelihood(look(candidate, records, fitted.paths, fitted.walk)))
+def _tried(fitted: Fit, records: Sequence[Record], resonance: Resonance, before: float) -> RandomForce:
+    candidate = replace(fitted.candidate, random_forces=(*fitted.candidate.random_forces, resonance))
+    return RandomForce(resonance, before - _likelihood(evaluate(candidate, records, fitted.paths, fitted.walk)))
 
 
-def _likelihood(seen: Sequence[Seen]) -> float:
+def _likelihood(residuals: Sequence[Residual]) -> float:
     """-2 log, but for a constant."""
     return sum(
         float(np.sum(one.innovations[STARTING:] ** 2))
         + 2 * (one.innovations.size - STARTING) * float(np.log(one.deviation))
-        for one in seen
+        for one in residuals
     )
 
 
-def _frequencies(fitted: Fit, records: Sequence[Record], own: Freed) -> list[float]:
+def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[float]:
     """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
-    known = (USUAL, fitted.candidate.layout.machine.priors)
+    known = (USUAL, fitted.candidate.nominal.priors)
     usual, stated = (
         next(item for item in parameters(FloorVibration, priors) if item.role == "period") for priors in known
     )
     grid = np.geomspace(min(usual.low, stated.low), max(usual.high, stated.high), 400)
     power = np.zeros(grid.size)
-    for record, force, _ in adjoints(fitted, records, own):
+    for record, force, _ in adjoints(fitted, records, projection):
         n = int(2 ** np.ceil(np.log2(force.size)))
         spectrum = np.abs(np.fft.rfft(force, n)) ** 2 / force.size
         power += np.interp(grid, np.fft.rfftfreq(n, record.sample_time), _smooth(spectrum, 5))

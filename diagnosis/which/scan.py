@@ -53,7 +53,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Freed:
+class NuisanceProjection:
     """The projection that partials out a model's parameters: the innovations e (n,) after it, each sample's motion
     (n,), each motion's fold, the basis (n, B) of the parameters and the Cholesky factor of its normal equations."""
 
@@ -69,26 +69,28 @@ class Freed:
         return np.asarray(np.subtract(given, out, out=out))
 
 
-def freed(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> Freed:
+def partial_out(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> NuisanceProjection:
     """The projection for a fit; segment (n,): the number of the motion that each sample belongs to. Its e is [1]."""
     candidate = fitted.candidate
     layout, theta = candidate.layout, candidate.theta
     margin = 0.01 * (layout.high - layout.low)
     inside = (theta > layout.low + margin) & (theta < layout.high - margin)
     free = np.where(inside, layout.deviation, 0.0)  # a parameter at its bound is held there
-    basis = np.hstack([fitted.slopes * free, fitted.own * effects_prior_std(candidate)])
+    basis = np.hstack([fitted.slopes * free, fitted.effect_jacobian * effects_prior_std(candidate)])
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
     count = int(segment.max()) + 1
     fold = np.random.default_rng(seed).permutation(count) % FOLDS
-    pull = np.concatenate([theta / layout.deviation, np.zeros(fitted.own.shape[1])]) * (np.any(basis != 0, axis=0))
+    pull = np.concatenate([theta / layout.deviation, np.zeros(fitted.effect_jacobian.shape[1])]) * (
+        np.any(basis != 0, axis=0)
+    )
     e = fitted.innovations - basis @ cho_solve(factor, basis.T @ fitted.innovations + pull)
-    return Freed(e, segment, fold, basis, factor)
+    return NuisanceProjection(e, segment, fold, basis, factor)
 
 
 def scan(
     fitted: Fit,
     records: Sequence[Record],
-    own: Freed,
+    projection: NuisanceProjection,
     left_out: Collection[str] = (),
     known: Columns = MappingProxyType({}),
 ) -> tuple[list[Finding], Columns]:
@@ -99,14 +101,14 @@ def scan(
     known: such columns of another fit with the same random forces, used in place of columns along this fit's path.
     """
     trials: list[Effect] = []
-    for name, kind in fitted.candidate.layout.machine.kinds.items():
+    for name, kind in fitted.candidate.nominal.kinds.items():
         if name not in left_out and kind.shown_in() in SHOWN:
-            trials += grid(kind, fitted, records, own)
+            trials += grid(kind, fitted, records, projection)
     found, columns = dict[str, Finding](), dict[Effect, NDArray[Any]]()
     inside = {effect.name for effect in fitted.candidate.effects}
     known = {effect: given for effect, given in known.items() if effect.name not in inside}  # its own kind differs more
     batches = [*_batched([e for e in trials if e not in known]), *_batched([e for e in trials if e in known])]
-    for findings, kept in parallel_map(lambda batch: _findings(batch, fitted, records, own, known), batches):
+    for findings, kept in parallel_map(lambda batch: _findings(batch, fitted, records, projection, known), batches):
         columns |= kept
         for finding in findings:
             name = finding.effect.name
@@ -121,14 +123,14 @@ def _batched(trials: Sequence[Effect]) -> Iterator[tuple[Effect, ...]]:
 
 
 def _findings(
-    batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], own: Freed, known: Columns
+    batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection, known: Columns
 ) -> tuple[list[Finding], Columns]:
     raw = [known[effect] for effect in batch] if batch[0] in known else _columns(batch, fitted, records)
-    products, slopes = by_segment(own(np.hstack(raw)), own)
+    products, slopes = by_segment(projection(np.hstack(raw)), projection)
     found, kept, begin = list[Finding](), dict[Effect, NDArray[Any]](), 0
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
-        found.append(judged(effect, products[:, begin:end], slopes[:, begin:end], own))
+        found.append(judged(effect, products[:, begin:end], slopes[:, begin:end], projection))
         if products[:, begin:end, 0].sum() > MIN_ORTHOGONAL_FRACTION * np.sum(given**2):
             kept[effect] = given.astype(np.float32, copy=effect not in known)
         begin = end
@@ -139,13 +141,13 @@ def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) ->
     """The change of the innovations by each effect's quadratures: (n, 1) or (n, 2) [1] each."""
     variants = [variant for effect in batch for variant in quadratures(effect)]
     added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
-    whole = columns(fitted.candidate, added, records, fitted.paths, fitted.seen, fitted.walk)
+    whole = columns(fitted.candidate, added, records, fitted.paths, fitted.residuals, fitted.walk)
     whole *= weights(records)[:, None]
     ends = np.cumsum([len(quadratures(effect)) for effect in batch])
     return np.split(whole, ends[:-1], axis=1)
 
 
-def judged(effect: Effect, products: Array, slopes: Array, own: Freed) -> Finding:
+def judged(effect: Effect, products: Array, slopes: Array, projection: NuisanceProjection) -> Finding:
     """The effect's amplitude by least squares, and its gains [1], from the sums of `by_segment` for its one or two
     columns: products (S, k, 2), slopes (S, k)."""
     k = slopes.shape[1]
@@ -160,7 +162,7 @@ def judged(effect: Effect, products: Array, slopes: Array, own: Freed) -> Findin
     gain = float(-(2 * slope @ best + best @ total @ best))
     held_out = 0.0
     for fold in range(FOLDS):
-        inside = own.fold == fold
+        inside = projection.fold == fold
         gram, by = grams[inside].sum(axis=0), slopes[inside].sum(axis=0)
         trained = -np.linalg.solve(total - gram, slope - by)
         held_out -= float(2 * by @ trained + trained @ gram @ trained)
@@ -175,11 +177,14 @@ def _possible(effect: Effect, factor: Array) -> bool:
     return bool(factor[0] > 0 or item.low < 0)
 
 
-def by_segment(given: Array, own: Freed) -> tuple[Array, Array]:
+def by_segment(given: Array, projection: NuisanceProjection) -> tuple[Array, Array]:
     """Sums over each of S motions of products of columns (n, k) after the projection: of each with itself and with the
     next (S, k, 2), and with the innovations (S, k); all [1]. One pass, because the columns of a batch are large."""
-    products, slopes = np.zeros((own.fold.size, given.shape[1], 2)), np.zeros((own.fold.size, given.shape[1]))
-    _sums(given, own.e, own.segment, products, slopes)
+    products, slopes = (
+        np.zeros((projection.fold.size, given.shape[1], 2)),
+        np.zeros((projection.fold.size, given.shape[1])),
+    )
+    _sums(given, projection.e, projection.segment, products, slopes)
     return products, slopes
 
 
@@ -223,15 +228,15 @@ def sized(effect: Effect, factor: Array) -> Effect:
     return replace(effect, **changed)
 
 
-def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed) -> list[Effect]:
+def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[Effect]:
     """The effect at the points of its grid: shapes and widths spaced by logarithm, periods evenly in their frequency or
     from a spectrum, switches both ways."""
-    priors, axes = fitted.candidate.layout.machine.priors, []
+    priors, axes = fitted.candidate.nominal.priors, []
     for item in parameters(kind, priors):
         if item.role == "switch":
             axes.append([(item.name, point) for point in (item.low, item.high)])
         elif item.periodic_in and (item.stated or not item.points):  # a grid's points might all be too far off
-            found = _from_spectrum(item, kind, fitted, records, own)
+            found = _from_spectrum(item, kind, fitted, records, projection)
             axes.append([(item.name, point) for point in np.array(found)])
         elif item.role in POSITIVE:
             axes.append([(item.name, point) for point in _points(item)])
@@ -250,26 +255,28 @@ def _points(item: Parameter) -> Array:
     return np.asarray(1 / np.linspace(1 / item.high, 1 / item.low, count))
 
 
-def adjoints(fitted: Fit, records: Sequence[Record], own: Freed) -> Iterator[tuple[Record, Array, Array]]:
+def adjoints(
+    fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
+) -> Iterator[tuple[Record, Array, Array]]:
     """For each record the gradient of half of chi-square with respect to a force (n,) [1/N] and to an error of the
     reading (n,) [1/m] at each sample."""
     model = fitted.candidate.predictor(records[0].sample_time, fitted.walk)
     begin = 0
     for record in records:
-        force, reading = adjoint(model, own.e[begin : begin + record.position.size])
+        force, reading = adjoint(model, projection.e[begin : begin + record.position.size])
         begin += record.position.size
         yield record, force.sum(axis=1), reading
 
 
 def _from_spectrum(
-    item: Parameter, kind: type[Effect], fitted: Fit, records: Sequence[Record], own: Freed
+    item: Parameter, kind: type[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
 ) -> list[float]:
     """Values [SI] of a periodic parameter at the peaks of the spectrum, over its coordinate, of what the model leaves.
 
     That is the error of the reading, or of the force, which is weighted by what the law's periodic factor multiplies.
     """
     spans = []
-    for record, force, reading in adjoints(fitted, records, own):
+    for record, force, reading in adjoints(fitted, records, projection):
         left = reading if kind.shown_in() == "reading" else force * _multiplied(kind, item, record)
         spans.append((_coordinate(item.periodic_in, record, fitted), left))
     if item.role == "width":

@@ -168,7 +168,7 @@ def _promising(stages: Sequence[Stage], search: Search, set_aside: Collection[st
     if not allowed:
         return ()
     most = allowed[0].gain
-    inside = {effect.name for effect in stages[-1].fitted.candidate.found}
+    inside = {effect.name for effect in stages[-1].fitted.candidate.added_effects}
     again = [proposal for proposal in allowed if proposal.name in inside]
     if again and again[0].gain > criteria.second_member_ratio * most:
         return (again[0],)
@@ -179,7 +179,7 @@ def _promising(stages: Sequence[Stage], search: Search, set_aside: Collection[st
 def _significant(stages: Sequence[Stage], search: Search, set_aside: Collection[str]) -> list[Proposal]:
     """The scan's proposals above chance, above the form error of what is in the model already, and not set aside."""
     criteria, here = search.criteria, stages[-1].fitted
-    inside = [effect.name for effect in here.candidate.found]
+    inside = [effect.name for effect in here.candidate.added_effects]
     gained, left = stages[0].fitted.cost - here.cost, float(here.innovations @ here.innovations)
     further = min_gain_beside_others(gained, left, search.floors, criteria)
     of_excess = criteria.min_share_of_excess * (left - float(np.mean(search.floors)))
@@ -206,7 +206,7 @@ def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], criteria: Cri
     the bounds of their prior range that gain little of what the effects before them did."""
     names = {trial.proposal.name for trial in trials if _opposed(trial.fitted, trial.proposal.name)}
     here = stages[-1].fitted
-    if here.candidate.found:
+    if here.candidate.added_effects:
         large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
         bounded = [trial for trial in trials if _at_bounds(trial.fitted, trial.proposal.name)]
         names |= {trial.proposal.name for trial in bounded if here.cost - trial.fitted.cost < large}
@@ -215,8 +215,8 @@ def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], criteria: Cri
 
 def _at_bounds(fitted: Fit, name: str) -> bool:
     """Whether an effect of this class had to leave its prior range."""
-    priors = fitted.candidate.layout.machine.priors
-    return any(at_bounds(effect, priors) for effect in fitted.candidate.found if effect.name == name)
+    priors = fitted.candidate.nominal.priors
+    return any(at_bounds(effect, priors) for effect in fitted.candidate.added_effects if effect.name == name)
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
@@ -227,7 +227,7 @@ def _opposed(fitted: Fit, name: str) -> bool:
 
 def _too_many(fitted: Fit, criteria: Criteria) -> bool:
     """Whether so many effects are in the model that they could be a series expansion of anything."""
-    found = fitted.candidate.found
+    found = fitted.candidate.added_effects
     return len({effect.name for effect in found}) > criteria.max_effects or len(found) > criteria.max_effects + 2
 
 

@@ -61,7 +61,7 @@ class Proposal:
     def added_to(self, candidate: Candidate) -> Candidate:
         """The candidate with the proposed effect or random force in it."""
         if self.random_force is not None:
-            return replace(candidate, shaken=(*candidate.shaken, self.random_force))
+            return replace(candidate, random_forces=(*candidate.random_forces, self.random_force))
         assert self.effect is not None, f"{self.name} is carried by the {self.carrier}"
         return replace(candidate, effects=in_order((*candidate.effects, self.effect)))
 

@@ -84,7 +84,9 @@ def _effect(proposal: Proposal) -> Effect:
 def _members(fitted: Fit) -> dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]:
     """By name what the model has beside the machine file's own effects, each class's strongest member first."""
     effects, found = fitted.candidate.effects, dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]()
-    stated = Counter(effect.name for effect in effects) - Counter(effect.name for effect in fitted.candidate.found)
+    stated = Counter(effect.name for effect in effects) - Counter(
+        effect.name for effect in fitted.candidate.added_effects
+    )
     for effect, std in zip(effects, deviations_of(fitted), strict=True):
         if stated[effect.name] > 0:
             stated[effect.name] -= 1
@@ -122,13 +124,13 @@ def deviations_of(fitted: Fit) -> list[dict[str, float]]:
     if not candidate.effects:
         return []
     wide = np.concatenate([candidate.layout.deviation, effects_prior_std(candidate)])
-    whole = np.hstack([fitted.slopes, fitted.own]) * wide
+    whole = np.hstack([fitted.slopes, fitted.effect_jacobian]) * wide
     covariance = np.linalg.inv(whole.T @ whole + np.eye(wide.size)) * np.outer(wide, wide)
     found, begin = [], candidate.layout.count
     for effect in candidate.effects:
         here = coordinates(effect)
         own = covariance[begin : begin + here.size, begin : begin + here.size]
-        found.append(_spread_of(effect, here, own, candidate.layout.machine.priors))
+        found.append(_spread_of(effect, here, own, candidate.nominal.priors))
         begin += here.size
     return found
 

@@ -20,7 +20,7 @@ from diagnosis.model.fit import weights
 from diagnosis.model.motions import numbered
 from diagnosis.model.residual import columns
 from diagnosis.where.force import SLOW, smoothed_force
-from diagnosis.which.scan import Freed, freed, quadratures
+from diagnosis.which.scan import NuisanceProjection, partial_out, quadratures
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
 from models.nominal_file import load
@@ -61,17 +61,17 @@ def _verdict(names: Sequence[str], missing: bool) -> dict[str, Any]:
 
 def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
     """Names in the order in which Akaike's criterion takes them; every effect at the shape that fits alone best."""
-    own = freed(found.baseline.nominal, _segments(found))
+    projection = partial_out(found.baseline.nominal, _segments(found))
     effects = [
         one.effect
         for one in found.stages[0].scanned
         if one.effect is not None and one.name not in disabled and one.in_sample_gain > 0
     ]
-    blocks = [_columns(found, own, effect) for effect in effects]
+    blocks = [_columns(found, projection, effect) for effect in effects]
     if not blocks:
         return ()
     whole, owner = np.hstack(blocks), np.repeat(np.arange(len(blocks)), [block.shape[1] for block in blocks])
-    gram, slope = whole.T @ whole, whole.T @ own.e
+    gram, slope = whole.T @ whole, whole.T @ projection.e
     prices = [2.0 * len(parameters(type(effect))) for effect in effects]
     chosen: list[int] = []
     for _ in range(MOST):
@@ -98,12 +98,12 @@ def _segments(found: Diagnosis) -> NDArray[np.int64]:
     return numbered(found.baseline.pieces, found.baseline.records)
 
 
-def _columns(found: Diagnosis, own: Freed, effect: Any) -> Array:
+def _columns(found: Diagnosis, projection: NuisanceProjection, effect: Any) -> Array:
     """What the effect changes of the innovations, freed of the nominal parameters (n, k)."""
     fitted = found.baseline.nominal
     variants = [in_order((*fitted.candidate.effects, variant)) for variant in quadratures(effect)]
-    given = columns(fitted.candidate, variants, found.baseline.records, fitted.paths, fitted.seen, fitted.walk)
-    return own(given * weights(found.baseline.records)[:, None])
+    given = columns(fitted.candidate, variants, found.baseline.records, fitted.paths, fitted.residuals, fitted.walk)
+    return projection(given * weights(found.baseline.records)[:, None])
 
 
 def _sparse(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:

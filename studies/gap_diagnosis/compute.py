@@ -14,7 +14,7 @@ from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import suite, to_csv
 from diagnosis.improved import improved_machine
-from diagnosis.model.kalman import JITTER
+from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.motions import Piece
 from diagnosis.where.serialise import pictures
 from models.effects.base import parameters
@@ -117,7 +117,7 @@ def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -
             {"name": name, "value": value, "unit": unit, "meaning": meaning, "chosen": chosen}
             for name, value, unit, meaning, chosen in found.baseline.criteria.listed()
         ],
-        "white_force_N": {"usual": JITTER, "taken": found.baseline.nominal.candidate.jitter},
+        "white_force_N": {"usual": WHITE_FORCE, "taken": found.baseline.nominal.candidate.white_force},
         "not_looked_for": [name for name in every() if name not in given.machine.kinds],
         "catalogue": {name: _entry(name) for name in given.machine.kinds},
         "pictures": pictures(

@@ -16,7 +16,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import search, static_equilibrium_start
 from diagnosis.where.controller import replayed
-from diagnosis.which.scan import Finding, freed, scan
+from diagnosis.which.scan import Finding, partial_out, scan
 from models.effects.base import SHOWN, Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
@@ -50,7 +50,7 @@ def _scanned(records: tuple[Record, ...], machine: Machine = MACHINE) -> list[Fi
     layout = parameters(machine, 1)
     start = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=3, walk=1e-2)
     fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=4e-3)
-    return scan(fitted, records, freed(fitted, numbered(pieces(records), records)))[0]
+    return scan(fitted, records, partial_out(fitted, numbered(pieces(records), records)))[0]
 
 
 @pytest.fixture(scope="module")

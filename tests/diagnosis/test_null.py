@@ -15,7 +15,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import static_equilibrium_start
 from diagnosis.null import Null
-from diagnosis.which.scan import Freed, freed, scan
+from diagnosis.which.scan import NuisanceProjection, partial_out, scan
 from models.records.record import Record
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.where.cases import fitted, schedules
@@ -28,12 +28,12 @@ CRITERIA = Criteria()
 
 def test_columns_of_the_same_table_give_the_findings_that_it_gives_alone() -> None:
     found = fitted(MACHINE, RECORDS)
-    own = freed(found, numbered(pieces(RECORDS), RECORDS))
-    alone, known = scan(found, RECORDS, own)
+    projection = partial_out(found, numbered(pieces(RECORDS), RECORDS))
+    alone, known = scan(found, RECORDS, projection)
     kinds = {effect.name for effect in known}
     assert "current_loop_lag" not in kinds  # the dead time explains nearly all of it
     assert {"cogging", "additional_mode", "viscous_friction"} <= kinds
-    shared, _ = scan(found, RECORDS, own, known=known)
+    shared, _ = scan(found, RECORDS, projection, known=known)
     plain, again = ({one.effect.name: one.held_out for one in findings} for findings in (alone, shared))
     assert again == pytest.approx(plain, rel=1e-4, abs=1e-3)  # columns are kept in single precision
 
@@ -42,7 +42,8 @@ def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatc
     layout = parameters(MACHINE, len(RECORDS))
     shared = null.null(layout, RECORDS, draws=4)
 
-    def alone_scan(fitted: Fit, records: Sequence[Record], own: Freed, known: object = None) -> object:  # noqa: ARG001
+    def alone_scan(fitted: Fit, records: Sequence[Record], own: NuisanceProjection, known: object = None) -> object:
+        del known
         return scan(fitted, records, own)
 
     monkeypatch.setattr(null, "scan", alone_scan)

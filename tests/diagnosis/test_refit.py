@@ -24,7 +24,7 @@ def test_whether_the_drive_follows_beyond_its_rating_is_read_off_the_records(tru
     records = recorded(truth, PLAN, seed=11)
     most = max(float(np.abs(record.command).max()) for record in records)
     assert most > WEAK.drive.rated_thrust
-    found = refit_within(WEAK, records).candidate.layout.machine
+    found = refit_within(WEAK, records).candidate.nominal
     follows = truth is MACHINE
     assert found.drive.rated_thrust == (most if follows else WEAK.drive.rated_thrust)
     assert found.sources["drive.rated_thrust"].kind == ("identified" if follows else "paper")

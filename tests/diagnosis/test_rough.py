@@ -19,7 +19,7 @@ from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import amplitude_ladder, repeated_strokes, sequence
 from diagnosis.how_far import gap
 from diagnosis.model.fit import Fit, unrepeated
-from diagnosis.model.kalman import JITTER
+from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.motions import MotionKind, Piece, pieces, rms, scatter
 from diagnosis.model.parameters import applied, parameters
 from diagnosis.refit import refit_within, weighed
@@ -83,14 +83,14 @@ def found(rough: tuple[Record, ...], tmp_path_factory: pytest.TempPathFactory) -
 
 
 def test_the_white_force_of_a_rough_drive_is_found(fitted: Fit) -> None:
-    assert fitted.candidate.jitter == pytest.approx(SIZE, rel=0.15)
+    assert fitted.candidate.white_force == pytest.approx(SIZE, rel=0.15)
     assert np.mean(fitted.innovations**2) == pytest.approx(1.0, abs=0.12)
 
 
 def test_a_white_force_that_the_first_guess_overshoots_is_found() -> None:
     """From 0.08 N the first guess goes beyond the commands; the answer, 11 N, does not."""
     records = recorded(MACHINE, PLAN, [Knocks(11.0, MACHINE.sample_time)], seed=SEED, wrong=0.0)
-    assert refit_within(MACHINE, records).candidate.jitter == pytest.approx(11.0, rel=0.15)
+    assert refit_within(MACHINE, records).candidate.white_force == pytest.approx(11.0, rel=0.15)
 
 
 def test_what_is_nominal_is_found_on_a_rough_drive(fitted: Fit, rough: tuple[Record, ...]) -> None:
@@ -106,7 +106,7 @@ def test_what_is_nominal_is_found_on_a_rough_drive(fitted: Fit, rough: tuple[Rec
 def test_a_drive_that_is_as_smooth_as_its_model_keeps_its_weights() -> None:
     records = recorded(MACHINE, PLAN, seed=SEED)
     found = refit_within(MACHINE, records)
-    assert found.candidate.jitter == JITTER
+    assert found.candidate.white_force == WHITE_FORCE
     assert weighed(found, records) is found
 
 
@@ -116,7 +116,7 @@ def test_the_floor_of_a_rough_drive_is_what_does_not_repeat(fitted: Fit, rough: 
     assert least.source == "repeats"
     (own,) = least.innovations
     known = ~np.isnan(own)
-    left = signal(fitted.seen, fitted.candidate.machine)
+    left = signal(fitted.residuals, fitted.candidate.machine)
     assert np.mean(own[known] ** 2) == pytest.approx(np.mean(left[known] ** 2), rel=0.1)
     assert least.gap().force == pytest.approx(gap(fitted.candidate, rough, fitted.paths).force, rel=0.3)
 
@@ -132,7 +132,7 @@ def test_a_reading_that_drops_out_is_no_force() -> None:
     found = refit_within(MACHINE, broken)
     apart = unrepeated(found, broken, pieces(broken), Criteria().min_equal_motions)
     assert np.nanmean(apart**2) > Criteria().rough_variance
-    assert found.candidate.jitter == JITTER
+    assert found.candidate.white_force == WHITE_FORCE
 
 
 def test_without_repeated_motions_no_drive_is_called_rough() -> None:
@@ -140,7 +140,7 @@ def test_without_repeated_motions_no_drive_is_called_rough() -> None:
     once = (record.part(0, record.position.size // 2),)
     found = refit_within(MACHINE, once)
     assert np.isnan(unrepeated(found, once, pieces(once), Criteria().min_equal_motions)).all()
-    assert found.candidate.jitter == JITTER
+    assert found.candidate.white_force == WHITE_FORCE
 
 
 def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) -> None:
@@ -164,14 +164,17 @@ def test_a_strong_effect_on_a_smooth_table_makes_it_no_rough_one(tmp_path: Path)
     found = diagnose(MACHINE, records, cache=tmp_path)
     assert np.mean(found.baseline.nominal.innovations**2) > 10.0
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
-    assert found.baseline.nominal.candidate.jitter == JITTER
+    assert found.baseline.nominal.candidate.white_force == WHITE_FORCE
     assert found.how_far.source == "simulated"
 
 
 def test_an_experiment_shows_less_of_a_rough_drive() -> None:
     """The linearisation that experiments are compared by takes the white force that the records showed."""
     planned = amplitude_ladder(MACHINE, (10e-6,))
-    sizes = [np.linalg.norm(virtual(MACHINE, planned, jitter=jitter)[0].slopes) for jitter in (JITTER, SIZE)]
+    sizes = [
+        np.linalg.norm(virtual(MACHINE, planned, white_force=white_force)[0].slopes)
+        for white_force in (WHITE_FORCE, SIZE)
+    ]
     assert sizes[1] < 0.5 * sizes[0]
 
 

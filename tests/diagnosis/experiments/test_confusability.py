@@ -24,10 +24,10 @@ from diagnosis.experiments.schedules import menu, quickest
 from diagnosis.model.fit import weights
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import Candidate, columns, look
+from diagnosis.model.residual import Candidate, columns, evaluate
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import words
-from diagnosis.which.scan import by_segment, freed, judged, quadratures
+from diagnosis.which.scan import by_segment, judged, partial_out, quadratures
 from models.controller import Controller
 from models.effects.base import Effect
 from models.effects.catalogue import every, looked_for
@@ -79,10 +79,12 @@ def test_no_other_effect_comes_nearer_than_its_own_absence(several: Confusabilit
 def test_the_distance_is_what_the_simulated_effect_gains(name: str) -> None:
     """The effect in the closed loop, and what its own law then gains beside the re-fitted nominal model."""
     records, fit = case(name)
-    own = freed(fit, numbered(pieces(records), records))
+    projection = partial_out(fit, numbered(pieces(records), records))
     effect = every()[name].typical()
-    given = own(columns(fit.candidate, [(effect,)], records, fit.paths, fit.seen) * weights(records)[:, None])
-    gain = judged(effect, *by_segment(given, own), own).gain
+    given = projection(
+        columns(fit.candidate, [(effect,)], records, fit.paths, fit.residuals) * weights(records)[:, None]
+    )
+    gain = judged(effect, *by_segment(given, projection), projection).gain
     assert gain == pytest.approx(_expected(effect), rel=0.35)
     assert gain > THRESHOLD
 
@@ -164,12 +166,14 @@ def test_the_proposal_holds_when_it_is_run() -> None:
     cogging = Cogging.typical()
     records = run(machine, (cogging,), [found.schedule])
     fit = fitted(machine, records)
-    own = freed(fit, numbered(pieces(records), records))
+    projection = partial_out(fit, numbered(pieces(records), records))
     gains = {}
     for effect in (cogging, every()["cable_spring"].typical()):
         variants = [(one,) for one in quadratures(effect)]
-        given = own(columns(fit.candidate, variants, records, fit.paths, fit.seen) * weights(records)[:, None])
-        gains[effect.name] = judged(effect, *by_segment(given, own), own).gain
+        given = projection(
+            columns(fit.candidate, variants, records, fit.paths, fit.residuals) * weights(records)[:, None]
+        )
+        gains[effect.name] = judged(effect, *by_segment(given, projection), projection).gain
     assert gains["cogging"] - gains["cable_spring"] > THRESHOLD
 
 
@@ -257,5 +261,5 @@ def test_an_offset_in_the_machine_file_is_known_and_the_parameter_adds_to_it() -
     theta[layout.of("amplifier_offset")] = 2.0
     adding, nothing = (Candidate(layout, one) for one in (theta, np.zeros(layout.count)))
     assert adding.machine.drive.offset == 2.0
-    assert np.array_equal(look(adding, [record], fit.paths)[0].innovations[100:], fit.innovations[100:])
-    assert look(nothing, [record], fit.paths)[0].force - fit.seen[0].force == pytest.approx(2.0)
+    assert np.array_equal(evaluate(adding, [record], fit.paths)[0].innovations[100:], fit.innovations[100:])
+    assert evaluate(nothing, [record], fit.paths)[0].force - fit.residuals[0].force == pytest.approx(2.0)

@@ -55,7 +55,7 @@ def test_the_adjoint_gives_every_inner_product(seed: int) -> None:
 
 
 def test_columns_side_by_side_are_the_filter_itself() -> None:
-    rng, model = np.random.default_rng(1), _model(shaken=(Resonance(8.0, 0.1, 0.02),))
+    rng, model = np.random.default_rng(1), _model(random_forces=(Resonance(8.0, 0.1, 0.02),))
     force, reading = rng.standard_normal((11, 403, SUBSTEPS)), rng.standard_normal((11, 403))
     alone = [innovations(model, force[j], reading[j], np.zeros(model.C.size)) for j in range(11)]
     whitened = np.stack(alone, axis=1) / model.deviation

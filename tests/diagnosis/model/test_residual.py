@@ -10,7 +10,7 @@ import pytest
 from diagnosis.model import residual
 from diagnosis.model.fit import fit
 from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import Candidate, columns, look, smooth
+from diagnosis.model.residual import Candidate, columns, evaluate, smooth
 from diagnosis.model.start_states import search, static_equilibrium_start
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import DirectionalFriction, Stribeck
@@ -27,7 +27,7 @@ def test_an_effect_of_the_machine_files_own_is_no_finding() -> None:
     own, other = Cogging(1.0, 0.03, 0.0), Cogging(2.0, 0.05, 0.0)
     layout = parameters(replace(MACHINE, effects=(own,)), 1)
     both = in_order((own, Stribeck(0.1, 2e-3), other))
-    assert Candidate(layout, np.zeros(layout.count), both).found == [Stribeck(0.1, 2e-3), other]
+    assert Candidate(layout, np.zeros(layout.count), both).added_effects == [Stribeck(0.1, 2e-3), other]
 
 
 def test_records_beside_each_other_give_what_they_give_one_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,9 +47,9 @@ def test_what_is_known_of_a_replay_gives_the_columns_that_replaying_it_gives(mon
     layout = parameters(MACHINE, len(records))
     candidate = Candidate(layout, static_equilibrium_start(layout, records), (DirectionalFriction(0.05, 2e-6, 0),))
     paths = smooth(candidate, records)
-    seen = look(candidate, records, paths)
+    residuals = evaluate(candidate, records, paths)
     trials = [in_order((*candidate.effects, Cogging(1.0, 0.035, 0.3)))]
-    known = columns(candidate, trials, records, paths, seen)
+    known = columns(candidate, trials, records, paths, residuals)
     monkeypatch.setattr(residual, "changed", lambda *_: frozenset(ACTING))
     assert np.abs(known).max() > 1.0
-    np.testing.assert_allclose(columns(candidate, trials, records, paths, seen), known, atol=1e-9)
+    np.testing.assert_allclose(columns(candidate, trials, records, paths, residuals), known, atol=1e-9)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.experiments.schedules import Move, multisine, schedule
-from diagnosis.model.kalman import JITTER, SUBSTEPS, discretised, predictor, smoothed
+from diagnosis.model.kalman import SUBSTEPS, WHITE_FORCE, discretised, predictor, smoothed
 from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
 from diagnosis.where.coordinates import Coordinate, explain
@@ -60,7 +60,7 @@ def test_the_band_holds_a_force_that_walks_as_assumed(walk: float) -> None:
     state, force, reading = np.zeros(c.size), np.empty(n), np.empty(n)
     for k in range(n):
         force[k], reading[k] = state[-1], c @ state + NOISE * draw.standard_normal()
-        state = a @ state + b.sum(axis=1) * JITTER * draw.standard_normal()
+        state = a @ state + b.sum(axis=1) * WHITE_FORCE * draw.standard_normal()
         state[-1] += walk * draw.standard_normal()
     model = predictor(machine.plant, machine.sample_time, walk=walk, noise=NOISE)
     found = smoothed(model, np.zeros((n, SUBSTEPS)), reading, np.zeros(c.size))[:, -1]
@@ -80,7 +80,7 @@ def test_the_steady_deviation_is_the_sum_of_what_each_noise_does(walk: float) ->
     read = smoothed(model, 0 * push, reading, still)[:, -1]
     pushed = smoothed(model, push, 0 * reading, still)[:, -1]
     left = smoothed(model, step, 0 * reading, still)[:, -1] + (np.arange(n) >= REACH)
-    total = np.sqrt(NOISE**2 * read @ read + JITTER**2 * pushed @ pushed + walk**2 * left @ left)
+    total = np.sqrt(NOISE**2 * read @ read + WHITE_FORCE**2 * pushed @ pushed + walk**2 * left @ left)
     assert steady_deviation(plant, ts, walk=walk, noise=NOISE) == pytest.approx(total, rel=0.01)
 
 

@@ -45,8 +45,8 @@ def test_punctual_commands_are_not_called_late(effects: tuple[Effect, ...], seed
 
 def test_parts_of_one_multisine_repeat_nothing() -> None:
     """They differ, and what a law makes of them would pass for late commands."""
-    shaken = (multisine(MACHINE, duration=6.0),)
-    records = recorded(MACHINE, shaken, [GainAsymmetry(0.02)], seed=36)
+    excited = (multisine(MACHINE, duration=6.0),)
+    records = recorded(MACHINE, excited, [GainAsymmetry(0.02)], seed=36)
     late = lateness(refit(parameters(MACHINE, 1), records), records)
     assert late.gain == 0.0
     assert np.isinf(late.scatter)

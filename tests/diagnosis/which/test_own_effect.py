@@ -14,7 +14,7 @@ from diagnosis.model.fit import at_bounds
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
-from diagnosis.which.scan import freed, scan
+from diagnosis.which.scan import partial_out, scan
 from models.effects.base import Effect
 from models.effects.catalogue import every
 from tests.diagnosis.tables import fitted_with, recorded, short, table
@@ -91,7 +91,7 @@ def test_the_scan_finds_a_periodic_friction_that_is_no_sine() -> None:
     effect = made("tight_spot", 2.345e-3)
     records = recorded(MACHINE, PLAN, [effect], seed=31)
     nominal = refit_within(MACHINE, records)
-    findings, _ = scan(nominal, records, freed(nominal, numbered(pieces(records), records)))
+    findings, _ = scan(nominal, records, partial_out(nominal, numbered(pieces(records), records)))
     assert findings[0].effect.name == "tight_spot"
     (fitted,) = fitted_with(nominal, findings[0].effect, records).candidate.effects
     assert vars(fitted)["lead"] == pytest.approx(2.345e-3, rel=1e-3)

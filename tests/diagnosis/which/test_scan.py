@@ -11,7 +11,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.model.fit import at_bounds
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.refit import refit_within
-from diagnosis.which.scan import freed, peaks, scan
+from diagnosis.which.scan import partial_out, peaks, scan
 from models.effects.base import Effect
 from models.effects.friction_laws import PositionDependentFriction, Stribeck
 from models.effects.motor import Cogging, ThrustRipple
@@ -46,7 +46,7 @@ def test_a_period_far_below_the_usual_ones_is_found_where_a_machine_states_it(la
     stated = replace(MACHINE, priors=Priors.of({(law.name, period): (1e-3, 5e-3)}))
     records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
     nominal = refit_within(stated, records)
-    found, _ = scan(nominal, records, freed(nominal, numbered(pieces(records), records)))
+    found, _ = scan(nominal, records, partial_out(nominal, numbered(pieces(records), records)))
     best = found[0].effect
     assert best.name == law.name
     fitted = fitted_with(nominal, best, records)
@@ -61,11 +61,11 @@ def test_what_is_known_of_a_scan_tells_the_next_stage_what_its_own_columns_would
     records = recorded(MACHINE, PLAN, [Cogging(1.5, 0.035, 1.0), Stribeck(0.1, 2e-3)], seed=13)
     nominal = refit_within(MACHINE, records)
     segment = numbered(pieces(records), records)
-    _, known = scan(nominal, records, freed(nominal, segment))
+    _, known = scan(nominal, records, partial_out(nominal, segment))
     first = fitted_with(nominal, Cogging(1.5, 0.035, 1.0), records)
-    own = freed(first, segment)
+    projection = partial_out(first, segment)
     plain, reused = (
-        {one.effect.name: one.held_out for one in scan(first, records, own, known=k)[0]} for k in ({}, known)
+        {one.effect.name: one.held_out for one in scan(first, records, projection, known=k)[0]} for k in ({}, known)
     )
     assert max(plain, key=lambda name: plain[name]) == "stribeck"
     assert reused == pytest.approx(plain, rel=0.05, abs=0.1 * Criteria().min_gain)

@@ -60,7 +60,7 @@ class Planned:
         candidate = stage.fitted.candidate
         promised = self.promises.get(len(candidate.effects), {})
         proposals = [Proposal(name, gain, self.threshold, effect=self._effect(name)) for name, gain in promised.items()]
-        force = self.forces.get(len(candidate.shaken))
+        force = self.forces.get(len(candidate.random_forces))
         return replace(stage, proposals=(*proposals, *([force] if force else []))), known or {}
 
     def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
@@ -86,7 +86,7 @@ def _searched(
     """Names in the model at each stage."""
     stages = grown(_fit(START, own=own), Planned(promises, costs, effects or {}, forces or {}))
     assert [stage.added is None for stage in stages] == [i == 0 for i in range(len(stages))]
-    return [[effect.name for effect in stage.fitted.candidate.found] for stage in stages]
+    return [[effect.name for effect in stage.fitted.candidate.added_effects] for stage in stages]
 
 
 def test_an_effect_whose_fit_gains_nothing_makes_room_for_the_next() -> None:
@@ -166,7 +166,7 @@ def test_a_random_force_goes_first_unless_an_effect_gains_far_more(gain: float, 
     stages = grown(_fit(START), Planned({0: {"cogging": 1000.0}}, costs, {}, {0: _force(gain)}))
     assert next(stage.added for stage in stages[1:]) == ("floor_vibration" if first else "cogging")
     assert {stage.added for stage in stages[1:]} == {"floor_vibration", "cogging"}
-    assert len(stages[-1].fitted.candidate.shaken) == 1
+    assert len(stages[-1].fitted.candidate.random_forces) == 1
 
 
 def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wrong_by() -> None:

@@ -99,8 +99,8 @@ def test_cable_and_floor() -> None:
     path = steady(0.2, COMMAND.size)
     assert driven(make("cable_spring", 300.0)).force == pytest.approx(-300 * path.position)
     t = (np.arange(path.position.size) + 0.5) * TS / 4
-    shaken = driven(make("floor_vibration", 0.5, 12.0, 0.7)).force.ravel()
-    assert shaken == pytest.approx(0.5 * np.sin(2 * math.pi * 12 * t + 0.7))
+    random_forces = driven(make("floor_vibration", 0.5, 12.0, 0.7)).force.ravel()
+    assert random_forces == pytest.approx(0.5 * np.sin(2 * math.pi * 12 * t + 0.7))
 
 
 def test_the_scale_side() -> None:
