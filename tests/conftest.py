@@ -1,6 +1,7 @@
 """Settings for all tests."""
 
 import os
+from pathlib import Path
 
 # Before numpy is imported: the matrices are small, and threads of BLAS would wait for each other on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -13,12 +14,46 @@ settings.register_profile("reproducible", deadline=None, derandomize=True)
 settings.load_profile("reproducible")
 
 
+HERE = Path(__file__).parent
+# What runs whole studies or diagnoses and is left out by `make test-fast`, except for what follows.
+SLOW = (
+    "benchmark",
+    "design/pid/test_published.py",
+    "design/trajectory/test_history_aware.py",
+    "diagnosis",
+    "models/identification/test_response.py",
+    "models/test_emps.py",
+    "studies",
+)
+QUICK = (
+    "diagnosis/model",
+    "diagnosis/test_criteria.py",
+    "diagnosis/test_verdict.py",
+    "diagnosis/where",
+    "diagnosis/which/test_table.py",
+    "studies/blind_trial/test_scoring.py",
+    "studies/test_options.py",
+)
+
+
+def slow(path: Path) -> bool:
+    """Whether a file of tests is left out by `make test-fast`."""
+
+    def below(folders: tuple[str, ...]) -> bool:
+        return any(path.is_relative_to(HERE / folder) for folder in folders)
+
+    return below(SLOW) and not below(QUICK)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests that look at quick runs come first, those of one study's behind each other.
 
     Each of several processes begins with an unbroken part of all tests and takes from the end of another's when it has
     none left, so that one of them makes nearly all quick runs, each once, and the fixtures of most files are made once.
     """
+    for item in items:
+        if slow(item.path):
+            item.add_marker("slow")
     items.sort(key=lambda item: (not _shared(item), _study(item) if _shared(item) else ""))
 
 

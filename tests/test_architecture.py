@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from tests import conftest
+
 ROOT = Path(__file__).parents[1]
 MAY_IMPORT = {
     "models": {"models"},
@@ -174,3 +176,11 @@ def test_a_diagnosis_does_not_wait_for_what_only_designs_and_reports_use() -> No
     script = "import sys, diagnosis.evidence; print(*sorted({'control', 'matplotlib'} & set(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
     assert found.stdout.split() == []
+
+
+def test_the_tests_that_are_called_slow_or_quick_are_there() -> None:
+    """A path that has moved would put whole studies into `make test-fast` without a word."""
+    for name in (*conftest.SLOW, *conftest.QUICK):
+        assert (conftest.HERE / name).exists(), name
+    assert conftest.slow(conftest.HERE / "studies" / "test_review.py")
+    assert not conftest.slow(Path(__file__))

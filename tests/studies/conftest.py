@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from studies.catalogue import every
 from studies.command import main
+from studies.pid_tradeoff.published import compare
 
 
 @pytest.fixture(scope="session")
@@ -23,3 +25,11 @@ def quick_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple
         return done[name]
 
     return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _published_once() -> Iterator[None]:
+    """The published optima depend on no machine: found once for all runs of pid_tradeoff in these tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("studies.pid_tradeoff.compute.compare", cache(compare))
+        yield

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -36,10 +37,32 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
+@pytest.fixture(scope="module")
+def repeated(written: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the study writes when it is run again as a review does."""
+    output = tmp_path_factory.mktemp("again") / "out"
+    run_study(STUDY, ["--quick", "--machine", str(written / "machine.toml"), "--output", str(output)])
+    return output
+
+
 @pytest.fixture
 def folder(written: Path, tmp_path: Path) -> Path:
     """A copy of that run to spoil."""
     return Path(shutil.copytree(written, tmp_path / "out"))
+
+
+@pytest.fixture
+def spoilt(folder: Path, repeated: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Such a copy whose machine stays as it is, so that its second run may be one for all of these tests."""
+
+    def run_again(_study: object, arguments: list[str]) -> int:
+        options = dict(pairwise(arguments))
+        assert sha256(Path(options["--machine"])) == sha256(repeated / "machine.toml")
+        shutil.copytree(repeated, options["--output"], dirs_exist_ok=True)
+        return DONE
+
+    monkeypatch.setattr("studies.review.follows.main", run_again)
+    return folder
 
 
 def test_an_untouched_report_is_reproduced_byte_for_byte(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,20 +72,20 @@ def test_an_untouched_report_is_reproduced_byte_for_byte(folder: Path, capsys: p
     assert f"{folder} follows from its inputs" in said
 
 
-def test_an_edited_figure_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    figure = folder / "figures" / "responses.svg"
+def test_an_edited_figure_is_found(spoilt: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figure = spoilt / "figures" / "responses.svg"
     figure.write_text(figure.read_text(encoding="utf-8").replace("</svg>", "<g/></svg>"), encoding="utf-8")
-    assert main([str(folder)]) == CHECK_MISSED
+    assert main([str(spoilt)]) == CHECK_MISSED
     said = capsys.readouterr().out
     assert "edited    figures/responses.svg is not as the run wrote it" in said
     assert "DOES NOT FOLLOW" in said
 
 
-def test_results_newer_than_the_report_are_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+def test_results_newer_than_the_report_are_found(spoilt: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    results = json.loads((spoilt / "results.json").read_text(encoding="utf-8"))
     results["results"]["with"]["worst_dispersion_m"] *= 0.5
-    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
-    assert main([str(folder)]) == CHECK_MISSED
+    (spoilt / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    assert main([str(spoilt)]) == CHECK_MISSED
     said = capsys.readouterr().out
     assert "the report is not made from these results" in said
     assert re.search(r"results\.with\.worst_dispersion_m: .* before, .* now \(relative difference 0\.5\)", said)
@@ -78,13 +101,13 @@ def test_a_changed_parameter_is_named_with_what_it_does(folder: Path, capsys: py
     assert "run again different" in said
 
 
-def test_another_version_source_or_lock_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+def test_another_version_source_or_lock_is_named(spoilt: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    manifest = json.loads((spoilt / "manifest.json").read_text(encoding="utf-8"))
     manifest["versions"]["numpy"] = "1.0.0"
     manifest["inputs"]["source"]["sha256"] = "0" * 64
     manifest["inputs"]["lock"]["sha256"] = "0" * 64
-    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    assert main([str(folder)]) == CHECK_MISSED
+    (spoilt / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    assert main([str(spoilt)]) == CHECK_MISSED
     said = capsys.readouterr().out
     for part in (
         "version of numpy: 1.0.0 before",
@@ -95,9 +118,9 @@ def test_another_version_source_or_lock_is_named(folder: Path, capsys: pytest.Ca
         assert part in said
 
 
-def test_a_missing_output_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "report.pdf").unlink()
-    assert main([str(folder)]) == CHECK_MISSED
+def test_a_missing_output_is_found(spoilt: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (spoilt / "report.pdf").unlink()
+    assert main([str(spoilt)]) == CHECK_MISSED
     assert "report.pdf is missing" in capsys.readouterr().out
 
 

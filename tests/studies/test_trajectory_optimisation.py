@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -30,17 +31,15 @@ from models.records.record import motions
 from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from models.variation import drawn
-from studies.command import CHECK_MISSED, DONE, main
-from studies.trajectory_optimisation.__main__ import STUDY
+from studies.command import DONE
 from studies.trajectory_optimisation.outcomes import RANGE, Aim, judge
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What one quick run wrote; four tables are few, so the aims may be missed."""
-    output = tmp_path_factory.mktemp("trajectory") / "out"
-    options = ["--quick", "--objective", "peak_thrust", "--tables", "4", "--output", str(output)]
-    assert main(STUDY, options) in {DONE, CHECK_MISSED}
+def folder(quick_run: Callable[[str], tuple[Path, int]]) -> Path:
+    """What one quick run wrote; tests/studies/test_improved_machine.py runs it with another objective."""
+    output, status = quick_run("trajectory_optimisation")
+    assert status == DONE
     return output
 
 
