@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from studies.catalogue import every
-from studies.command import BAD_INPUT, CHECK_MISSED, DONE, guarded, main, require_writable
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, guarded, main
+from studies.folder import require_writable
 from studies.options import Parser
 from studies.study import Study
 

@@ -11,13 +11,12 @@ import math
 import os
 import shutil
 import sys
-import tempfile
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from studies.folder import EVERY, Place, atomic_folder, is_full, require_free
 from studies.options import BadInputError, Parser, add_options
 from studies.study import Answer, Progress, Study, machine_for, machine_of
 
@@ -41,7 +40,10 @@ def guarded(work: Callable[[], int]) -> int:
     except BadInputError as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
-    except Exception:
+    except Exception as error:
+        if is_full(error):
+            print("error: the disk is full, nothing was written; make room and run it again", file=sys.stderr)
+            return BAD_INPUT
         traceback.print_exc()
         print("error: a fault of this tool, not of its input; please report it with the lines above", file=sys.stderr)
         return FAULT
@@ -80,7 +82,8 @@ def plain(content: Any) -> Any:
 def _run(study: Study, given: argparse.Namespace) -> int:
     options = study.options(**vars(given))
     output = options.output or Path("reports/out") / study.name
-    require_writable(output)
+    place = Place(output, study.name, (*EVERY, *study.writes), study.keeps, options.overwrite)
+    require_free(place)
     from models.machine import parameters, to_json
     from studies.manifest import manifest
 
@@ -98,7 +101,7 @@ def _run(study: Study, given: argparse.Namespace) -> int:
             "checks": checks,
         }
     )
-    with atomic_folder(output) as folder:
+    with atomic_folder(place) as folder:
         for name, content in {"results.json": whole, **answer.files}.items():
             text = content if isinstance(content, str) else to_text(content)
             (folder / name).write_text(text, encoding="utf-8")
@@ -139,53 +142,6 @@ def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Prog
         {figure.name: list(figure.keys) for figure in report.figures},
         {name: list(keys) for name, keys in report.tables.items()},
     )
-
-
-def require_writable(output: Path) -> None:
-    """Raises BadInputError, before any work, for a folder that can't be written."""
-    existing = next(place for place in (output, *output.absolute().parents) if place.exists())
-    if not existing.is_dir():
-        raise BadInputError(f"--output {output}: {existing} is a file; give a folder")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise BadInputError(f"--output {output}: {existing} can't be written to; give another folder")
-
-
-@contextmanager
-def atomic_folder(output: Path) -> Iterator[Path]:
-    """A folder that becomes `output` when the block ends, and vanishes when it fails: nothing is left half-written.
-
-    Files of an earlier run, and only those, make way.
-    """
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=".writing-", dir=output))
-    except OSError as error:
-        raise BadInputError(
-            f"--output {output}: can't be written to ({error.strerror}); give another folder"
-        ) from error
-    try:
-        yield folder
-        _remove_earlier(output)
-        for file in sorted(file for file in folder.rglob("*") if file.is_file()):
-            place = output / file.relative_to(folder)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            file.replace(place)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _remove_earlier(output: Path) -> None:
-    earlier = output / "manifest.json"
-    if not earlier.is_file():
-        return
-    try:
-        names = json.loads(earlier.read_text(encoding="utf-8"))["outputs"]
-    except (ValueError, KeyError, TypeError):
-        return  # not one of ours
-    for name in names:
-        file = (output / name).resolve()
-        if file.is_relative_to(output.resolve()):
-            file.unlink(missing_ok=True)
 
 
 def _print_summary(answer: Answer, output: Path, written: Sequence[Path]) -> None:

@@ -14,6 +14,10 @@ from typing import Any, Final
 ROOT: Final = Path(__file__).parents[1]
 SOURCES: Final = ("models", "design", "diagnosis", "studies", "reports")
 PROJECT: Final = "rolling-friction-positioning"
+FORMAT: Final = f"{PROJECT}/manifest/1"
+"""What says of a manifest.json that it is of a run of this project, and in which form."""
+NOT_ASKED: Final = {"output", "overwrite"}
+"""Options that say where the answer goes, not what it is."""
 SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua"}
 
 
@@ -22,14 +26,14 @@ def manifest(study: str, options: Mapping[str, Any], machine: Path, folder: Path
 
     The machine file is kept beside the results as machine.toml, so that its hash can be checked without this machine.
     """
-    files = [(name, file) for name, value in sorted(options.items()) if name != "output" for file in _paths(value)]
+    files = [(name, file) for name, value in sorted(options.items()) if name not in NOT_ASKED for file in _paths(value)]
     shown = {
         name: value
         for name, value in options.items()
-        if name not in {"output", "machine", *(name for name, _ in files)}
+        if name not in {*NOT_ASKED, "machine", *(name for name, _ in files)}
     }
-    outputs = sorted(file for file in folder.rglob("*") if file.is_file())
     return {
+        "format": FORMAT,
         "study": study,
         "options": shown,
         "inputs": {
@@ -48,8 +52,14 @@ def manifest(study: str, options: Mapping[str, Any], machine: Path, folder: Path
             "lock": {"file": "requirements.lock", "sha256": lock_hash()},
         },
         "versions": versions(),
-        "outputs": {file.relative_to(folder).as_posix(): sha256(file) for file in outputs},
+        "outputs": hashes(folder),
     }
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """The SHA-256 of every file below the folder by its name, which is relative and has forward slashes."""
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    return {file.relative_to(folder).as_posix(): sha256(file) for file in files}
 
 
 def _paths(value: object) -> list[Path]:

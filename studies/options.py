@@ -184,6 +184,9 @@ class Options:
     output: Path | None = path("FOLDER", "where results go (default: reports/out/{study})")
     quick: bool = flag("coarser curves, for a smoke test; the report says so")
     seed: int = whole("N", "of all that is random (default: 0)", 0, default=0)
+    overwrite: bool = flag(
+        "replace files in --output that no earlier run of this study wrote, or that were edited since"
+    )
     no_report: bool = flag("write no report, only results.json and the like")
 
     def __post_init__(self) -> None:

@@ -53,12 +53,16 @@ class Answer:
 @dataclass(frozen=True, repr=False)
 class Study:
     """One question, answered by the package studies.NAME: `compute` of its compute.py answers it, `tell` of its
-    report.py says how the answer is told; both are imported only when called. `options`: what it can be asked.
+    report.py says how the answer is told; both are imported only when called. `options`: what it can be asked;
+    `writes`: names of the files, beyond those of every study, that it may write; `keeps`: those of them that it writes
+    while it works, and goes on from.
     """
 
     name: str
     question: str
     options: type[Options] = Options
+    writes: tuple[str, ...] = ()
+    keeps: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"{self.name}: {self.question}"

@@ -6,7 +6,13 @@ from studies.blind_trial.options import TrialOptions
 from studies.command import main
 from studies.study import Study
 
-STUDY = Study("blind_trial", "How often is the diagnosis right when the effect is withheld?", TrialOptions)
+STUDY = Study(
+    "blind_trial",
+    "How often is the diagnosis right when the effect is withheld?",
+    TrialOptions,
+    writes=("answers.json",),
+    keeps=("answers.json",),
+)
 
 if __name__ == "__main__":
     sys.exit(main(STUDY))

@@ -144,6 +144,18 @@ def read_answers(file: Path) -> dict[str, Any]:
     return {name: one for name, one in content.items() if isinstance(one, dict)} if isinstance(content, dict) else {}
 
 
+def require_answers(file: Path, *, overwrite: bool) -> None:
+    """Raises BadInputError for a file that would be replaced and does not hold answers of an earlier run."""
+    if overwrite or not os.path.lexists(file):
+        return
+    answers = read_answers(file) if file.is_file() and not file.is_symlink() else {}
+    if not answers or not all(isinstance(one.get("of"), str) for one in answers.values()):
+        raise BadInputError(
+            f"--output {file.parent}: {file.name} in it does not hold the answers of a trial; "
+            "give another folder, or --overwrite to replace it"
+        )
+
+
 def write_answers(file: Path, answers: Mapping[str, Any]) -> None:
     """Puts the answers in place in one step: whenever this is killed, the file holds the old ones or the new."""
     file.parent.mkdir(parents=True, exist_ok=True)

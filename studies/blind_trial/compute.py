@@ -15,7 +15,7 @@ from joblib import cpu_count
 from models.machine import Machine
 from studies.blind_trial import answering
 from studies.blind_trial import figures_of_merit as merit
-from studies.blind_trial.answering import Conditions, answer_all
+from studies.blind_trial.answering import Conditions, answer_all, require_answers
 from studies.blind_trial.guard import SEALER_FOLDER, leaks, shared_code
 from studies.blind_trial.options import TrialOptions
 from studies.blind_trial.packs import Pack, open_key, read_pack
@@ -58,6 +58,7 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
         if getattr(options, name) is not None:
             raise BadInputError(f"--{name}: a trial runs on the nominal.json of its pack; leave it out")
     output = options.output or Path("reports/out/blind_trial")
+    require_answers(output / "answers.json", overwrite=options.overwrite)
     begun = time.monotonic() if _timed(options, output) else None
     trial = _trial(options, output, progress)
     scored = trial.key is not None

@@ -10,6 +10,7 @@ STUDY = Study(
     "deadbeat_design",
     "Which N_ff(z), D_ff(z) for this machine, and do they hold on the nonsmooth one?",
     DeadbeatOptions,
+    writes=("controller.json",),
 )
 
 if __name__ == "__main__":

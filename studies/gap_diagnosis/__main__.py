@@ -10,6 +10,7 @@ STUDY = Study(
     "gap_diagnosis",
     "Where does the real machine leave the model, which effect causes it, how far does the gap shrink?",
     DiagnosisOptions,
+    writes=("improved.toml", "suite.csv", "next_experiment.csv"),
 )
 
 if __name__ == "__main__":

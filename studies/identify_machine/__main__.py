@@ -10,6 +10,7 @@ STUDY = Study(
     "identify_machine",
     "Which machine is this, as its frequency response, hysteresis and motion records show it, and how surely?",
     IdentificationOptions,
+    writes=("identified.toml",),
 )
 
 if __name__ == "__main__":

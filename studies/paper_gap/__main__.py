@@ -10,6 +10,7 @@ STUDY = Study(
     "paper_gap",
     "Which effects leave what compensation left on the paper's table, and which experiment would tell?",
     PaperOptions,
+    writes=("next_experiment.csv", "second_experiment.csv"),
 )
 
 if __name__ == "__main__":

@@ -6,7 +6,9 @@ from studies.command import main
 from studies.pid_tradeoff.options import TradeoffOptions
 from studies.study import Study
 
-STUDY = Study("pid_tradeoff", "How much friction suppression does stability leave?", TradeoffOptions)
+STUDY = Study(
+    "pid_tradeoff", "How much friction suppression does stability leave?", TradeoffOptions, writes=("controller.json",)
+)
 
 if __name__ == "__main__":
     sys.exit(main(STUDY))

@@ -10,6 +10,7 @@ STUDY = Study(
     "response_variation",
     "Does the model show what the paper shows, and which tables could the paper's be?",
     VariationOptions,
+    writes=("ensemble.toml", "most_central.toml"),
 )
 
 if __name__ == "__main__":

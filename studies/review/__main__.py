@@ -6,7 +6,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from studies.command import CHECK_MISSED, DONE, atomic_folder, guarded, require_writable, to_text
+from studies.command import CHECK_MISSED, DONE, guarded, to_text
+from studies.folder import Place, atomic_folder, require_free
+from studies.manifest import FORMAT, hashes, versions
 from studies.options import Parser
 from studies.study import Progress
 
@@ -39,9 +41,12 @@ def _run(arguments: Sequence[str] | None) -> int:
         metavar="FOLDER",
         help="where the comparison goes (default: reports/out/review)",
     )
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace files in --output that no earlier comparison wrote"
+    )
     options = parser.parse_args(arguments)
     return (
-        _compare(options.folder, options.other, options.output)
+        _compare(options.folder, options.other, Place(options.output, "review", overwrite=options.overwrite))
         if options.other
         else _follows(options.folder, options.tolerance)
     )
@@ -64,12 +69,12 @@ def _follows(folder: Path, tolerance: float) -> int:
     return DONE if found.follows else CHECK_MISSED
 
 
-def _compare(before: Path, after: Path, output: Path) -> int:
+def _compare(before: Path, after: Path, place: Place) -> int:
     from reports.report import render
     from studies.options import BadInputError
     from studies.review.compare import compare, read, tell
 
-    require_writable(output)
+    require_free(place)
     one, other = read(before), read(after)
     if one["study"] != other["study"]:
         raise BadInputError(f"{before} is of {one['study']}, {after} of {other['study']}; give two of one study")
@@ -78,15 +83,18 @@ def _compare(before: Path, after: Path, output: Path) -> int:
     content = compare(one, other)
     report = tell(content)
     content["figures"] = [figure.name for figure in report.figures]
-    with atomic_folder(output) as folder:
+    with atomic_folder(place) as folder:
         shown = {key: item for key, item in content.items() if key not in {"before", "after"}}
         (folder / "results.json").write_text(to_text(shown), encoding="utf-8")
         render(report, content, folder, progress=lambda text: progress(0.5, text))
+        inputs = {"before": before.name, "after": after.name}
+        record = {"format": FORMAT, "study": "review", "options": {}, "inputs": inputs, "versions": versions()}
+        (folder / "manifest.json").write_text(to_text({**record, "outputs": hashes(folder)}), encoding="utf-8")
     turned = [row["name"] for row in content["checks"] if row["turned"]]
     print(f"parameters that differ: {len(content['machine'])}")
     for name in turned:
         print(f"turned    {name}")
-    print("written:", output / "report.html", output / "report.pdf", output / "results.json")
+    print("written:", *(place.folder / name for name in ("report.html", "report.pdf", "results.json")))
     return CHECK_MISSED if turned else DONE
 
 

@@ -10,6 +10,7 @@ STUDY = Study(
     "trajectory_optimisation",
     "Which x_T* makes every motion settle, whatever the friction remembers?",
     TrajectoryOptions,
+    writes=("controller.json",),
 )
 
 if __name__ == "__main__":
