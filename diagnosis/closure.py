@@ -20,12 +20,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import Gap, gap, gaps_by_record, with_sines
+from diagnosis.how_far import Gap, gap, gaps_by_record
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, noise, smooth
 from diagnosis.null import simulated
+from diagnosis.which.random_force import with_sines
 from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out
 from diagnosis.which.stage import Carrier, Stage
 from models.effects.base import Effect

@@ -15,9 +15,9 @@ from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import STARTING, Candidate, Residual, SmoothedPath, evaluate, smooth, unweighted_predictor
 from diagnosis.null import simulated
+from diagnosis.which.random_force import with_sines
 from diagnosis.which.stage import Stage
 from models.effects.catalogue import in_order
-from models.effects.structure import FloorVibration
 from models.machine import Machine
 from models.records.record import Record, motions
 from models.records.settling import settling_time
@@ -66,12 +66,6 @@ class HowFar:
             "held_out": True,
             "stages": [{"added": name, **gap.to_json()} for name, gap in self.stages],
         }
-
-
-def with_sines(candidate: Candidate) -> Candidate:
-    """The candidate with a sine of equal power in the place of each random force, as a simulation can have it."""
-    sines = [FloorVibration(2**0.5 * one.level, one.frequency, 0.0) for one in candidate.random_forces]
-    return replace(candidate, effects=in_order((*candidate.effects, *sines)), random_forces=())
 
 
 def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> Gap:

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from typing import Final
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.how_far import with_sines
+from diagnosis.which.random_force import with_sines
 from diagnosis.which.table import deviations_of
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of

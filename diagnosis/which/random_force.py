@@ -16,9 +16,10 @@ from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import Resonance
-from diagnosis.model.residual import STARTING, Residual, evaluate
+from diagnosis.model.residual import STARTING, Candidate, Residual, evaluate
 from diagnosis.which.scan import NuisanceProjection, adjoints
 from models.effects.base import parameters
+from models.effects.catalogue import in_order
 from models.effects.priors import USUAL
 from models.effects.structure import FloorVibration
 from models.records.record import Record
@@ -44,10 +45,11 @@ class RandomForce:
     gain: float
     steady: float = 1.0
 
-    @property
-    def effect(self) -> FloorVibration:
-        """The sine of equal power."""
-        return FloorVibration(2**0.5 * self.resonance.level, self.resonance.frequency, 0.0)
+
+def with_sines(candidate: Candidate) -> Candidate:
+    """The candidate with a sine of equal power in place of each random force, which a simulation can have."""
+    sines = [FloorVibration(2**0.5 * one.level, one.frequency, 0.0) for one in candidate.random_forces]
+    return replace(candidate, effects=in_order((*candidate.effects, *sines)), random_forces=())
 
 
 def strongest_random_force(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> RandomForce:

@@ -21,7 +21,7 @@ def sentences(results: Results) -> dict[str, str]:
         "outcome": _outcome(results["verdict"]),
         "where": _where(results["where"]),
         "which": _which(results),
-        "how_far": _how_far(results["verdict"], results["how_far"]),
+        "how_far": _how_far(results),
     }
 
 
@@ -123,7 +123,8 @@ def _values(parameters: Results) -> str:
     )
 
 
-def _how_far(verdict: Results, far: Results) -> str:
+def _how_far(results: Results) -> str:
+    verdict, far = results["verdict"], results["how_far"]
     floor = _gap(far["floor"])
     if far["floor_source"] == "repeats":
         floor += ", the scatter between equal motions"
@@ -146,16 +147,17 @@ def _how_far(verdict: Results, far: Results) -> str:
     return (
         f"On held-out motions {'what goes into the model' if part else 'this'} closes {100 * far['closure']:.0f} % "
         f"({100 * low:.0f} to {100 * high:.0f} %) of the gap between the re-fitted model and the noise floor"
-        f"{', which is not the whole answer' if part else ''}: {moved}{_unexplained(verdict, far)}; the noise floor is "
+        f"{', which is not the whole answer' if part else ''}: {moved}{_unexplained(results)}; the noise floor is "
         f"{floor}."
     )
 
 
-def _unexplained(verdict: Results, far: Results) -> str:
+def _unexplained(results: Results) -> str:
     """The share of the gap that several effects surely leave unexplained. A single effect may leave as much where
-    nothing more is missing, and the closure does not measure a controller mismatch or late commands."""
-    names, (low, high) = verdict["effects"], far["closure_interval"]
-    if len(names) < 2 or {"controller_mismatch", "timing_jitter"} & set(names) or 1 - high < MUCH:
+    nothing more is missing, and the closure does not measure effects that show in the log only."""
+    names, (low, high) = results["verdict"]["effects"], results["how_far"]["closure_interval"]
+    logged = any(results["catalogue"][name]["shown_in"] == "log" for name in names)
+    if len(names) < 2 or logged or 1 - high < MUCH:
         return ""
     return f"; {100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap remain unexplained"
 

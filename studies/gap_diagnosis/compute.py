@@ -148,7 +148,7 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
 def _entry(name: str) -> dict[str, Any]:
     kind = every()[name]
     doc = (kind.__doc__ or "").strip().splitlines()[0]
-    return {"family": kind.family, "equation": kind.equation, "meaning": doc}
+    return {"family": kind.family, "equation": kind.equation, "meaning": doc, "shown_in": kind.shown_in()}
 
 
 def _next(beside: Evidence, machine: Machine) -> dict[str, Any] | None:
