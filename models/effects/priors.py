@@ -20,10 +20,10 @@ class Priors(Mapping[tuple[str, str], Range]):
     rows: tuple[tuple[tuple[str, str], Range], ...] = ()
 
     def __post_init__(self) -> None:
-        """Every range is one."""
+        """Checks that every entry is a range of positive sizes."""
         for (effect, name), ends in self.rows:
             if len(ends) != 2 or not 0 < ends[0] < ends[1]:
-                raise ValueError(f"{effect}: {name}: is no range; give its least and its most, the least above 0")
+                raise ValueError(f"{effect}: {name}: must be a range; give its minimum and maximum, both above 0")
 
     @classmethod
     def of(cls, ranges: Mapping[tuple[str, str], Range]) -> Self:

@@ -105,7 +105,7 @@ def _priors(table: object, where: str, sources: dict[str, Provenance]) -> Priors
         ranges = _ranges(kind, entry, path, sources)
         if kind.name in stated:
             once = f"{where}.{kind.name}"
-            raise MachineError(f"{once}: stands there twice; state an effect's sizes once, in [{once}]")
+            raise MachineError(f"{once}: is given twice; state an effect's ranges once, in [{once}]")
         stated[kind.name] = ranges
     return Priors.of({(name, item): ends for name in known for item, ends in stated.get(name, {}).items()})
 
@@ -121,7 +121,7 @@ def _ranges(
         if key not in declared:
             raise MachineError(f"{join(where, key)}: unknown; {_nearest(key, list(declared))}")
     if not table:
-        raise MachineError(f"{where}: has no range; give the least and the most of {next(iter(declared))}, say")
+        raise MachineError(f"{where}: must hold a range; give the minimum and maximum of {next(iter(declared))}, say")
     ranges = {}
     for name in (name for name in declared if name in table):
         ends = _quantity(tuple[float, ...], declared[name], table[name], join(where, name), sources)

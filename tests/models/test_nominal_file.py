@@ -61,8 +61,8 @@ def test_the_sizes_that_effects_may_have_may_stand_in_it(tmp_path: Path) -> None
     ("stated", "says"),
     [
         ({"coging": {"pitch_m": [1e-3, 1e-2]}}, "priors.coging: unknown; did you mean 'cogging'?"),
-        ({"cogging": {}}, "priors.cogging: has no range"),
-        ({"cogging": {"pitch_m": [1e-2, 1e-3]}}, "priors.cogging: pitch: is no range"),
+        ({"cogging": {}}, "priors.cogging: must hold a range"),
+        ({"cogging": {"pitch_m": [1e-2, 1e-3]}}, "priors.cogging: pitch: must be a range"),
         ({"cogging": [1e-2, 1e-3]}, "priors.cogging: must be an object with names"),
         ({"cogging": {"pitch": [1e-3, 1e-2]}}, "priors.cogging.pitch: unknown; known here: amplitude_N, pitch_m"),
     ],

@@ -67,7 +67,7 @@ def test_they_are_a_frozen_mapping(tmp_path: Path) -> None:
     assert len(priors) == 3
     assert priors == Priors.of(dict(priors))
     assert hash(priors) == hash(Priors.of(dict(priors)))
-    with pytest.raises(ValueError, match="cogging: pitch: is no range"):
+    with pytest.raises(ValueError, match="cogging: pitch: must be a range"):
         Priors.of({("cogging", "pitch"): (2.0, 1.0)})
 
 
@@ -157,21 +157,24 @@ def test_without_any_the_common_effects_are_looked_for() -> None:
         ('[priors.coging]\npitch = ["1 mm", "10 mm"]', "priors.coging: unknown; did you mean 'cogging'?"),
         ('[priors.cogging]\npich = ["1 mm", "10 mm"]', "priors.cogging.pich: unknown; did you mean 'pitch'?"),
         ('[priors.cogging]\nphase = ["0.1", "3"]', "priors.cogging.phase: unknown"),
-        ('[priors.cogging]\npitch = ["10 mm", "1 mm"]', "priors.cogging: pitch: is no range; give"),
-        ('[priors.cogging]\npitch = ["0 mm", "1 mm"]', "priors.cogging: pitch: is no range; give"),
-        ('[priors.cogging]\npitch = ["1 mm", "2 mm", "3 mm"]', "priors.cogging: pitch: is no range; give"),
+        ('[priors.cogging]\npitch = ["10 mm", "1 mm"]', "priors.cogging: pitch: must be a range; give"),
+        ('[priors.cogging]\npitch = ["0 mm", "1 mm"]', "priors.cogging: pitch: must be a range; give"),
+        ('[priors.cogging]\npitch = ["1 mm", "2 mm", "3 mm"]', "priors.cogging: pitch: must be a range; give"),
         ('[priors.cogging]\npitch = "1 mm"', "priors.cogging.pitch: '1 mm' must be a list"),
         (
             '[priors.cogging]\npitch = ["1 N", "2 N"]',
             "priors.cogging.pitch: '1 N' is in N, but this is a quantity in m",
         ),
         ("[priors.directional_friction]\nasymmetry = [0.1, 1.5]", "asymmetry: 1.5 must be below 1"),
-        ("[priors.cogging]", "priors.cogging: has no range; give the least and the most of amplitude, say"),
+        (
+            "[priors.cogging]",
+            "priors.cogging: must hold a range; give the minimum and maximum of amplitude, say",
+        ),
         ("[priors]\ncogging = 3", "priors.cogging: must be a table; write [priors.cogging] with its values below"),
         ("priors = 3", "priors: must be a table; write [priors.NAME]"),
         (
             '[[priors.cogging]]\npitch = ["1 mm", "2 mm"]\n[[priors.cogging]]\npitch = ["1 mm", "2 mm"]',
-            "priors.cogging: stands there twice; state an effect's sizes once, in [priors.cogging]",
+            "priors.cogging: is given twice; state an effect's ranges once, in [priors.cogging]",
         ),
     ],
 )

@@ -101,26 +101,26 @@ def strongest_period(record: Record) -> float:
     return float(1 / waves[np.argmax(power)])
 
 
-def test_the_readme_tells_what_is_computed(results: dict[str, Any]) -> None:
-    told, far = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split()), results["how_far"]
+def test_the_readme_quotes_what_is_computed(results: dict[str, Any]) -> None:
+    readme, far = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split()), results["how_far"]
     before, after, (low, high) = far["gap_refitted"], far["gap_after"], far["closure_interval"]
     (row,) = (row for row in results["which"] if row["effect"] == DIRECTIONAL)
     (cogs,) = (row for row in results["which"] if row["effect"] == "cogging")
     for text in (
-        f"the unknown force from {before['force_N']:.2f} N to {after['force_N']:.2f} N and the simulated position from "
-        f"{1e6 * before['position_m']:.1f} µm to {1e6 * after['position_m']:.1f} µm off the record",
+        f"the unknown force from {before['force_N']:.2f} N to {after['force_N']:.2f} N and the simulation's "
+        f"position error from {1e6 * before['position_m']:.1f} µm to {1e6 * after['position_m']:.1f} µm",
         f"close {100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of the gap; "
-        f"{100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of it have no name",
+        f"{100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of it remains unexplained",
         f"The friction differs by {-100 * row['parameters']['asymmetry']['value']:.0f} %",
-        f"the axis cogs at {1e3 * cogs['parameters']['pitch']['value']:.2f} mm",
+        f"the cogging has a pitch of {1e3 * cogs['parameters']['pitch']['value']:.2f} mm",
     ):
-        assert text in told
+        assert text in readme
 
 
 def test_the_improved_machine_begins_where_the_answer_ended(
     data: Path, folder: Path, results: dict[str, Any], tmp_path: Path
 ) -> None:
-    """In force and in position: its PID, which has no integral, holds nothing of where the contacts start."""
+    """In force and in position: its PID has no integral part, so it keeps no memory of where the contacts start."""
     given = ["--machine", str(folder / "improved.toml"), "--no-report", "--output", str(tmp_path / "out")]
     assert main(STUDY, [str(data), *given]) == DONE
     again = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]["how_far"]
@@ -129,7 +129,7 @@ def test_the_improved_machine_begins_where_the_answer_ended(
 
 
 def test_the_machine_without_its_priors_is_not_explained(data: Path, tmp_path: Path) -> None:
-    """Sizes that are those of a linear motor's table fit no screw: directional friction is the first all the same."""
+    """A linear motor's ranges do not suit a screw, yet directional friction still comes first."""
     text, plain = MACHINE.read_text(encoding="utf-8"), tmp_path / "plain.toml"
     plain.write_text(re.sub(r"\[priors\..*?(?=\n\[control\])", "", text, flags=re.DOTALL), encoding="utf-8")
     assert not load(plain).priors
@@ -140,15 +140,15 @@ def test_the_machine_without_its_priors_is_not_explained(data: Path, tmp_path: P
 
 
 def test_friction_that_differs_by_direction_is_the_first_effect_to_go_into_the_model(results: dict[str, Any]) -> None:
-    """Behind the machine file's viscous friction, which is re-fitted and no finding."""
+    """After the machine file's viscous friction, which is re-fitted and does not count as a finding."""
     delivered, refitted, first, *_ = results["how_far"]["stages"]
     assert [delivered["added"], refitted["added"], first["added"]] == ["as delivered", "re-fitted", DIRECTIONAL]
     assert first["force_N"] < 0.75 * refitted["force_N"]
     assert first["position_m"] < 0.85 * refitted["position_m"]
     best, *others = results["which"]
     assert best["effect"] == DIRECTIONAL
-    innocent = [row["held_out_gain"] for row in others if row["effect"] not in results["verdict"]["effects"]]
-    assert best["held_out_gain"] > 5 * max(gain for gain in innocent if gain is not None)
+    unnamed = [row["held_out_gain"] for row in others if row["effect"] not in results["verdict"]["effects"]]
+    assert best["held_out_gain"] > 5 * max(gain for gain in unnamed if gain is not None)
 
 
 def test_friction_differs_by_direction_as_much_as_its_authors_method_says(
