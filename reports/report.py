@@ -12,9 +12,15 @@ and the same results give the same bytes, on every run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import multiprocessing
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -76,10 +82,23 @@ def render(
     markdown = text.head(report.title, report.question, captions) + body
     drawings = folder / "figures"
     drawings.mkdir(parents=True, exist_ok=True)
+
+    def drawn(figure: Figure) -> Path:
+        return draw(figure, drawn_from[figure.name], drawings)
+
+    ours, others = report.figures[::2], report.figures[1::2]
+    helper = _begin(drawn, others)
     # Pandoc is a process of its own: it sets the text for paper while this one still draws.
     with ThreadPoolExecutor(max_workers=2) as pool:
         source = pool.submit(pages.to_typst, markdown)
-        written = [draw(figure, drawn_from[figure.name], drawings, tell) for figure in report.figures]
+        written = []
+        for figure in ours:
+            tell(f"drawing {figure.name}")
+            written.append(drawn(figure))
+        done = helper is not None and _succeeded(helper)
+        for figure in others:
+            tell(f"drawing {figure.name}")
+            written.append(_file(figure, drawings) if done else drawn(figure))
         tell("setting report.html and report.pdf")
         html = pool.submit(pages.write_html, markdown, folder)
         written.append(pages.write_pdf(source.result(), folder))
@@ -87,15 +106,49 @@ def render(
     return tuple(sorted(written))
 
 
-def draw(figure: Figure, results: Mapping[str, Any], folder: Path, tell: Progress) -> Path:
+def _begin(drawn: Callable[[Figure], Path], figures: Sequence[Figure]) -> BaseProcess | None:
+    """A copy of this process that draws these figures on another core, at once, as it has imported all that it needs.
+
+    None where there is no other core, or where a copy would not be safe: on systems other than Linux, and where other
+    threads of Python run, whose locks would be held in the copy for ever. The idle threads of a solver do no harm.
+    """
+    if not figures or sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or threading.active_count() > 1:
+        return None
+    sys.stdout.flush()  # what still waits to be written would be written twice
+    helper = multiprocessing.get_context("fork").Process(target=_draw_all, args=(drawn, figures), daemon=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12, about those idle threads
+        helper.start()
+    return helper
+
+
+def _draw_all(drawn: Callable[[Figure], Path], figures: Sequence[Figure]) -> None:
+    try:
+        for figure in figures:
+            drawn(figure)
+    except (
+        Exception
+    ):  # whoever started this process draws them once more, and then the error is raised where it is seen
+        sys.exit(1)
+
+
+def _succeeded(helper: BaseProcess) -> bool:
+    helper.join()
+    return helper.exitcode == 0
+
+
+def draw(figure: Figure, results: Mapping[str, Any], folder: Path) -> Path:
     """Draws one figure to `folder`/NAME.svg. Raises `KeyError` if it reads results that it does not declare."""
-    tell(f"drawing {figure.name}")
-    path = folder / f"{figure.name}.svg"
+    path = _file(figure, folder)
     try:
         style.save(figure.draw, results, path)
     except KeyError as error:
         raise KeyError(f"figure {figure.name!r} reads {error}, which is none of its keys {figure.keys}") from error
     return path
+
+
+def _file(figure: Figure, folder: Path) -> Path:
+    return folder / f"{figure.name}.svg"
 
 
 def select(results: Mapping[str, Any], figure: Figure) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import matplotlib as mpl
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 TEXT_WIDTH = 160.0
@@ -84,6 +85,11 @@ def save(draw: Callable[[Mapping[str, Any]], Figure], results: Mapping[str, Any]
     """Writes what `draw` makes of `results` to `path` as SVG, in the report's style and without a date."""
     with mpl.rc_context(STYLE):
         figure = draw(results)
+        FigureCanvasSVG(figure)  # so that the layout is found with the letters of the file
+        layout = figure.get_layout_engine()
+        if layout is not None:  # done here, as savefig would draw everything once more for it
+            layout.execute(figure)
+            figure.set_layout_engine("none")
         figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
 
 

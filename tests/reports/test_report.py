@@ -70,6 +70,22 @@ def test_returns_the_written_paths_sorted(tmp_path: Path) -> None:
     assert "drawing loop" in lines
 
 
+def test_figures_drawn_by_a_second_process_are_those_of_one(
+    tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("reports.report._begin", lambda *_: None)
+    for path in render(demo.report(), demo.results(), tmp_path):
+        assert path.read_bytes() == (folder / path.relative_to(tmp_path)).read_bytes()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no second process draws on other systems")
+def test_what_is_wrong_with_a_figure_of_the_second_process_is_raised_here(tmp_path: Path) -> None:
+    figures = (figure(), replace(figure("other"), keys=("loop.frequency_Hz", "loop.phase_deg")))
+    report = told(tmp_path, "{{ figure('loop') }} {{ figure('other') }}", *figures)
+    with pytest.raises(KeyError, match="'other' reads 'magnitude'"):
+        render(report, demo.results(), tmp_path)
+
+
 def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
     folders = [tmp_path / "first", tmp_path / "in" / "second"]
     for folder, seed in zip(folders, ("1", "2"), strict=True):
