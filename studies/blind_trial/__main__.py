@@ -1,4 +1,4 @@
-"""`python -m studies.blind_trial`: sealed cases answered and scored, so that nobody fools himself."""
+"""`python -m studies.blind_trial`: a blind test: sealed cases are diagnosed without their key, then scored."""
 
 import sys
 

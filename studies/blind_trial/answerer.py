@@ -1,7 +1,7 @@
-"""The answerer's process: a case a line in, an answer a line out; it can't open the key nor the sealer's code.
+"""The answering process, which diagnoses one case per line of input and can open neither the key nor the sealer's code.
 
 Reads lines of JSON on stdin: first {"forbidden"}, then for each case {"records", "nominal", "disabled", "seed",
-"diagnosis", "baselines", "evidence", "cache"}; writes one line of JSON a case on stdout.
+"diagnosis", "baselines", "evidence", "cache"}; writes one line of JSON per case to stdout.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from studies.blind_trial.guard import forbid
 
 
 def answer(task: dict[str, Any]) -> dict[str, Any]:
-    """The diagnosis of a case, in the names of results.json, with the seconds that it took."""
+    """The diagnosis of a case, under the keys of results.json, with its wall-clock time in seconds."""
     from models import nominal_file as nominal
     from models.records import files as record_file
 
@@ -42,13 +42,13 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_evidence(found: Any, whole: dict[str, Any], disabled: list[str]) -> dict[str, Any]:
-    """The answer with where the gap lies, what the records cannot tell, and what to run next."""
+    """The answer, extended by where the gap lies, what the records cannot show, and which experiment to run next."""
     beside = import_module("diagnosis.evidence").evidence(found, disabled=disabled).to_json()
     return {**whole, "where": beside["where"], "verdict": {**whole["verdict"], **beside["verdict"]}}
 
 
 def _beside(found: Any, disabled: list[str]) -> dict[str, Any] | None:
-    """What simpler methods answer; None, with the reason on stderr, where they can't: the answer stands without."""
+    """The answers of simpler methods; None, with the reason on stderr, if they fail: the diagnosis stands without."""
     try:
         answers: dict[str, Any] = import_module("studies.blind_trial.baselines").answers(found, disabled)
     except Exception:
@@ -58,7 +58,7 @@ def _beside(found: Any, disabled: list[str]) -> dict[str, Any] | None:
 
 
 def guarded(task: dict[str, Any], refused: list[str]) -> dict[str, Any]:
-    """The answer, or what went wrong instead; an attempt to look at what is sealed spoils the answer."""
+    """The answer, or the error in its place; an attempt to open sealed files invalidates the answer."""
     try:
         found = answer(task)
     except Exception as error:
@@ -68,7 +68,7 @@ def guarded(task: dict[str, Any], refused: list[str]) -> dict[str, Any]:
 
 
 def failed(why: str) -> dict[str, Any]:
-    """What stands for an answer where there is none."""
+    """The placeholder for an answer that could not be given."""
     return {
         "verdict": {"outcome": "failed", "effects": [], "equivalent": []},
         "where": None,
@@ -80,9 +80,9 @@ def failed(why: str) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Locks the door, then answers until its input ends."""
+    """Forbids the sealed files to this process, then answers cases until its input ends."""
     refused = forbid(json.loads(sys.stdin.readline())["forbidden"])
-    out, sys.stdout = sys.stdout, sys.stderr  # whatever the diagnosis prints is no answer
+    out, sys.stdout = sys.stdout, sys.stderr  # anything the diagnosis prints must not mix with the answers
     from studies.command import plain
 
     for line in sys.stdin:

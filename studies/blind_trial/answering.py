@@ -1,4 +1,4 @@
-"""Every case of a pack answered, over the cores or a cluster; what is answered is kept at once and not done again."""
+"""Answers every case of a pack, over the cores or a cluster; each answer is saved at once and never computed again."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ SOURCES: Final = ("models", "diagnosis")
 class Conditions:
     """How cases are answered.
 
-    forbidden: files that no answerer may open; diagnosis: the module that diagnoses; baselines: whether they answer
-    too; evidence: whether the answer says where the gap lies and what to run next; cache: a folder for what cases of
-    one schedule share; program: what tells this program from another (empty:
-    the sources of models and diagnosis).
+    forbidden: files that no answering process may open; diagnosis: the module that diagnoses; baselines: whether the
+    simpler methods answer too; evidence: whether the answer says where the gap lies and which experiment to run next;
+    cache: a folder for what cases of one schedule share; program: an identifier of this program (empty: the hash of the
+    sources of models and diagnosis).
     """
 
     seed: int = 0
@@ -88,8 +88,8 @@ def answer_all(
     scheduler: str | None = None,
     jobs: int = -1,
 ) -> dict[str, Any]:
-    """The answers to all cases, also in `file` after each; those that it holds already, to the same records by the
-    same program, are taken from it. scheduler: address of a Dask cluster that sees the same folders. jobs: processes.
+    """The answers to all cases, saved in `file` after each; answers that it already holds, to the same records by the
+    same program, are reused. scheduler: address of a Dask cluster that sees the same folders. jobs: processes.
     """
     from joblib import Parallel, delayed
 
@@ -136,7 +136,7 @@ def _workers(scheduler: str | None) -> Iterator[None]:
 
 
 def read_answers(file: Path) -> dict[str, Any]:
-    """What is answered already; nothing for a file that is not there or is none."""
+    """The answers saved so far; none if the file is missing or is not valid."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -157,7 +157,7 @@ def require_answers(file: Path, *, overwrite: bool) -> None:
 
 
 def write_answers(file: Path, answers: Mapping[str, Any]) -> None:
-    """Puts the answers in place in one step: whenever this is killed, the file holds the old ones or the new."""
+    """Writes the answers atomically: whenever this is killed, the file holds either the old ones or the new."""
     file.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=".answers-", dir=file.parent)
     try:

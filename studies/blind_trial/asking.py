@@ -1,4 +1,4 @@
-"""Asks an answerer's process, which answers one case after another: to begin one takes longer than many an answer."""
+"""Keeps an answering process and gives it case after case, as starting one may take longer than an answer."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from typing import Any, Final
 from studies.blind_trial.answerer import failed
 
 ROOT: Final = Path(__file__).parents[2]
-PATIENCE: Final = 3600.0  # for one case, on cores that others use too [s]
-CASES: Final = 25  # that one process answers
+PATIENCE: Final = 3600.0  # The timeout of one case, on cores shared with other work [s].
+CASES: Final = 25  # The number of cases after which an answering process is replaced.
 THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "LOKY_MAX_CPU_COUNT")
-"""Settings of how many threads a process may have (the last is joblib's): one, as the next core has its own case."""
+"""Environment variables that limit threads (the last is joblib's): one each, as every core has a case to itself."""
 KEPT: Final = {"MALLOC_MMAP_THRESHOLD_": f"{2**25}", "MALLOC_TRIM_THRESHOLD_": f"{2**32}"}
-"""Memory [bytes] that GNU's allocator keeps: large arrays anew from the kernel cost a few per cent of the time."""
+"""Memory [bytes] that glibc's allocator retains: fetching large arrays anew from the kernel costs a few per cent."""
 
 
 class Answerer:
-    """One process that can't open `forbidden`; it ends with the one that began it, as its input does."""
+    """A process that cannot open `forbidden`; it ends with its input, so no later than the process that started it."""
 
     def __init__(self, forbidden: tuple[str, ...]) -> None:
         self.left = CASES
@@ -43,7 +43,7 @@ class Answerer:
         self._say({"forbidden": forbidden})
 
     def answer(self, task: dict[str, Any]) -> dict[str, Any]:
-        """The answer to a task (see answerer.py), or what stands for one where there is none."""
+        """The answer to a task (see answerer.py), or the placeholder of a failed one."""
         self.left -= 1
         line = self._say(task) and self._line()
         try:
@@ -57,11 +57,11 @@ class Answerer:
         return found
 
     def kill(self) -> None:
-        """Ends the process, whatever it does."""
+        """Ends the process at once."""
         self._process.kill()
 
     def end(self) -> None:
-        """Lets the process go."""
+        """Ends the process after its current case."""
         if self._process.stdin is not None and not self._process.stdin.closed:
             self._process.stdin.close()
         self._process.wait(timeout=60)
@@ -79,7 +79,7 @@ class Answerer:
         return True
 
     def _line(self) -> str | None:
-        """The next line; empty where the process has ended, None where it takes too long."""
+        """The next line; empty if the process has ended, None on a timeout."""
         stream = self._process.stdout
         assert stream is not None
         until = time.monotonic() + PATIENCE
@@ -90,11 +90,11 @@ class Answerer:
         return stream.readline()
 
 
-_ALIVE: dict[tuple[str, ...], Answerer] = {}  # of this process: a worker keeps its answerer from case to case
+_ALIVE: dict[tuple[str, ...], Answerer] = {}  # Of this worker, which keeps its answering process from case to case.
 
 
 def ask(task: dict[str, Any], forbidden: tuple[str, ...]) -> dict[str, Any]:
-    """The answer of a process that can't open `forbidden`; the process is kept for the next."""
+    """The answer of a process that cannot open `forbidden`; the process is kept for the next case."""
     answerer = _ALIVE.get(forbidden) or Answerer(forbidden)
     _ALIVE[forbidden] = answerer
     found = answerer.answer(task)
@@ -105,8 +105,8 @@ def ask(task: dict[str, Any], forbidden: tuple[str, ...]) -> dict[str, Any]:
 
 
 def end_with(parent: int) -> None:
-    """Lets this worker and its answerer end when the process `parent`, which began it, has ended: a worker by itself
-    would finish what it was told, and then wait.
+    """Ends this worker and its answering process once the process `parent`, which started it, has ended: otherwise a
+    worker would finish its tasks and then wait for more.
     """
 
     def watch() -> None:

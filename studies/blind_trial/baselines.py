@@ -1,10 +1,10 @@
-"""What simpler methods answer to the same records, from the same nominal re-fit: the diagnosis has to beat them.
+"""The answers of simpler methods to the same records, from the same nominal re-fit: the diagnosis has to beat them.
 
-refit_only         the nominal parameters re-fitted, nobody named
-aic_forward        effects of the catalogue added one by one while Akaike's criterion falls: no thresholds from a
-                   simulated null, nothing held out, no test whether the answer is adequate
+refit_only         the nominal parameters re-fitted, no effect named
+aic_forward        effects of the catalogue added one by one while Akaike's criterion falls: without thresholds from a
+                   simulated null, held-out data or a test of the model's adequacy
 sparse_regression  the unknown force on a library of functions of time, position, speed and command by sequentially
-                   thresholded least squares (SINDy: Brunton, Proctor and Kutz 2016, PNAS 113), as pysindy does it
+                   thresholded least squares (SINDy: Brunton, Proctor and Kutz 2016, PNAS 113), as in pysindy
 """
 
 from __future__ import annotations
@@ -29,22 +29,29 @@ from studies.blind_trial.packs import Pack
 
 Array = NDArray[np.float64]
 
-MOST: Final = 3  # effects in an answer
-LEFT: Final = 1.0  # of the innovations' variance over the noise's from which on something is missing
+MOST: Final = 3  # The largest number of effects in an answer.
+LEFT: Final = 1.0  # Innovation variance, relative to the noise, above which an effect is missing.
 PITCHES: Final = (8e-3, 15e-3, 30e-3, 60e-3)  # [m]
 STRIBECK: Final = 2e-3  # [m/s]
-THRESHOLDS: Final = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)  # of the unknown force's deviation
-RIDGE: Final = 0.03  # of the samples' number; functions of place are nearly alike
-EXPLAINED: Final = 0.1  # of the unknown force's variance, held out, from which on names are given
+THRESHOLDS: Final = (
+    0.05,
+    0.1,
+    0.2,
+    0.3,
+    0.4,
+    0.6,
+)  # Candidates for the sparsity threshold, in standard deviations of the unknown force.
+RIDGE: Final = 0.03  # Relative to the number of samples; functions of position are nearly collinear.
+EXPLAINED: Final = 0.1  # The least share of the unknown force's held-out variance to explain before naming any effect.
 
 
 def catalogue(pack: Pack) -> tuple[str, ...]:
-    """The names of the effects that are looked for in the machine of a pack."""
+    """The names of the effects searched for in the machine of a pack."""
     return tuple(load(pack.cases[0].nominal).kinds)
 
 
 def answers(found: Diagnosis, disabled: Collection[str]) -> dict[str, Any]:
-    """What each baseline answers to a case that was diagnosed, as {"verdict"}; its seed and records are the same."""
+    """Each baseline's answer, as {"verdict"}, to a diagnosed case, from the same seed and records."""
     nominal = found.baseline.nominal
     missing = nominal.candidate.rough or float(np.mean(np.square(nominal.innovations))) > LEFT
     return {
@@ -60,7 +67,7 @@ def _verdict(names: Sequence[str], missing: bool) -> dict[str, Any]:
 
 
 def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
-    """Names in the order in which Akaike's criterion takes them; every effect at the shape that fits alone best."""
+    """Names in the order in which Akaike's criterion selects them; every effect in its best shape by itself."""
     projection = partial_out(found.baseline.nominal, _segments(found))
     effects = [
         one.effect
@@ -89,7 +96,7 @@ def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
 
 
 def _gain(gram: Array, slope: Array, inside: NDArray[np.bool_]) -> float:
-    """By how much chi-square falls with these columns."""
+    """The reduction of chi-square by these columns."""
     part = gram[np.ix_(inside, inside)]
     return float(slope[inside] @ np.linalg.lstsq(part, slope[inside], rcond=None)[0]) if inside.any() else 0.0
 
@@ -99,7 +106,7 @@ def _segments(found: Diagnosis) -> NDArray[np.int64]:
 
 
 def _columns(found: Diagnosis, projection: NuisanceProjection, effect: Any) -> Array:
-    """What the effect changes of the innovations, freed of the nominal parameters (n, k)."""
+    """The effect's influence on the innovations, with the nominal parameters partialled out (n, k)."""
     fitted = found.baseline.nominal
     variants = [in_order((*fitted.candidate.effects, variant)) for variant in quadratures(effect)]
     given = columns(fitted.candidate, variants, found.baseline.records, fitted.paths, fitted.residuals, fitted.walk)
@@ -107,7 +114,7 @@ def _columns(found: Diagnosis, projection: NuisanceProjection, effect: Any) -> A
 
 
 def _sparse(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
-    """The classes of the functions that thresholded least squares keeps, by what they explain."""
+    """The classes of the functions that thresholded least squares keeps, by the variance they explain."""
     from pysindy import STLSQ
 
     force = np.concatenate(smoothed_force(found.baseline.nominal, found.baseline.records, SLOW).values)
@@ -137,7 +144,7 @@ def _sparse(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
 
 
 def _library(record: Record, seen: Any) -> Mapping[str, Array]:
-    """Functions (n, k) that an effect of each name would show as: of time, position, speed and command."""
+    """For each effect, functions (n, k) of time, position, speed and command that resemble it."""
     x, v, u = seen.path.at_samples, seen.path.speed.mean(axis=1), record.command
     t = np.arange(x.size) * record.sample_time
     turn = np.tanh(v / 1e-4)

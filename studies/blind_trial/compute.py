@@ -1,4 +1,4 @@
-"""The trial: a pack sealed or given, every case answered behind a closed door, the key opened, the answers scored."""
+"""The trial: seals a pack or takes a given one, answers every case in isolation, opens the key, scores the answers."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from studies.study import Answer, Check, Progress
 
 ROOT: Final = Path(__file__).parents[2]
 DIAGNOSIS: Final = answering.DIAGNOSIS
-CACHE: Final = Path("reports/out/.null")  # thresholds of a machine and a schedule, which the diagnosis keeps
+CACHE: Final = Path("reports/out/.null")  # The diagnosis caches thresholds per machine and schedule here.
 DEFAULT: Final = 60
 QUICK: Final = 4
-ANSWERED: Final = 0.93  # of a trial's time, when all cases are; then come second measurements
-FULL: Final = 300  # cases from which on a trial is to take no more than A_CASE for each, on so many CORES
+ANSWERED: Final = 0.93  # The share of a trial's time for its cases; the rest is for second measurements.
+FULL: Final = 300  # From this number of cases on, a trial may take at most A_CASE per case on CORES cores.
 A_CASE: Final = 12.0  # s
 CORES: Final = 2
 SOURCE: Final = "what the trial is to reach"
@@ -40,7 +40,7 @@ BASELINES: Final = ("refit_only", "aic_forward", "sparse_regression")
 
 @dataclass(frozen=True)
 class Trial:
-    """What there is to answer: the pack, the key if there is one, second measurements, and what no one may open."""
+    """What to answer: the pack, its key if known, second measurements, and the files no answering process may open."""
 
     pack: Pack
     key: Path | None
@@ -51,7 +51,7 @@ class Trial:
 def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answer:
     """Answers a pack and, with its key, scores the answers. Raises BadInputError.
 
-    The machine is the pack's nominal one, which the answerers read for themselves.
+    The machine is the pack's nominal one, which the answering processes read for themselves.
     """
     del machine
     for name in ("machine", "controller"):
@@ -66,7 +66,8 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
         options.seed if options.pack is None else 0,
         trial.forbidden,
         DIAGNOSIS,
-        baselines=scored and DIAGNOSIS == answering.DIAGNOSIS,  # they begin with what the project's own diagnosis finds
+        baselines=scored
+        and DIAGNOSIS == answering.DIAGNOSIS,  # They start from the re-fit of the project's own diagnosis.
         cache=CACHE,
     )
     begin = SEALING if options.pack is None else 0.0
@@ -103,18 +104,18 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
 
 
 def _timed(options: TrialOptions, output: Path) -> bool:
-    """Whether the time of this run is that of a trial: a pack of its own, nothing of another run in its folder, which
-    may have done a part of it, on the cores that the time is meant for. Thresholds in CACHE count as given."""
+    """Whether the time of this run is that of a whole trial: it seals its own pack, no earlier run has left part of the
+    work in its folder, and it has the number of cores that the limit refers to. Thresholds in CACHE may be reused."""
     begins = not any((output / name).exists() for name in ("sealed", "answers.json"))
     own = options.pack is None and options.scheduler is None and not options.quick
     return own and begins and cpu_count() == CORES
 
 
 def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
-    """The pack to answer, sealed for the purpose unless one is given."""
+    """The pack to answer: the given one, or one sealed now."""
     if options.pack is not None:
         if options.cases is not None:
-            raise BadInputError("--cases: a given --pack has its own; leave one of them out")
+            raise BadInputError("--cases: a --pack has its own number of cases; leave one of them out")
         if options.key is not None and not options.key.is_file():
             raise BadInputError(f"--key {options.key}: is not a file; give the key of this pack, or leave it out")
         forbidden = () if options.key is None else (options.key, *places(output).forbidden)
@@ -128,7 +129,7 @@ def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
 
 
 def _labels(bodies: Mapping[str, str], pack: Pack) -> dict[str, Label]:
-    """What proven bodies say. Raises BadInputError."""
+    """The labels in verified bodies. Raises BadInputError."""
     from studies.blind_trial.baselines import catalogue
 
     known = catalogue(pack)
@@ -139,7 +140,7 @@ def _labels(bodies: Mapping[str, str], pack: Pack) -> dict[str, Label]:
 
 
 def _forms(bodies: Mapping[str, str]) -> list[dict[str, Any]]:
-    """How the sealer formed each effect, where the bodies tell."""
+    """The functional form of each effect in the sealer, if the bodies state it."""
     found: dict[str, dict[str, Any]] = {}
     for body in bodies.values():
         for one in json.loads(body).get("effects", ()):
@@ -157,7 +158,7 @@ def _again(
     scheduler: str | None,
     tell: Callable[[float, str], None],
 ) -> dict[str, Any]:
-    """Closure found on a second measurement, with the interval stated from the first, where both name the effect."""
+    """Closure on a second measurement, beside the interval stated from the first, where both name the effect."""
     if trial.again is None:
         return {"count": 0, "inside": merit.Rate(0, 0).plain(), "pairs": []}
     once = replace(conditions, forbidden=trial.forbidden[:-1], baselines=False, evidence=False)
@@ -178,7 +179,7 @@ def _outcome(answer: Mapping[str, Any]) -> str:
 
 
 def _seconds(answers: Mapping[str, Any]) -> dict[str, float | None]:
-    """Wall-clock time of a diagnosis [s], two or more of them side by side; that of the trial is put in later."""
+    """Wall-clock time of a diagnosis [s], with several running in parallel; the trial's own is added later."""
     taken = [float(one["seconds"]) for one in answers.values() if one.get("seconds") is not None]
     if not taken:
         return {"median": None, "slowest": None, "total": None, "trial": None}
@@ -186,7 +187,7 @@ def _seconds(answers: Mapping[str, Any]) -> dict[str, float | None]:
 
 
 def _scored(labels: Mapping[str, Label], answers: Mapping[str, Any], again: Mapping[str, Any]) -> dict[str, Any]:
-    """All that the key shows; empty, with the same keys, where there is none."""
+    """All results that need the key; empty, with the same keys, without one."""
     scores = [score(label, answers[case]) for case, label in labels.items()]
     return {
         "rates": {name: rate.plain() for name, rate in merit.rates(scores).items()},
@@ -205,7 +206,7 @@ def _scored(labels: Mapping[str, Label], answers: Mapping[str, Any], again: Mapp
 
 
 def _baselines(labels: Mapping[str, Label], answers: Mapping[str, Any]) -> dict[str, Any]:
-    """The same rates for what other methods answer; none where they did not answer."""
+    """The same rates for the other methods; empty if they did not answer."""
     found: dict[str, Any] = {}
     for name in BASELINES:
         beside = {case: (answers[case].get("baselines") or {}).get(name) for case in labels}
@@ -238,13 +239,13 @@ def _row(case: str, answer: Mapping[str, Any], one: Score | None = None) -> dict
         "distance": sealed.distance,
         "counts": one.counts,
         "right": one.right,
-        "accused": one.accused,
+        "accused": one.false_positive,
         "probability": one.probability,
     }
 
 
 def _guards(trial: Trial, labels: Mapping[str, Label], answers: Mapping[str, Any]) -> dict[str, Any]:
-    """Whether somebody could have cheated: labels in the pack, code in both programs, a look at what is sealed."""
+    """Signs of a compromised trial: labels in the pack, code shared by both programs, attempts to open sealed files."""
     hidden = {name for label in labels.values() for name in label.names}
     return {
         "commitments": len(labels),
@@ -264,7 +265,7 @@ TARGETS: Final[tuple[tuple[str, str, str, float], ...]] = (
 
 
 def _checks(results: Mapping[str, Any], quick: bool) -> list[Check]:
-    """Every figure that the trial is to reach; one that was not tried is not stated."""
+    """Every target of the trial; those without cases are left out."""
     guards, seconds = results["guards"], results["seconds"]["median"]
     found = [
         Check("cases without an answer", float(results["outcomes"]["failed"]), "1", 0.0, SOURCE),
@@ -281,7 +282,7 @@ def _checks(results: Mapping[str, Any], quick: bool) -> list[Check]:
     first = results["calibration"]["first"]
     if first["count"] and not quick:
         found.append(Check("calibration error of the probabilities", first["error"], "1", 0.05, SOURCE))
-    if seconds is not None and not quick:  # a quick run is compared with a kept one, and time is no result
+    if seconds is not None and not quick:  # A quick run is compared with a stored one, so it must not contain times.
         found.append(Check("median time of one diagnosis", seconds, "s", 30.0, SOURCE))
     whole = results["seconds"]["trial"]
     if whole is not None and results["cases"] >= FULL:

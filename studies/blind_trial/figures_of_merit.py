@@ -1,4 +1,4 @@
-"""From scored cases to the figures of the trial: every rate with its binomial interval, calibration, confusion."""
+"""Figures of merit of scored cases: every rate with its binomial interval, calibration, confusion matrix."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import beta
 
-from studies.blind_trial.scoring import INNOCENT, KINDS, NAMING, STRANGE, Score
+from studies.blind_trial.scoring import KINDS, NAMING, OUT_OF_CATALOGUE, WITHOUT_EFFECT, Score
 
 BINS: Final = 10
 CONFIDENCE: Final = 0.95
@@ -50,7 +50,7 @@ def rate(scores: Iterable[Score], hit: Callable[[Score], bool]) -> Rate:
 
 
 def of_kind(scores: Iterable[Score], *kinds: str, counting: bool = True) -> list[Score]:
-    """The scores of cases of these kinds; those that need not be seen are left out where `counting`."""
+    """The scores of cases of these kinds; `counting` leaves out cases whose effect is not identifiable."""
     return [one for one in scores if one.label.kind in kinds and (one.counts or not counting)]
 
 
@@ -59,23 +59,23 @@ def rates(scores: Sequence[Score]) -> dict[str, Rate]:
     return {
         "right_name": rate(of_kind(scores, "single"), lambda one: one.right),
         "both_named": rate(of_kind(scores, "pair"), lambda one: one.right),
-        "false_accusation": rate(of_kind(scores, *INNOCENT), lambda one: one.accused),
+        "false_accusation": rate(of_kind(scores, *WITHOUT_EFFECT), lambda one: one.false_positive),
         "abstention": rate(of_kind(scores, "outsider"), lambda one: one.right),
         "abstention_disabled": rate(of_kind(scores, "disabled"), lambda one: one.right),
-        "innocent_named": rate(scores, lambda one: one.accused),
-        "wrong_name": rate(of_kind(scores, "single", "pair"), lambda one: one.accused),
+        "innocent_named": rate(scores, lambda one: one.false_positive),
+        "wrong_name": rate(of_kind(scores, "single", "pair"), lambda one: one.false_positive),
         "failed": rate(scores, lambda one: one.outcome == "failed"),
     }
 
 
 def likeness(scores: Sequence[Score]) -> Rate:
-    """How often an effect to which an answer without a name likens the gap in part is in the table. All kinds of tables
-    count, strangers among them, as a reader of such an answer knows no kind."""
+    """How often the effect that the gap partly resembles, according to an abstention, is in the table. All kinds of
+    tables count, also those with an out-of-catalogue effect, as the reader of such an answer cannot know the kind."""
     return rate([one for one in scores if one.alike], lambda one: bool({*one.alike} & {*one.label.names}))
 
 
 def by_severity(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
-    """Single effects of each severity, those that need not be seen too: right, silent, wrong."""
+    """Single effects of each severity, also those not identifiable: right name, no name, wrong name."""
     found: dict[str, dict[str, Any]] = {}
     for severity in ("low", "middle", "high"):
         those = [one for one in of_kind(scores, "single", counting=False) if one.label.severity == severity]
@@ -83,7 +83,7 @@ def by_severity(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
         found[severity] = {
             "right": rate(those, lambda one: one.right).plain(),
             "silent": rate(those, lambda one: one.outcome not in NAMING).plain(),
-            "accused": rate(those, lambda one: one.accused).plain(),
+            "accused": rate(those, lambda one: one.false_positive).plain(),
             "median_distance": float(np.median(distances)) if distances else None,
         }
     return found
@@ -104,20 +104,20 @@ def closures(scores: Sequence[Score]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Statement:
-    """One probability that an answer states of one effect, and whether the effect is in the case."""
+    """A probability that an answer states for an effect, and whether the effect is in the case."""
 
     probability: float
     true: bool
 
 
 def statements(answers: Mapping[str, Any], scores: Sequence[Score], first: bool) -> list[Statement]:
-    """What the answers state of effects: of each case's first candidate alone, or of all."""
+    """The probabilities that the answers state: for each case's first candidate only, or for all."""
     found = []
     for one in scores:
         which = answers[one.label.case].get("which") or ()
         stated = [entry for entry in which if entry.get("probability") is not None]
         for entry in stated[: 1 if first else None]:
-            inside = entry["effect"] in one.label.names and one.label.kind not in STRANGE
+            inside = entry["effect"] in one.label.names and one.label.kind not in OUT_OF_CATALOGUE
             found.append(Statement(float(entry["probability"]), inside))
     return found
 
@@ -143,7 +143,7 @@ def rate_of(flags: Sequence[bool]) -> Rate:
 
 
 def confusion(scores: Sequence[Score]) -> dict[str, Any]:
-    """Cases by what was in them (rows) and what was answered (columns): counts."""
+    """The confusion matrix: counts of cases by their true content (rows) and the answer (columns)."""
     rows: dict[str, dict[str, int]] = {}
     for one in sorted(scores, key=lambda one: (KINDS.index(one.label.kind), one.label.names)):
         row = one.label.names[0] if one.label.kind == "single" else one.label.kind
@@ -162,7 +162,7 @@ LAST: Final = ("several", "none_of_these", "parameters", "nothing_to_explain", "
 
 
 def _said(one: Score) -> str:
-    """An answer in a word: the name in the case if it is in the first group, else the group's first."""
+    """The confusion matrix's column of an answer: the true name if the answer is right, else the first name given."""
     if one.outcome not in NAMING or not one.groups:
         return one.outcome
     if one.label.kind in ("single", "pair") and one.right:

@@ -1,6 +1,6 @@
-"""Keeps the answerer from what it must not know, and finds where a trial could have been cheated.
+"""Isolates an answering process from the sealed files, and detects signs that a trial was compromised.
 
-Imports nothing but the standard library: an answerer's process calls `forbid` before it imports anything else.
+Imports only the standard library: an answering process calls `forbid` before it imports anything else.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, Final
 
 SEALER: Final = "studies.blind_trial.sealer"
 SEALER_FOLDER: Final = Path(__file__).with_name("sealer")
-# What takes a path first, or first and second.
+# Audit events whose first argument, or first two, are paths.
 PATHS: Final = {
     "open",
     "os.listdir",
@@ -26,7 +26,7 @@ PATHS: Final = {
     "os.truncate",
     "shutil.copyfile",
 }
-# What would run where this hook does not.
+# Audit events that would start code or connections outside this hook's control.
 SPAWNS: Final = (
     "subprocess.Popen",
     "os.system",
@@ -38,18 +38,18 @@ SPAWNS: Final = (
     "pty.spawn",
     "socket.connect",
 )
-WORTH_COMPARING: Final = 60  # nodes of a function's syntax tree; shorter ones are alike by chance
+WORTH_COMPARING: Final = 60  # Syntax-tree nodes of a function; shorter functions may coincide by chance.
 
 
 class RefusedError(PermissionError):
-    """The answerer asked for what is sealed."""
+    """The answering process tried to open something sealed."""
 
 
 def forbid(files: Iterable[str | os.PathLike[str]], modules: Sequence[str] = (SEALER,)) -> list[str]:
-    """From now on and for good, this process can't open these files and folders, import these modules, or start others.
+    """Forbids this process, irrevocably, to open these files and folders, import these modules, or start processes.
 
-    The list that is returned grows by one line with every refusal, so that one who catches the error is seen too. This
-    stops what Python opens; it is no wall against machine code made for the purpose.
+    The returned list grows by one line with every refusal, so that code which catches the error is detected too. This
+    stops Python code; it does not protect against machine code written to bypass it.
     """
     places = tuple(os.path.realpath(file) for file in files)
     names = {Path(place).name for place in places if not Path(place).is_dir()}
@@ -67,14 +67,14 @@ def forbid(files: Iterable[str | os.PathLike[str]], modules: Sequence[str] = (SE
         if not asked:
             return
         refused.append(f"{event} {' '.join(wanted)}")
-        raise RefusedError(f"{event} of {wanted}: an answerer does not look there")
+        raise RefusedError(f"{event} of {wanted}: an answering process must not open it")
 
     sys.addaudithook(hook)
     return refused
 
 
 def _within(path: str, places: Sequence[str], names: Iterable[str]) -> bool:
-    """Whether a path leads to or into one of the places; a relative one may start elsewhere, so its name counts."""
+    """Whether a path leads to or into one of the places; a relative path may start elsewhere, so its name counts."""
     whole = os.path.realpath(path)
     if any(whole == place or whole.startswith(place + os.sep) for place in places):
         return True
@@ -82,7 +82,7 @@ def _within(path: str, places: Sequence[str], names: Iterable[str]) -> bool:
 
 
 def leaks(pack: Path, names: Iterable[str]) -> list[str]:
-    """Where a pack tells a label: names of effects in its files' names or contents, entries to disable left out."""
+    """Where a pack reveals a label: names of effects in its files' names or contents, except in disabled.json."""
     found = []
     words = [name.encode() for name in names]
     for file in sorted(one for one in pack.rglob("*") if one.is_file() and one.name != "disabled.json"):
@@ -95,7 +95,7 @@ def leaks(pack: Path, names: Iterable[str]) -> list[str]:
 
 
 def shared_code(one: Path, others: Iterable[Path], packages: Sequence[str]) -> list[str]:
-    """What makes two programs one: an import of `packages` in folder `one`, or a function that a folder of `others` has
+    """Code shared by two programs: an import of `packages` in folder `one`, or a function that a folder of `others` has
     too, whatever its names.
     """
     found = [f"{file.name} imports {name}" for file in _sources(one) for name in imports(file) if _any(name, packages)]
@@ -107,7 +107,7 @@ def shared_code(one: Path, others: Iterable[Path], packages: Sequence[str]) -> l
 
 
 def imports(file: Path) -> Iterator[str]:
-    """Every module that a source file imports, by whichever statement."""
+    """Every module that a source file imports, by either kind of statement."""
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -124,7 +124,7 @@ def _sources(folder: Path) -> list[Path]:
 
 
 def _functions(file: Path) -> Iterator[tuple[str, str]]:
-    """Name and shape of every function worth comparing: its statements without names, notes and types."""
+    """Name and shape of every function worth comparing: its statements without names, docstrings and types."""
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if not isinstance(node, ast.FunctionDef):
             continue
@@ -136,7 +136,7 @@ def _functions(file: Path) -> Iterator[tuple[str, str]]:
 
 
 def _shape(node: ast.AST, order: dict[str, int]) -> str:
-    """A syntax tree as text, its names replaced by the order in which they first stand."""
+    """A syntax tree as text, with names replaced by their order of first appearance."""
     parts = [type(node).__name__]
     for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "type_comment", "ctx"):

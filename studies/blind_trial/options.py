@@ -1,4 +1,4 @@
-"""What blind_trial can be asked beyond what all studies are."""
+"""Options of blind_trial besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from studies.options import Options, path, text, whole
 
 @dataclass(frozen=True, kw_only=True)
 class TrialOptions(Options):
-    """What to seal or open, and where to answer."""
+    """The options of the blind trial."""
 
     cases: int | None = whole(
         "N",
-        "how many to seal and answer, from 1 on (default: 60; 4 with --quick). The time of 300 or more is checked, "
-        "too, on two cores, where nothing of an earlier run is in --output",
+        "number of cases to seal and answer, from 1 on (default: 60; 4 with --quick). The total time is checked too "
+        "from 300 cases on, on two cores, if --output holds nothing of an earlier run",
         1,
     )
     pack: Path | None = path(
         "FOLDER",
         "answer these sealed cases instead: case-*/*.csv.gz, nominal.json, commitments.json. answers.json in --output "
-        "grows with each, and a run that was interrupted goes on there",
+        "grows with each case, and an interrupted run resumes from it",
     )
-    key: Path | None = path("FILE", "open the labels of --pack with it, and score")
+    key: Path | None = path("FILE", "the key of --pack, to open its labels and score the answers")
     scheduler: str | None = text(
         "ADDRESS",
         'of a Dask cluster whose workers see the same folders: "tcp://host:8786" (default: all cores here)',
     )
 
     def usual_machine(self) -> Path | None:
-        """The nominal machine of the pack; None for a folder that is not a pack, which is said later."""
+        """The nominal machine of the pack; None for a folder that is not a pack, which is reported later."""
         file = (self.pack or Path(__file__).with_name("sealer")) / "nominal.json"
         return file if file.is_file() else None

@@ -1,4 +1,4 @@
-"""A pack as the answerer sees it: records, the nominal machine, what to leave out; its commitments for the scorer."""
+"""A pack as the answering process sees it: records, nominal machine, disabled entries; commitments for the scorer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from studies.options import BadInputError
 
 @dataclass(frozen=True)
 class Case:
-    """One case: its records, the nominal machine's file, and catalogue entries that its answerer has to leave out."""
+    """One case: its records, the nominal machine's file, and the catalogue entries that are disabled for it."""
 
     name: str
     records: tuple[Path, ...]
@@ -23,7 +23,7 @@ class Case:
     disabled: tuple[str, ...]
 
     def fingerprint(self) -> str:
-        """SHA-256 over all that an answer follows from, names of files included."""
+        """SHA-256 over everything that determines an answer, file names included."""
         digest = hashlib.sha256(" ".join(self.disabled).encode())
         for file in (self.nominal, *self.records):
             digest.update(file.name.encode())
@@ -86,7 +86,7 @@ def _json(file: Path, option: str) -> dict[str, Any]:
 
 
 def open_key(file: Path, pack: Pack) -> dict[str, str]:
-    """The bodies of a pack's labels, each proven to be the one that was committed. Raises BadInputError."""
+    """The bodies of a pack's labels, each verified against its commitment. Raises BadInputError."""
     key = _json(file, "--key")
     try:
         return {case.name: opened(case.name, key, pack.commitments) for case in pack.cases}
@@ -104,5 +104,5 @@ def opened(case: str, key: Mapping[str, Any], commitments: Mapping[str, str]) ->
     except (KeyError, TypeError) as error:
         raise KeyFileError(f"{case}: the key has no nonce and body for it; give the key of this pack") from error
     if digest != commitments[case]:
-        raise KeyFileError(f"{case}: its label is not the one that was committed; somebody changed one of them")
+        raise KeyFileError(f"{case}: its label is not the one that was committed; one of the two has been changed")
     return str(body)

@@ -1,12 +1,12 @@
 """The rules by which an answer is scored, fixed before any key is opened.
 
-An answer names an effect if its outcome is `attributed` or `ambiguous`. What it names falls into groups: an effect with
-those that it is stated to be equivalent to; `ambiguous` without stated groups is one group. A group of more than three
-names no one. A case with one effect is right if there is one group and it holds the effect: a further group is an
-innocent accused. A case with two is right if both are named, each by a group of its own or by name, and nothing else.
-An effect from outside the catalogue, or one whose entry is disabled, is right if the outcome is `none_of_these`. Where
-nothing is wrong, or only nominal parameters are, naming any effect is a false accusation. What has to be found at all
-is fixed by the distance that the sealer computed and sealed with the label.
+An answer names effects if its outcome is `attributed` or `ambiguous`. They form groups: an effect together with those
+stated to be equivalent to it; `ambiguous` without stated groups is one group. A group of more than three counts as
+naming nothing. The answer to a single effect is right if it has one group, which holds the effect: any further group
+is a false positive. The answer to two effects is right if both are named, each by a group of its own or by name, and
+nothing else. With an out-of-catalogue effect, or a disabled entry, only the outcome `none_of_these` is right. In a
+table without an effect, or with wrong nominal parameters only, naming any effect is a false positive. Whether an effect
+is identifiable is decided by the distance that the sealer computed and sealed with the label.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import Any, Final
 LARGEST_SET: Final = 3
 NAMING: Final = ("attributed", "ambiguous")
 OUTCOMES: Final = (*NAMING, "none_of_these", "nothing_to_explain", "parameters", "failed")
-INNOCENT: Final = ("clean", "parameters")
-STRANGE: Final = ("outsider", "disabled")
-KINDS: Final = ("single", "pair", *STRANGE, *INNOCENT)
+WITHOUT_EFFECT: Final = ("clean", "parameters")
+OUT_OF_CATALOGUE: Final = ("outsider", "disabled")
+KINDS: Final = ("single", "pair", *OUT_OF_CATALOGUE, *WITHOUT_EFFECT)
 NOTHING: Final = ("nothing", "none", "clean", "nothing_wrong", "nothing_to_explain")
 PARAMETERS: Final = (
     "parameters",
@@ -39,7 +39,7 @@ PARAMETERS: Final = (
 
 @dataclass(frozen=True)
 class Label:
-    """What was sealed of a case: its kind, the effects in it, how visible (None: not said), whether one must see it."""
+    """The sealed label of a case: kind, effects, distance (None: not stated), whether the effects are identifiable."""
 
     case: str
     kind: str
@@ -51,15 +51,15 @@ class Label:
 
 @dataclass(frozen=True)
 class Score:
-    """One case scored: right or not, whether an innocent was accused, whether the case counts, and the effects that it
-    is said to be like in part, which names none."""
+    """A scored case: whether the answer is right, whether it is a false positive, whether the case counts, and the
+    effects that an abstention says the gap partly resembles (`alike`)."""
 
     label: Label
     outcome: str
     groups: tuple[tuple[str, ...], ...]
     alike: tuple[str, ...]
     right: bool
-    accused: bool
+    false_positive: bool
     counts: bool
     closure: float | None
     interval: tuple[float, float] | None
@@ -68,11 +68,11 @@ class Score:
 
 
 class KeyFileError(ValueError):
-    """A key that does not open a pack; one sentence."""
+    """A key that does not open a pack; the message is one sentence."""
 
 
 def label_of(case: str, body: str, catalogue: Sequence[str]) -> Label:
-    """The label in a sealed body. A body that does not tell its kind is sorted by its names. Raises KeyFileError."""
+    """The label in a sealed body; without a stated kind, it is classified by its names. Raises KeyFileError."""
     try:
         raw = json.loads(body)
         named = raw["name"]
@@ -87,7 +87,7 @@ def label_of(case: str, body: str, catalogue: Sequence[str]) -> Label:
     kind = raw.get("kind")
     if kind not in KINDS:
         kind = _kind(names, bool(raw.get("disabled")), catalogue)
-    effects = tuple(name for name in names if name not in PARAMETERS) if kind in INNOCENT else tuple(names)
+    effects = tuple(name for name in names if name not in PARAMETERS) if kind in WITHOUT_EFFECT else tuple(names)
     distances = [one.get("distance") for one in raw.get("effects", []) if isinstance(one, Mapping)]
     known = [float(number) for number in distances if number is not None]
     return Label(
@@ -96,7 +96,7 @@ def label_of(case: str, body: str, catalogue: Sequence[str]) -> Label:
         effects,
         str(raw.get("severity") or ""),
         min(known, default=None),
-        bool(raw.get("identifiable", kind not in INNOCENT)),
+        bool(raw.get("identifiable", kind not in WITHOUT_EFFECT)),
     )
 
 
@@ -113,7 +113,7 @@ def _kind(names: Sequence[str], disabled: bool, catalogue: Sequence[str]) -> str
 
 
 def groups_of(verdict: Mapping[str, Any]) -> tuple[tuple[str, ...], ...]:
-    """The groups of effects that a verdict names, the strongest first; none if its outcome names nobody."""
+    """The groups of effects that a verdict names, the strongest first; none if its outcome names no effect."""
     if verdict.get("outcome") not in NAMING:
         return ()
     effects = [str(name) for name in verdict.get("effects") or ()]
@@ -138,20 +138,22 @@ def _place(name: str, effects: Sequence[str]) -> int:
 
 
 def score(label: Label, answer: Mapping[str, Any]) -> Score:
-    """One answer beside its label."""
+    """Scores one answer against its label."""
     verdict = answer.get("verdict") or {}
     outcome = verdict.get("outcome") if verdict.get("outcome") in OUTCOMES else "failed"
     groups = groups_of(verdict)
     small = [group for group in groups if len(group) <= LARGEST_SET]
-    if label.kind in INNOCENT:
+    if label.kind in WITHOUT_EFFECT:
         right = outcome not in (*NAMING, "failed")
-    elif label.kind in STRANGE:
+    elif label.kind in OUT_OF_CATALOGUE:
         right = outcome == "none_of_these"
     elif label.kind == "single":
         right = len(groups) == 1 == len(small) and label.names[0] in small[0]
     else:
         right = _all_named(label.names, groups, verdict.get("effects") or ())
-    innocent = any(not set(group) & set(label.names) for group in groups) or (label.kind in STRANGE and bool(groups))
+    false_positive = any(not set(group) & set(label.names) for group in groups) or (
+        label.kind in OUT_OF_CATALOGUE and bool(groups)
+    )
     how_far = answer.get("how_far") or {}
     interval = how_far.get("closure_interval")
     which = answer.get("which") or ()
@@ -162,8 +164,8 @@ def score(label: Label, answer: Mapping[str, Any]) -> Score:
         groups,
         tuple(verdict.get("partly") or ()),
         bool(right),
-        bool(innocent),
-        label.kind in INNOCENT or label.identifiable,
+        bool(false_positive),
+        label.kind in WITHOUT_EFFECT or label.identifiable,
         None if how_far.get("closure") is None else float(how_far["closure"]),
         None if not interval or None in interval else (float(interval[0]), float(interval[1])),
         stated[0] if stated else None,
@@ -172,7 +174,7 @@ def score(label: Label, answer: Mapping[str, Any]) -> Score:
 
 
 def _all_named(names: Sequence[str], groups: Sequence[Sequence[str]], effects: Sequence[str]) -> bool:
-    """Whether each of several effects is named, by a small group of its own or by name, and nobody else is."""
+    """Whether each of several effects is named, by a small group of its own or by name, and nothing else is."""
     if any(len(group) > LARGEST_SET or not set(group) & set(names) for group in groups):
         return False
     for name in names:

@@ -1,4 +1,4 @@
-"""Has a pack sealed by the sealer's own program, unless the folder holds that very pack."""
+"""Runs the sealer, a separate program, to make a pack, unless the folder already holds that very pack."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from studies.blind_trial.guard import SEALER, SEALER_FOLDER
 from studies.options import BadInputError
 
 ROOT: Final = Path(__file__).parents[2]
-SEALING: Final = 0.1  # of a trial's time
+SEALING: Final = 0.1  # The share of a trial's time for sealing.
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Sealed:
 
     @property
     def forbidden(self) -> tuple[Path, ...]:
-        """What no answerer may open."""
+        """What no answering process may open."""
         return (self.key, self.key.with_name(f"{self.key.name}.parts"))
 
 
@@ -38,7 +38,7 @@ def places(output: Path) -> Sealed:
 
 
 def seal(cases: int, seed: int, output: Path, progress: Callable[[float, str], None]) -> Sealed:
-    """The pack of these numbers below `output`, with its key. Raises BadInputError where it can't be written."""
+    """The pack of this size and seed below `output`, with its key. Raises BadInputError if it cannot be written."""
     place, mark = places(output), output / "sealed" / "made_by.json"
     made_by = {"cases": cases, "seed": seed, "sealer": _program()}
     if mark.is_file() and json.loads(mark.read_text(encoding="utf-8")) == made_by and place.key.is_file():

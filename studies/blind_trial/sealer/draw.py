@@ -155,9 +155,9 @@ def plan(case: str, kind: str, severity: str, entry: int, seed: Sequence[int]) -
 def sized(table: Table, name: str, law: Law, goal: float, rng: np.random.Generator, own: int, tries: int = 4) -> Part:
     """An effect whose distance is `goal` to a sixth, or as near as its range allows after `tries` simulations.
 
-    own: the seed of the case's records. What comes at random is seen or not by when it comes: one repeated reading in a
-    fast move is told at once, at rest never. So the distance is that of these very records,
-    but for what comes at random second in a pair: there the first has drawn before.
+    own: the seed of the case's records. Whether a random event is visible depends on when it comes: one repeated
+    reading shows at once in a fast move, and never at rest. So the distance is that of these very records, except for
+    a random effect that comes second in a pair, where the first has already drawn from the generator.
     """
     shape = law.shape(rng)
     points: list[tuple[float, float]] = []

@@ -1,7 +1,7 @@
-"""What can be in a sealed machine, in forms of this sealer: the catalogue's names here, outsiders in outsiders.py.
+"""Effects of the sealed machines, in functional forms of this sealer; out-of-catalogue effects are in outsiders.py.
 
 Each has one size, up to `high` (the end of its typical range), and a shape drawn at random. Forms differ on purpose
-from the shortest law that one would fit: several time scales, harmonics, second order, smooth knees.
+from the simplest law to fit: several time scales, harmonics, second order, smooth knees.
 """
 
 from __future__ import annotations

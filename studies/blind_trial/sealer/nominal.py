@@ -1,4 +1,4 @@
-"""The table that the answerer is told of, and how far the true one is from it."""
+"""The nominal table, which the answering process knows, and how far the true one deviates from it."""
 
 from __future__ import annotations
 

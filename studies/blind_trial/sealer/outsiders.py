@@ -1,4 +1,4 @@
-"""Effects that no catalogue holds: a diagnosis should say "none of these"."""
+"""Out-of-catalogue effects: on these a diagnosis should abstain ("none of these")."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ OTHER: Final = 1000  # from a case's seed to that of its second measurement
 
 @dataclass(frozen=True)
 class Places:
-    """Where a pack goes, its key, and the second measurements of some cases (None: there are none)."""
+    """Where to write a pack, its key, and the second measurements of some cases (None: no second measurements)."""
 
     pack: Path
     key: Path
@@ -115,7 +115,7 @@ def _make(
 
 
 def write_case(place: Path, found: Plan) -> None:
-    """The two records of a case, and what its answerer has to leave out of the catalogue."""
+    """The two records of a case, and the catalogue entries that are disabled for it."""
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir()
     for i, (name, schedule) in enumerate(EXPERIMENTS.items()):

@@ -58,5 +58,5 @@ def diagnose(*_: Any, **__: Any) -> None:
 
 
 def to_json(_: None) -> dict[str, Any]:
-    """An innocent answer."""
+    """A harmless answer."""
     return {"verdict": {"outcome": "nothing_to_explain", "effects": []}, "which": [], "how_far": None}

@@ -95,7 +95,7 @@ def test_a_killed_run_goes_on_without_losing_or_redoing_a_case(
 def test_workers_and_answerers_end_when_their_parent_is_killed(
     small_pack: Packer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Workers and answerers alike end with it, without being told."""
+    """Workers and answering processes end by themselves when it does."""
     folder, file = small_pack(*({"name": []} for _ in range(4))), tmp_path / "answers.json"
     program = (
         "from pathlib import Path; from tests.studies.blind_trial import test_answering as t;"

@@ -30,7 +30,7 @@ PAIR = label("pair", "cogging", "stribeck")
 
 
 @pytest.mark.parametrize(
-    ("sealed", "answered", "right", "accused"),
+    ("sealed", "answered", "right", "false_positive"),
     [
         (SINGLE, answer("attributed", ["cogging"]), True, False),
         (SINGLE, answer("attributed", ["cogging"], [["cogging", "cable_spring"]]), True, False),
@@ -61,11 +61,11 @@ PAIR = label("pair", "cogging", "stribeck")
         (label("disabled", "cogging"), answer("attributed", ["cable_spring"]), False, True),
     ],
 )
-def test_an_answer_is_scored_as_right_or_as_an_accusation(
-    sealed: Label, answered: Any, right: bool, accused: bool
+def test_an_answer_is_scored_as_right_or_as_a_false_positive(
+    sealed: Label, answered: Any, right: bool, false_positive: bool
 ) -> None:
     found = score(sealed, answered)
-    assert (found.right, found.accused) == (right, accused)
+    assert (found.right, found.false_positive) == (right, false_positive)
 
 
 def test_groups_that_touch_are_one() -> None:
