@@ -22,7 +22,7 @@ from studies.response_variation.curves import hysteresis, plants, reference, res
 from studies.response_variation.mechanism import mechanism
 from studies.response_variation.options import VariationOptions
 from studies.response_variation.published import Shown, outcomes, rows, taken_over
-from studies.response_variation.search import LARGEST_MS, TOLERANCE, largest_sensitivity, search
+from studies.response_variation.search import LARGEST_MS, TOLERANCE, exact_sensitivity, search
 from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread, texts
 from studies.study import Answer, Check, Progress
 
@@ -200,7 +200,7 @@ def _set(central: Shown, tables: Sequence[Shown], members: Sequence[Machine]) ->
             name: [outcomes(getattr(one, case))[name] for one in tables]
             for case, name in (("without", "reversal_settling_s"), ("without", "dispersion_m"))
         },
-        "largest_Ms": [largest_sensitivity(one) for one in members],
+        "largest_Ms": [exact_sensitivity(one) for one in members],
     }
 
 
