@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +16,14 @@ from models.effect_feedforward import EffectFeedforward, effect_thrust
 from models.effects import catalogue
 from models.effects.base import Effect, parameters
 from models.friction import Friction, elements, follow
-from models.quantity import json_name, show, value
+from models.machines.text_file import brief, text_of
+from models.quantity import QuantityError, check, cut, declaration, json_name, show, value
 
 Array = NDArray[np.float64]
+
+
+LATEST: Final = 1000  # samples by which a reference may wait
+GAIN: Final = "no axis is stable with a higher gain"
 
 
 class ControllerError(ValueError):
@@ -35,10 +40,16 @@ class PID:
     0.1666...
     """
 
-    kp: float = value("N/m", "proportional gain", at_least=0)
-    ki: float = value("N/(m s)", "integral gain", at_least=0)
-    kd: float = value("N s/m", "derivative gain", at_least=0)
-    derivative_filter: float = value("s", "time constant tau of the derivative's filter", at_least=0)
+    kp: float = value("N/m", "proportional gain", at_least=0, at_most=1e15, because=GAIN)
+    ki: float = value("N/(m s)", "integral gain", at_least=0, at_most=1e19, because=GAIN)
+    kd: float = value("N s/m", "derivative gain", at_least=0, at_most=1e12, because=GAIN)
+    derivative_filter: float = value(
+        "s",
+        "time constant tau of the derivative's filter",
+        at_least=0,
+        at_most=100,
+        because="it would filter all motion",
+    )
 
     def pole(self, sample_time: float) -> float:
         """The pole a = tau / (tau + T_s) [1] of the derivative's filter at a sample time [s]; 0 without a filter."""
@@ -110,19 +121,23 @@ def load(path: str | Path) -> Controller:
     """
     path = Path(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(text_of(path))
     except OSError as error:
         raise ControllerError(f"{path}: can't be read ({error.strerror}); give an existing controller.json") from error
+    except RecursionError as error:
+        raise ControllerError(
+            f"{path}: its objects are nested too deeply; give a controller.json that a study wrote"
+        ) from error
     except ValueError as error:
         raise ControllerError(
-            f"{path}: is not valid JSON ({error}); give a controller.json that a study wrote"
+            f"{path}: is not valid JSON ({brief(error)}); give a controller.json that a study wrote"
         ) from error
     try:
         return _from_json(content)
     except KeyError as error:
-        raise ControllerError(f"{path}: {error.args[0]} is missing; add it") from error
-    except (TypeError, ValueError) as error:
-        raise ControllerError(f"{path}: {error}; give a controller.json that a study wrote") from error
+        raise ControllerError(f"{path}: {cut(error.args[0])[1:-1]} is missing; add it") from error
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise ControllerError(f"{path}: {brief(error)}; give a controller.json that a study wrote") from error
 
 
 def _from_json(content: Mapping[str, Any]) -> Controller:
@@ -132,15 +147,32 @@ def _from_json(content: Mapping[str, Any]) -> Controller:
     numbers = (*gains, *content["n_ff"], *content["d_ff"])
     if not all(math.isfinite(number) for number in numbers) or min(gains) < 0:
         raise ValueError("a gain or coefficient is negative or not finite")
-    if not (math.isfinite(sample_time) and sample_time > 0 and delay >= 0):
-        raise ValueError("sample_time_s must be above 0 and reference_delay_samples at least 0")
+    for field, gain in zip(fields(PID), gains, strict=True):
+        _check(f"pid.{field.name}", gain, PID)
+    if not (math.isfinite(sample_time) and sample_time > 0 and 0 <= delay <= LATEST):
+        raise ValueError(f"sample_time_s must be above 0 and reference_delay_samples from 0 to {LATEST}")
+    if not content["n_ff"] or not content["d_ff"]:
+        raise ValueError("n_ff and d_ff need at least one coefficient each")
     compensation = rfm and elements(rfm["stiffness_N_per_m"], rfm["limit_m"])
+    for name in ("stiffness", "limit") if compensation else ():
+        for number in getattr(compensation, name):
+            _check(f"friction_compensation.{name}", number, Friction)
     known = content.get("effect_compensation")
     ahead = known and EffectFeedforward(_effects_from_json(known["effects"]), float(known["late_s"]))
     if ahead and not 0 <= ahead.fractional_delay < sample_time:
         raise ValueError("effect_compensation.late_s must be at least 0 and below sample_time_s")
     filters = tuple(content["n_ff"]), tuple(content["d_ff"])
     return Controller(sample_time, PID(*gains), delay, *filters, compensation, ahead)
+
+
+def _check(path: str, number: float, kind: type) -> None:
+    """Raises ValueError if a number (SI) is out of the range that the dataclass's field of that name declares."""
+    declared = next(declaration(field) for field in fields(kind) if field.name == path.rpartition(".")[2])
+    assert declared is not None
+    try:
+        check(number, declared)
+    except QuantityError as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 def _effects_to_json(effects: tuple[Effect, ...]) -> dict[str, dict[str, float]]:

@@ -10,6 +10,7 @@ Without damping the force depends on the path of x only, not on its speed (rate 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,10 @@ from models.quantity import show, value
 
 Array = NDArray[np.float64]
 
+MOST: Final = 200  # Elements: a hysteresis curve shows about ten, and the simulation's time grows with them.
+STIFF: Final = "no contact is stiffer than a solid metre of steel"
+RANGE: Final = "contacts give way after nanometres to millimetres"
+
 
 @dataclass(frozen=True)
 class Friction:
@@ -29,9 +34,15 @@ class Friction:
     Friction(2 elements, T_fc = 12 N, stiffness at a reversal 3000 N/mm)
     """
 
-    stiffness: tuple[float, ...] = value("N/m", "element stiffness K_i", at_least=0)
-    limit: tuple[float, ...] = value("m", "largest element displacement X_mi", above=0)
-    damping: tuple[float, ...] = value("N s/m", "element damping D_i", at_least=0)
+    stiffness: tuple[float, ...] = value(
+        "N/m", "element stiffness K_i", at_least=0, at_most=1e13, because=STIFF, most=MOST
+    )
+    limit: tuple[float, ...] = value(
+        "m", "largest element displacement X_mi", above=0, at_least=1e-13, at_most=100, because=RANGE, most=MOST
+    )
+    damping: tuple[float, ...] = value(
+        "N s/m", "element damping D_i", at_least=0, at_most=1e10, because=STIFF, most=MOST
+    )
 
     def __repr__(self) -> str:
         return (

@@ -21,7 +21,7 @@ from models.machines.plain import Parameter, left_out, plain_of, range_rows, row
 from models.machines.provenance import SOURCES, MachineError, Provenance
 from models.machines.reading import read, read_table
 from models.plant import Plant
-from models.quantity import QuantityError, check, declaration, show, value
+from models.quantity import QuantityError, check, cut, declaration, show, value
 from models.records.columns import Columns
 
 __all__ = [
@@ -53,6 +53,19 @@ __all__ = [
 ]
 
 UNSTATED: Final = 0.3  # steps of a scale's resolution: the noise of a scale whose file states none; assumed
+# Why the ranges of a machine file end where they do: far beyond any axis, and well before numbers lose their meaning.
+FORCE: Final = "no drive has more than a meganewton, in millinewtons of thrust reference"
+SCALE: Final = "no scale for positioning is coarser"
+STIFF: Final = "no contact is stiffer than a solid metre of steel"
+LONG: Final = "no axis is positioned over a longer distance at once"
+TIME: Final = "motions take up to minutes"
+MODES: Final = 20  # Vibration modes and the rigid body; the time of the optimal controls grows with their cube.
+EFFECTS: Final = 50  # Each is asked for its force ten times a sample.
+SLOWEST: Final = 0.1  # Hz. What vibrates more slowly does not come back within any motion.
+NAME: Final = 200  # characters
+PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.
+MODE_SHARES: Final = (1e-7, 1e4)  # of a mode's gain in the rigid body's: others are neither seen nor of the same axis
+MASSES: Final = (1e-6, 1e9)  # kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
 
@@ -60,19 +73,32 @@ DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 class Drive:
     """Motor and amplifier."""
 
-    rated_thrust: float = value("N", "largest thrust reference the drive follows", above=0)
-    rated_power: float = value("W", "rated power", above=0)
-    rated_speed: float = value("m/s", "rated speed", above=0)
-    current_loop_bandwidth: float = value("Hz", "bandwidth of the current control (contained in L)", above=0)
-    offset: float = value("N", "constant force that the thrust has to hold: M a = u - f - offset", default=0.0)
+    rated_thrust: float = value("N", "largest thrust reference the drive follows", above=0, at_most=1e9, because=FORCE)
+    rated_power: float = value("W", "rated power", above=0, at_most=1e9, because="no axis takes more")
+    rated_speed: float = value("m/s", "rated speed", above=0, at_most=1e4, because="no axis is faster")
+    current_loop_bandwidth: float = value(
+        "Hz",
+        "bandwidth of the current control (contained in L)",
+        above=0,
+        at_most=1e7,
+        because="no amplifier is faster",
+    )
+    offset: float = value(
+        "N",
+        "constant force that the thrust has to hold: M a = u - f - offset",
+        at_least=-1e9,
+        at_most=1e9,
+        because=FORCE,
+        default=0.0,
+    )
 
 
 @dataclass(frozen=True)
 class Scale:
     """The position measurement."""
 
-    resolution: float = value("m", "resolution", at_least=0)
-    noise: float = value("m", "noise before rounding, one standard deviation", at_least=0)
+    resolution: float = value("m", "resolution", at_least=0, at_most=0.1, because=SCALE)
+    noise: float = value("m", "noise before rounding, one standard deviation", at_least=0, at_most=0.1, because=SCALE)
 
     @property
     def deviation(self) -> float:
@@ -88,11 +114,17 @@ class Scale:
 class Presliding:
     """Published facts of the hysteresis curve, which the friction elements have to agree with (Fig. 3)."""
 
-    coulomb_force: float = value("N", "rolling friction T_fc when every element slips", above=0)
-    stiffness_1: float = value("N/m", "comprehensive slope K_e1 of Region 1, behind a reversal", above=0)
-    stiffness_2: float = value("N/m", "comprehensive slope K_e2 of Region 2", above=0)
-    boundary: float = value("m", "distance behind a reversal at which Region 2 begins", above=0)
-    extent: float = value("m", "presliding region", above=0)
+    coulomb_force: float = value(
+        "N", "rolling friction T_fc when every element slips", above=0, at_most=1e9, because=FORCE
+    )
+    stiffness_1: float = value(
+        "N/m", "comprehensive slope K_e1 of Region 1, behind a reversal", above=0, at_most=1e13, because=STIFF
+    )
+    stiffness_2: float = value("N/m", "comprehensive slope K_e2 of Region 2", above=0, at_most=1e13, because=STIFF)
+    boundary: float = value(
+        "m", "distance behind a reversal at which Region 2 begins", above=0, at_most=100, because=LONG
+    )
+    extent: float = value("m", "presliding region", above=0, at_most=100, because=LONG)
 
 
 FROM_ELEMENTS: Final = Presliding(*[math.nan] * 5)  # stands where nothing is stated: they follow from the elements
@@ -102,7 +134,14 @@ FROM_ELEMENTS: Final = Presliding(*[math.nan] * 5)  # stands where nothing is st
 class Control:
     """What is fixed of the controller before a feedforward is designed."""
 
-    sample_time: float = value("s", "sample time T_s", above=0)
+    sample_time: float = value(
+        "s",
+        "sample time T_s",
+        above=0,
+        at_least=1e-6,
+        at_most=0.1,
+        because="controllers of axes sample every 20 us to 5 ms",
+    )
     reference_delay: int = value(
         "1", "samples by which the reference of the PID in place waits", at_least=0, below=1001
     )
@@ -114,11 +153,11 @@ class Control:
 class Specification:
     """The motions and what they must achieve (section II.D)."""
 
-    stroke: float = value("m", "stroke of a motion", above=0)
-    tolerance: float = value("m", "settling accuracy (+-)", above=0)
-    settling_time: float = value("s", "settling time", above=0)
-    reference_settling_time: float = value("s", "time by which x_T* is settled", above=0)
-    interval: float = value("s", "time from one motion to the next", above=0)
+    stroke: float = value("m", "stroke of a motion", above=0, at_least=1e-10, at_most=100, because=LONG)
+    tolerance: float = value("m", "settling accuracy (+-)", above=0, at_least=1e-12, at_most=1, because=LONG)
+    settling_time: float = value("s", "settling time", above=0, at_most=1000, because=TIME)
+    reference_settling_time: float = value("s", "time by which x_T* is settled", above=0, at_most=1000, because=TIME)
+    interval: float = value("s", "time from one motion to the next", above=0, at_most=1000, because=TIME)
     motions: int = value("1", "motions in one direction before the reversal", at_least=2, below=101)
 
 
@@ -126,9 +165,15 @@ class Specification:
 class Published:
     """What an experiment on the machine showed, to compare with (sections III.B and V.B); nothing is designed on it."""
 
-    reversal_settling_time: float = value("s", "settling of the reversal without compensation", above=0)
-    dispersion_without: float = value("m", "3 sigma after the settling time, without compensation", above=0)
-    dispersion_with: float = value("m", "3 sigma after the settling time, with compensation", above=0)
+    reversal_settling_time: float = value(
+        "s", "settling of the reversal without compensation", above=0, at_most=1000, because=TIME
+    )
+    dispersion_without: float = value(
+        "m", "3 sigma after the settling time, without compensation", above=0, at_most=1, because=LONG
+    )
+    dispersion_with: float = value(
+        "m", "3 sigma after the settling time, with compensation", above=0, at_most=1, because=LONG
+    )
 
 
 @dataclass(frozen=True)
@@ -146,8 +191,8 @@ class Tolerance:
         "1", "standard deviation of a natural frequency, of its value", above=0, below=1, default=0.005
     )
     damping: float = value("1", "standard deviation of a damping ratio, of its value", above=0, below=1, default=0.12)
-    dead_time: float = value("s", "standard deviation of the dead time", above=0, default=2e-5)
-    offset: float = value("N", "standard deviation of the constant force", above=0, default=0.2)
+    dead_time: float = value("s", "standard deviation of the dead time", above=0, at_most=1, default=2e-5)
+    offset: float = value("N", "standard deviation of the constant force", above=0, at_most=1e9, default=0.2)
     friction_level: float = value(
         "1", "standard deviation of all contact stiffnesses together, of their value", above=0, below=1, default=0.03
     )
@@ -274,7 +319,9 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
     try:
         name = table.pop("name", path.stem)
         if not isinstance(name, str):
-            raise MachineError(f"name: {name!r} must be text; write it in quotes")
+            raise MachineError(f"name: {cut(name)} must be text; write it in quotes")
+        if len(name) > NAME:
+            raise MachineError(f"name: {cut(name)} is longer than {NAME} characters; shorten it")
         machine = read(Machine, {"name": name, **table}, "", sources)
         machine = dataclasses.replace(machine, sources=sources)
         if "presliding" not in table:
@@ -357,6 +404,45 @@ def presliding_of(friction: Friction, stroke: float) -> Presliding:
     )
 
 
+def _check_modes(machine: Machine) -> None:
+    """That the modes are of one axis: one rigid body, and vibrations that its controller can see."""
+    nyquist, plant = 0.5 / machine.sample_time, machine.plant
+    modes = {f"plant.modes.{i + 1}": mode for i, mode in enumerate(plant.modes)}
+    for name, effect in catalogue.named(machine.effects).items():
+        modes |= {f"effects.{name}": mode for mode in effect.modes()}
+    for where, mode in modes.items():
+        if mode.frequency >= nyquist:
+            raise MachineError(
+                f"{where}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency "
+                f"{nyquist:g} Hz of control.sample_time; shorten the sample time or leave the mode out"
+            )
+        if 0 < mode.frequency < SLOWEST:
+            raise MachineError(
+                f"{where}.frequency: {mode.frequency:g} Hz is slower than {SLOWEST} Hz, so that no motion sees it "
+                "vibrate; leave the mode out, or give 0 Hz for the rigid body"
+            )
+    rigid = sum(mode.frequency == 0 for mode in plant.modes)
+    if rigid != 1:
+        raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"')
+    if len(plant.modes) > MODES:
+        raise MachineError(
+            f"plant.modes: {len(plant.modes)} are more than {MODES}, which would take designs hours; keep "
+            "those that show in the frequency response up to a few times the loop's bandwidth"
+        )
+    if not MASSES[0] <= plant.mass <= MASSES[1]:
+        raise MachineError(
+            f"plant: a mass of {plant.mass:.3g} kg, 1 / (thrust_constant x gain of the rigid body), is not "
+            f"from {MASSES[0]:g} to {MASSES[1]:g} kg; give gains in 1/kg and K_t per unit of thrust reference"
+        )
+    for where, mode in modes.items():
+        share = mode.gain * plant.mass * plant.thrust_constant
+        if not MODE_SHARES[0] <= share <= MODE_SHARES[1]:
+            raise MachineError(
+                f"{where}.gain: {mode.gain:.4g} 1/kg is {share:.3g} times the rigid body's; a mode of one axis has "
+                f"{MODE_SHARES[0]:g} to {MODE_SHARES[1]:g} times: correct it or leave the mode out"
+            )
+
+
 def _check_times(machine: Machine) -> None:
     """That the specification's times follow each other, and make a sequence that can be simulated."""
     wanted, ts = machine.specification, machine.sample_time
@@ -375,31 +461,37 @@ def _check_times(machine: Machine) -> None:
                 f"{name}: {time:g} s are more than {most} samples of control.sample_time, {ts:g} s; "
                 "shorten it or lengthen the sample time"
             )
+    samples = 2 * wanted.motions * wanted.interval / ts
+    if samples > PERIOD:
+        raise MachineError(
+            f"specification: {wanted.motions} motions to and fro every {show(wanted.interval, 's')} are {samples:.0f} "
+            f"samples, more than {PERIOD}, which would take over 1 GB; give fewer motions or less time"
+        )
 
 
 def _check(machine: Machine) -> None:
     """What no single value shows."""
     _check_times(machine)
-    nyquist = 0.5 / machine.sample_time
-    modes = {f"plant.modes.{i + 1}": mode for i, mode in enumerate(machine.plant.modes)}
-    for name, effect in catalogue.named(machine.effects).items():
-        modes |= {f"effects.{name}": mode for mode in effect.modes()}
-    for where, mode in modes.items():
-        if mode.frequency >= nyquist:
-            raise MachineError(
-                f"{where}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency "
-                f"{nyquist:g} Hz of control.sample_time; shorten the sample time or leave the mode out"
-            )
-    rigid = sum(mode.frequency == 0 for mode in machine.plant.modes)
-    if rigid != 1:
-        raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"')
+    _check_modes(machine)
+    if len(machine.effects) > EFFECTS:
+        raise MachineError(f"effects: {len(machine.effects)} are more than {EFFECTS}; keep those that matter most")
     drive = machine.drive
     if abs(drive.offset) >= drive.rated_thrust:
         raise MachineError(
             f"drive.offset: the drive can't hold {drive.offset:g} N within drive.rated_thrust, "
             f"{drive.rated_thrust:g} N; give the force in newtons of thrust reference"
         )
+    _check_friction(machine)
+
+
+def _check_friction(machine: Machine) -> None:
+    """That there is friction, and that its elements agree with the stated facts of the hysteresis curve."""
     slip, stated = machine.friction.coulomb_force, machine.presliding.coulomb_force
+    if not slip > 0:
+        raise MachineError(
+            "friction: no element has a force; for an axis without friction give one far below all other forces, "
+            "such as 1 N/mm over 1 um"
+        )
     if abs(slip / stated - 1) > 1e-3:
         raise MachineError(
             f"friction: the elements slip at {slip:.5g} N together, presliding.coulomb_force says {stated:.5g} N; "

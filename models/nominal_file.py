@@ -21,8 +21,9 @@ from models.controller import PID
 from models.effects.catalogue import every, range_declarations
 from models.friction import Friction
 from models.machine import Drive, Machine, MachineError, Scale, Specification, Tolerance
+from models.machines.text_file import brief, text_of
 from models.plant import Mode
-from models.quantity import declaration, json_name
+from models.quantity import cut, declaration, json_name
 
 Table = dict[str, Any]
 
@@ -30,11 +31,13 @@ Table = dict[str, Any]
 def load(path: Path) -> Machine:
     """The machine in a nominal.json (SI). Raises MachineError, a sentence, for what is missing or impossible."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(text_of(path))
     except OSError as error:
         raise MachineError(f"{path}: can't be read ({error.strerror}); give an existing nominal.json") from error
+    except RecursionError as error:
+        raise MachineError(f"{path}: its objects are nested too deeply; give the nominal.json of a pack") from error
     except ValueError as error:
-        raise MachineError(f"{path}: is not valid JSON ({error}); give the nominal.json of a pack") from error
+        raise MachineError(f"{path}: is not valid JSON ({brief(error)}); give the nominal.json of a pack") from error
     try:
         table = _Reader(path.name).machine(content)
     except MachineError as error:
@@ -134,8 +137,12 @@ class _Reader:
 
 def _text(given: object, unit: str, where: str) -> str:
     if not isinstance(given, int | float) or isinstance(given, bool):
-        raise MachineError(f"{where}: {given!r} must be a number; write one in SI units")
-    return f"{float(given)!r} {unit}" if unit != "1" else repr(float(given))
+        raise MachineError(f"{where}: {cut(given)} must be a number; write one in SI units")
+    try:
+        number = float(given)
+    except OverflowError:
+        raise MachineError(f"{where}: {cut(str(given))} is beyond all numbers; write one in SI units") from None
+    return f"{number!r} {unit}" if unit != "1" else repr(number)
 
 
 def _needed(names: Mapping[str, object], name: str, where: str) -> object:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import casadi as ca
 import numpy as np
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+UNITS: Final = "the thrust reference would not be in a unit of force or current"
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -36,8 +38,14 @@ class Mode:
     Mode(gain=0.0222..., frequency=0, damping=0)
     """
 
-    gain: float = value("1/kg", "modal gain k_t", above=1e-12, below=1e12)
-    frequency: float = value("Hz", "natural frequency w / 2 pi (0: rigid body)", at_least=0)
+    gain: float = value("1/kg", "modal gain k_t", above=1e-12, below=1e12, because="no mass is that large or small")
+    frequency: float = value(
+        "Hz",
+        "natural frequency w / 2 pi (0: rigid body)",
+        at_least=0,
+        at_most=1e6,
+        because="structures vibrate at 1 Hz to 10 kHz",
+    )
     damping: float = value("1", "damping ratio zeta", at_least=0, below=1)
 
 
@@ -53,8 +61,12 @@ class Plant:
     (45.0, (1,))
     """
 
-    dead_time: float = value("s", "equivalent dead time L", at_least=0)
-    thrust_constant: float = value("1", "thrust per thrust reference K_t", above=0)
+    dead_time: float = value(
+        "s", "equivalent dead time L", at_least=0, at_most=10, because="no loop is closed around more"
+    )
+    thrust_constant: float = value(
+        "1", "thrust per thrust reference K_t", above=0, at_least=1e-9, at_most=1e9, because=UNITS
+    )
     modes: tuple[Mode, ...] = ()
 
     @property

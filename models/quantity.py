@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import reprlib
 from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 from functools import cache
@@ -42,13 +43,20 @@ class QuantityError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Declaration:
-    """What a physical field is: its SI unit, what it means, and the range it must lie in (SI, ends as named)."""
+    """What a physical field is: its SI unit, what it means, and the range it must lie in (SI, ends as named).
+
+    because: why the range ends where it does, to stand behind "must be at most 100 m: "; may be empty. most: how many
+    numbers a list may hold.
+    """
 
     unit: str
     meaning: str
-    above: float | None
-    at_least: float | None
-    below: float | None
+    above: float | None = None
+    at_least: float | None = None
+    below: float | None = None
+    at_most: float | None = None
+    because: str = ""
+    most: int | None = None
 
 
 def value(
@@ -58,10 +66,16 @@ def value(
     above: float | None = None,
     at_least: float | None = None,
     below: float | None = None,
+    at_most: float | None = None,
+    because: str = "",
+    most: int | None = None,
     **field_options: Any,
 ) -> Any:
-    """A dataclass field (a float, or a tuple of them) in the SI unit `unit`; "1" is dimensionless."""
-    declaration = Declaration(unit, meaning, above, at_least, below)
+    """A dataclass field (a float, or a tuple of them) in the SI unit `unit`; "1" is dimensionless.
+
+    above, at_least, below, at_most, because, most: see `Declaration`.
+    """
+    declaration = Declaration(unit, meaning, above, at_least, below, at_most, because, most)
     return dataclasses.field(metadata={"declaration": declaration}, **field_options)
 
 
@@ -77,33 +91,42 @@ def parse(text: object, unit: str) -> float:
     Raises QuantityError for a missing or unknown unit, another dimension, or a value that is not finite.
     """
     if not isinstance(text, str):
-        raise QuantityError(f"{text!r} has no unit; write it as text with one, such as {_example(unit)!r}")
+        raise QuantityError(f"{cut(text)} has no unit; write it as text with one, such as {_example(unit)!r}")
     match = _NUMBER.fullmatch(text)
     if match is None:
-        raise QuantityError(f"{text!r} must be a number with a unit; write it like {_example(unit)!r}")
+        raise QuantityError(f"{cut(text)} must be a number with a unit; write it like {_example(unit)!r}")
     number, unit_text = match.groups()
     magnitude = _finite(number, text)
     if not unit_text and unit != "1":
-        raise QuantityError(f"{text!r} has no unit; write it like {_example(unit)!r}")
+        raise QuantityError(f"{cut(text)} has no unit; write it like {_example(unit)!r}")
     try:
         number_in_unit = float(magnitude * _factor(unit_text.strip() or "1", unit))
     except QuantityError as error:
-        raise QuantityError(f"{text!r} {error}") from error
+        raise QuantityError(f"{cut(text)} {error}") from error
     except ArithmeticError as error:
-        raise QuantityError(f"{text!r} is beyond all numbers") from error
+        raise QuantityError(f"{cut(text)} is beyond all numbers") from error
     if not math.isfinite(number_in_unit):
-        raise QuantityError(f"{text!r} is not a finite number")
+        raise QuantityError(f"{cut(text)} is not a finite number")
     return number_in_unit
 
 
 def check(number: float, declared: Declaration) -> None:
     """Raises QuantityError if `number` (SI) lies outside the declared range."""
-    if declared.above is not None and not number > declared.above:
-        raise QuantityError(f"{show(number, declared.unit)} must be above {show(declared.above, declared.unit)}")
-    if declared.at_least is not None and not number >= declared.at_least:
-        raise QuantityError(f"{show(number, declared.unit)} must be at least {show(declared.at_least, declared.unit)}")
-    if declared.below is not None and not number < declared.below:
-        raise QuantityError(f"{show(number, declared.unit)} must be below {show(declared.below, declared.unit)}")
+    for wrong, must_be, bound in (
+        (declared.above is not None and not number > declared.above, "above", declared.above),
+        (declared.at_least is not None and not number >= declared.at_least, "at least", declared.at_least),
+        (declared.below is not None and not number < declared.below, "below", declared.below),
+        (declared.at_most is not None and not number <= declared.at_most, "at most", declared.at_most),
+    ):
+        if wrong and bound is not None:
+            why = f": {declared.because}" if declared.because and bound != 0 else ""
+            raise QuantityError(f"{show(number, declared.unit)} must be {must_be} {show(bound, declared.unit)}{why}")
+
+
+def cut(text: object, most: int = 80) -> str:
+    """`repr` of what somebody wrote, for a message of one line: at most `most` characters, the middle left out."""
+    shown = repr(text) if isinstance(text, str) else reprlib.repr(text)
+    return shown if len(shown) <= most else f"{shown[: most - 20]} ... {shown[-15:]}"
 
 
 def listed(words: Iterable[str], last: str = "and") -> str:
@@ -144,7 +167,7 @@ def _finite(number: str, text: str) -> Decimal:
     except InvalidOperation:
         magnitude = Decimal("nan")
     if not magnitude.is_finite():
-        raise QuantityError(f"{text!r} is not a finite number")
+        raise QuantityError(f"{cut(text)} is not a finite number")
     return magnitude
 
 
@@ -185,14 +208,16 @@ def _factor_of_any(unit_text: str, unit: str) -> Decimal:
     try:
         given = registry.Quantity(Decimal(1), registry.parse_units(unit_text))
     except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
-        raise QuantityError(f"has an unknown unit {unit_text!r}; write it like {_example(unit)!r}") from error
+        raise QuantityError(f"has an unknown unit {cut(unit_text)}; write it like {_example(unit)!r}") from error
     if any(str(part) in _ANGLES for part in given._units):
         raise QuantityError("is in an angle; give frequencies in Hz and damping as a ratio")
     try:
         return Decimal(given.to("" if unit == "1" else unit).magnitude)
     except (pint.PintError, TypeError, ArithmeticError) as error:  # offsets and logarithms of units are none here
         expected = "a plain number" if unit == "1" else f"a quantity in {unit}"
-        raise QuantityError(f"is in {unit_text}, but this is {expected}, such as {_example(unit)!r}") from error
+        raise QuantityError(
+            f"is in {cut(unit_text)[1:-1]}, but this is {expected}, such as {_example(unit)!r}"
+        ) from error
 
 
 def _example(unit: str) -> str:

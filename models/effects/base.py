@@ -46,6 +46,7 @@ Hook = Callable[[float, Numbers, Numbers, Numbers, Numbers], float]
 T, X, V, H, U, MOVED, E, U_LAW = range(8)  # entries of `now`
 Z, STIFFNESS, LIMIT = range(3)  # rows of `contact`
 
+FAR: Final = 1e6  # A size may be so many times its usual ones: axes differ by less.
 FAMILIES: Final = ("friction", "motor", "structure", "scale", "protocol")
 ROLES: Final = ("amplitude", "shape", "period", "phase", "width", "switch")
 POSITIVE: Final = ("shape", "period", "width")  # roles of sizes that are above 0 and differ by factors: see Parameter
@@ -180,8 +181,23 @@ def switch(meaning: str) -> Any:
 
 
 def _field(prior: Parameter, **limits: Any) -> Any:
+    if prior.role not in {"phase", "switch"}:
+        limits = {**_far(prior, limits), **limits}
     declared = value(prior.unit, prior.meaning, **limits)
     return dataclasses.field(metadata={**declared.metadata, "prior": prior})
+
+
+def _far(prior: Parameter, limits: Mapping[str, Any]) -> dict[str, Any]:
+    """How far a size may be from its usual ones in a machine file: beyond, a law's numbers lose their meaning."""
+    most = FAR * max(abs(prior.low), abs(prior.high))
+    far: dict[str, Any] = {"because": f"more than a factor of {FAR:.0e} from its usual sizes"}
+    if "below" not in limits:
+        far["at_most"] = most
+    if prior.role in {"shape", "period"} and prior.low > 0:
+        far["at_least"] = prior.low / FAR
+    elif "above" not in limits:
+        far["at_least"] = -most
+    return far
 
 
 def hook(law: Hook) -> Hook:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -20,7 +21,8 @@ from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.priors import Priors
 from models.machines.provenance import SOURCES, MachineError, Provenance
-from models.quantity import Declaration, QuantityError, check, declaration, parse
+from models.machines.text_file import brief, text_of
+from models.quantity import Declaration, QuantityError, check, cut, declaration, parse
 
 ENTRY: Final = ("value", "std", "source", "record", "sha256", "note")  # keys of a value that is written as a table
 
@@ -30,11 +32,13 @@ Part = TypeVar("Part")
 def read_table(path: Path) -> dict[str, Any]:
     """The content of a TOML file. Raises MachineError for a file that can't be read or is none."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(text_of(path))
     except OSError as error:
         raise MachineError(f"{path}: can't be read ({error.strerror}); give an existing machine file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MachineError(f"{path}: is not valid TOML ({error}); correct that line") from error
+    except RecursionError as error:
+        raise MachineError(f"{path}: its tables are nested too deeply; a machine file needs four levels") from error
+    except ValueError as error:
+        raise MachineError(f"{path}: is not valid TOML ({brief(error)}); correct that line") from error
 
 
 def read(kind: type[Part], table: object, where: str, sources: dict[str, Provenance]) -> Part:
@@ -48,7 +52,7 @@ def read(kind: type[Part], table: object, where: str, sources: dict[str, Provena
     fields = {field.name: field for field in dataclasses.fields(kind) if field.name != "sources"}  # type: ignore[arg-type]
     for key in table:
         if key not in fields:
-            raise MachineError(f"{join(where, key)}: unknown; {_nearest(key, list(fields))}")
+            raise MachineError(f"{join(where, _cut_key(key))}: unknown; {_nearest(key, list(fields))}")
     hints, arguments = get_type_hints(kind), {}
     for name, field in fields.items():
         path = join(where, name)
@@ -90,7 +94,7 @@ def _tables(known: Mapping[str, type[Effect]], table: object, where: str) -> Ite
     if not isinstance(table, dict):
         raise MachineError(f"{where}: must be a table; write [{where}.NAME] with what is stated of the effect below")
     for name, entry in table.items():
-        path = join(where, name)
+        path = join(where, _cut_key(name))
         if name not in known:
             raise MachineError(f"{path}: unknown; {_nearest(name, list(known))}")
         same = entry if isinstance(entry, list) else [entry]
@@ -119,7 +123,7 @@ def _ranges(
     declared = catalogue.range_declarations(kind)
     for key in table:
         if key not in declared:
-            raise MachineError(f"{join(where, key)}: unknown; {_nearest(key, list(declared))}")
+            raise MachineError(f"{join(where, _cut_key(key))}: unknown; {_nearest(key, list(declared))}")
     if not table:
         raise MachineError(f"{where}: must hold a range; give the minimum and maximum of {next(iter(declared))}, say")
     ranges = {}
@@ -143,16 +147,26 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
     try:
         if hint is int:
             if not isinstance(text, int) or isinstance(text, bool):
-                raise QuantityError(f"{text!r} must be a whole number; write one without a unit, such as 2")
-            check(text, declared)
+                raise QuantityError(f"{cut(text)} must be a whole number; write one without a unit, such as 2")
+            check(_plain_number(text), declared)
             return text
         if hint is float:
             return _number(text, declared)
         if not isinstance(text, list) or not text:
-            raise QuantityError(f"{text!r} must be a list; write one value for each element, in brackets")
+            raise QuantityError(f"{cut(text)} must be a list; write one value for each element, in brackets")
+        if declared.most is not None and len(text) > declared.most:
+            raise QuantityError(f"{len(text)} numbers are more than {declared.most}; join those that are alike")
         return tuple(_number(item, declared) for item in text)
     except QuantityError as error:
         raise MachineError(f"{where}: {error}") from error
+
+
+def _plain_number(number: int) -> float:
+    """A whole number as a float [1]; an infinite one where it is beyond all floats."""
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf if number > 0 else -math.inf
 
 
 def _deviation(text: object, declared: Declaration, number: object, where: str) -> float | tuple[float, ...]:
@@ -181,12 +195,12 @@ def _provenance(entry: object, where: str) -> tuple[object, Provenance]:
         return entry, Provenance("assumed", "no source given")
     for key in entry:
         if key not in ENTRY:
-            raise MachineError(f"{where}.{key}: unknown; {_nearest(key, [*ENTRY])}")
+            raise MachineError(f"{where}.{_cut_key(key)}: unknown; {_nearest(key, [*ENTRY])}")
     if "value" not in entry:
         raise MachineError(f'{where}: has no value; write {{ value = "...", source = "..." }}')
     kind, _, detail = str(entry.get("source", "assumed: no source given")).partition(":")
     if kind.strip() not in SOURCES:
-        raise MachineError(f"{where}: source {kind.strip()!r} is unknown; begin it with one of {', '.join(SOURCES)}")
+        raise MachineError(f"{where}: source {cut(kind.strip())} is unknown; begin it with one of {', '.join(SOURCES)}")
     note, record, sha256 = (str(entry.get(name, "")).strip() for name in ("note", "record", "sha256"))
     return entry["value"], Provenance(kind.strip(), detail.strip(), note, record, sha256)
 
@@ -196,8 +210,13 @@ def join(where: str, name: str) -> str:
     return f"{where}.{name}" if where else name
 
 
+def _cut_key(key: str) -> str:
+    """A key as a message names it: the start of a long one."""
+    return key if len(key) <= 60 and key.isprintable() else cut(key)
+
+
 def _nearest(key: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(key[:60], known, n=1, cutoff=0.5)
     return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
 
 

@@ -144,6 +144,9 @@ def test_a_tolerance_that_is_stated_to_be_the_usual_one_keeps_its_source(tmp_pat
     assert [row.number for row in parameters(stated) if row.name == "tolerance.offset"] == [0.2]
 
 
+MODE = '[[plant.modes]]\ngain = "0.001 1/kg"\nfrequency = "100 Hz"\ndamping = "0.02"\n'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
@@ -177,8 +180,31 @@ def test_a_tolerance_that_is_stated_to_be_the_usual_one_keeps_its_source(tmp_pat
             'interval = { value = "22 ms"',
             r"specification: .* have to follow each other",
         ),
-        ('"500 us"', '"1 ns"', r"more than 100000 samples of control\.sample_time"),
+        ('"500 us"', '"2 us"', r"more than 100000 samples of control\.sample_time"),
+        ('"500 us"', '"1 ns"', r"control\.sample_time: 1 ns must be at least 1 µs: controllers of axes"),
         (r"\[drive\]", "[drive", r"is not valid TOML"),
+        (r"\[drive\]", "a = " + 5000 * "[" + 5000 * "]" + "\n[drive]", r"nested too deeply"),
+        (r"\[drive\]", "a = " + 5000 * "9" + "\n[drive]", r"is not valid TOML"),
+        ("motions = { value = 5", f"motions = {{ value = {10**400}", r"motions: inf must be below 101"),
+        ("motions = { value = 5", "motions = { value = 1", r"motions: 1 must be at least 2"),
+        ("motions = { value = 5", "motions = { value = nan", r"motions: nan must be a whole number"),
+        (
+            'stroke = { value = "20 um"',
+            'stroke = { value = "1e308 um"',
+            r"stroke: 1e\+293 Gm must be at most 100 m: no axis",
+        ),
+        ('stroke = { value = "20 um"', 'stroke = { value = "1e-320 um"', r"stroke: .* must be (above|at least)"),
+        ('"38 Hz"', '"3.8e-5 Hz"', r"modes\.2\.frequency: 3\.8e-05 Hz is slower than 0\.1 Hz"),
+        ('"0.00053517 1/kg"', '"535 1/kg"', r"modes\.3\.gain: 535 1/kg is 2\.\d+e\+04 times the rigid body's"),
+        ('"0.00053517 1/kg"', '"1e-11 1/kg"', r"modes\.3\.gain: .* times the rigid body's"),
+        ('thrust_constant = { value = "1"', 'thrust_constant = { value = "1e-9"', r"plant: a mass of .* is not from"),
+        (r"\[presliding\]", 200 * MODE + "[presliding]", r"plant\.modes: 203 are more than 20, which would take"),
+        ('interval = { value = "0.5 s"', 'interval = { value = "50 s"', r"motions to and fro .* 1000000 samples, more"),
+        (r"(stiffness = { value = )\[[^]]*\]", r'\1["0 N/mm"' + 9 * ', "0 N/mm"' + "]", r"friction: no element has"),
+        (r"(stiffness = { value = )\[[^]]*\]", r'\1["1 N/m"' + 900 * ', "1 N/m"' + "]", r"901 numbers are more than"),
+        ('"500 us"', '"' + 5000 * "5" + ' fathoms"', r"sample_time: '5{50,60}.{10,25}fathoms'"),
+        (r"\[drive\]", "[drive]\n" + 5000 * "x" + " = 1", r"^.{0,400}$"),
+        ('name = "', 'name = "' + 300 * "x", r"name: 'x+ \.\.\. .* is longer than 200 characters"),
         (r"\[\[plant.modes\]\] # the rigid body", "[plant.modes]", r"is not valid TOML"),
     ],
 )
