@@ -26,7 +26,7 @@ class Studies:
     """The studies as attributes, each called like a function: `pos.studies.deadbeat_design(machine, quick=True)`.
 
     >>> pos.studies.deadbeat_design
-    deadbeat_design: Which N_ff(z), D_ff(z) for this machine, and do they hold on the nonsmooth one?
+    deadbeat_design: Which N_ff(z), D_ff(z) suit this machine, and do they meet the specification?
     >>> answer = pos.studies.deadbeat_design(machine, settling_time=20e-3, quick=True)
     >>> all(check.holds for check in answer.checks)
     True

@@ -1,1 +1,1 @@
-"""Which N_ff, D_ff for this machine, and do they hold on the nonsmooth one?"""
+"""Which N_ff, D_ff suit this machine, and do they meet the specification?"""

@@ -8,7 +8,7 @@ from studies.study import Study
 
 STUDY = Study(
     "deadbeat_design",
-    "Which N_ff(z), D_ff(z) for this machine, and do they hold on the nonsmooth one?",
+    "Which N_ff(z), D_ff(z) suit this machine, and do they meet the specification?",
     DeadbeatOptions,
     writes=("controller.json",),
 )

@@ -1,7 +1,7 @@
-"""The deadbeat design, its trade-offs and its proof; plain results, no drawing.
+"""The deadbeat design, its trade-offs and its validation; plain results, no drawing.
 
-The feedforward is judged twice by what did not make it: on the linear plant by the closed form of its motion, on the
-nonsmooth machine by simulation over the sequence of Fig. 5.
+The feedforward is validated twice, by means independent of its design: on the linear plant by the closed form of its
+motion, on the nonsmooth machine by simulation over the sequence of Fig. 5.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from studies.study import Answer, Check, Progress
 
 Array = NDArray[np.float64]
 
-SHOWN: Final = 4.0  # settling times of each motion that results.json keeps, for the figures
-VIBRATION_WINDOW: Final = 0.1  # s after the settling time in which the vibration left is looked at
-AGREEMENT: Final = 0.03  # relative difference up to which an outcome agrees with the published one
-RESIDUAL_LIMIT: Final = 1e-9  # of the stroke: what may remain after a deadbeat's settling time
+SHOWN: Final = 4.0  # Settling times of each motion that results.json keeps, for the figures.
+VIBRATION_WINDOW: Final = 0.1  # [s] Window after the settling time in which the residual vibration is evaluated.
+AGREEMENT: Final = 0.03  # The largest relative difference at which a result agrees with the published one.
+RESIDUAL_LIMIT: Final = 1e-9  # The largest residual after a deadbeat's settling time, relative to the stroke.
 
 
 def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> Answer:
@@ -99,13 +99,13 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
 
 
 def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
-    """What the design has to reach, from the options, else from the machine file."""
+    """The requirements on the design, from the options, else from the machine file."""
     specification, drive = machine.specification, machine.drive
     given = options.thrust_limit
     reserved = usable_thrust(machine)
     if given is not None and not 0 < given <= drive.rated_thrust:
         raise BadInputError(
-            f"--thrust-limit: {show(given, 'N')} is not between 0 and the rated {show(drive.rated_thrust, 'N')}"
+            f"--thrust-limit: {show(given, 'N')} must be between 0 and the rated {show(drive.rated_thrust, 'N')}"
         )
     if given is None and reserved <= 0:
         raise BadInputError(
@@ -119,7 +119,7 @@ def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
             f"--settling-time: {show(time, 's')} is longer than a motion; give less than {show(interval, 's')}"
         )
     if stroke is not None and not 1e-9 <= stroke <= 1e3 and stroke != 0:
-        raise BadInputError(f"--stroke: {show(stroke, 'm')} is not a stroke of an axis; give one from 1 nm to 1 km")
+        raise BadInputError(f"--stroke: {show(stroke, 'm')} must be from 1 nm to 1 km")
     return {
         "settling_time_s": specification.reference_settling_time if time is None else time,
         "stroke_m": specification.stroke if stroke is None else stroke,

@@ -1,4 +1,4 @@
-"""What a machine's own effects do to the motions, and how much of it the controller takes back that knows them."""
+"""A machine's effects on its motions, and how much of them a controller that knows them compensates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from models.plant import Plant
 
 @dataclass(frozen=True)
 class Known:
-    """The controller that knows the effects, its feedforward and its plant, and what results.json says of them."""
+    """The controller that knows the effects, its feedforward, its plant, and their part of results.json."""
 
     controller: Controller
     deadbeat: Deadbeat
@@ -36,9 +36,9 @@ def compensate(
     synthesise: Callable[[Machine], Deadbeat],
     seed: int,
 ) -> Known:
-    """The controller that meets the machine's effects, beside the one that does not.
+    """The controller that compensates the machine's effects, beside the one that does not.
 
-    judged: the latter on the machine, without and with its RFM. synthesise: the feedforward for another plant.
+    judged: the latter's validations, without and with its RFM. synthesise: the feedforward for another plant.
     """
     whole = replace(machine, plant=designed_for(machine))
     deadbeat, refused = plain, ""
@@ -81,5 +81,5 @@ def _row(one: Validation) -> dict[str, float]:
 
 
 def _gap(one: Validation, ideal: Validation) -> float:
-    """Root mean square [m] of what the table does beside what it does without effects, over the last period."""
+    """Root mean square [m] of the difference that the effects make to the table's position, over the last period."""
     return float(np.sqrt(np.mean((one.response.position - ideal.response.position) ** 2)))

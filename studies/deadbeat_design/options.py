@@ -1,4 +1,4 @@
-"""What deadbeat_design can be asked beyond what all studies are."""
+"""Options of deadbeat_design besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DeadbeatOptions(Options):
-    """What the feedforward has to reach, and what its freedom is spent on."""
+    """Requirements on the feedforward, and the objective for its free parameters."""
 
     settling_time: float | None = quantity(
         "s",
@@ -28,8 +28,8 @@ class DeadbeatOptions(Options):
         "(default: the machine file's specification.stroke; 20 um for the default machine)",
     )
     objective: Objective = choice(
-        "what the feedforward's freedom is spent on: least squares of the thrust's differences (default) or of "
-        "the thrust, least peak thrust, or least vibration left when a mode's frequency is off by up to 5 %%",
+        "objective for the feedforward's free parameters: least squares of the thrust's differences (default) or of "
+        "the thrust, least peak thrust, or least residual vibration when a mode's frequency is off by up to 5 %%",
         ("thrust_difference", "thrust", "peak_thrust", "mode_robustness"),
     )
     thrust_limit: float | None = quantity(

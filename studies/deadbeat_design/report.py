@@ -1,4 +1,4 @@
-"""How the deadbeat design is told: its figures and the words around them (report.md)."""
+"""The report of the deadbeat design: its figures and captions (report.md)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ def tell(whole: Results) -> Report:
         figures = [figure for figure in figures if figure.name != "sensitivity"]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
     tables = {name: keys for name, keys in TABLES.items() if name != "effects" or "effects" in results}
-    question = "Which deadbeat feedforward suits this machine, and does it hold on the nonsmooth machine?"
+    question = (
+        "Which deadbeat feedforward suits this machine, and does it meet the specification on the nonsmooth machine?"
+    )
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters(), tables)
 
 
@@ -51,18 +53,18 @@ BODE = (
     "spring; dead time included."
 )
 FEEDFORWARD = (
-    "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the chosen design, and of the one that spends its "
-    "freedom on robustness against wrong mode frequencies."
+    "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the chosen design, and of the one whose free "
+    "parameters are used for robustness against wrong mode frequencies."
 )
 TRADE_OFF = (
-    "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: what no deadbeat for this stroke can undercut. "
-    "Settling times for which a curve has no point cannot be met at all with that shape."
+    "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: a lower bound for every deadbeat of this stroke. "
+    "Where a curve has no point, that shape cannot reach the settling time at all."
 )
 SENSITIVITY = (
     "Largest deviation of the linear plant from the target after the settling time, feedforward alone, when one mode's "
     "frequency is off."
 )
-BRANCH = "Force climbed behind a reversal from full slip (compare Fig. 3b of the paper), with the published slopes."
+BRANCH = "Increase of force after a reversal from full slip (compare Fig. 3b of the paper), with the published slopes."
 RESPONSES = (
     "Positive motions on the nonsmooth machine, without (left) and with (right) friction compensation: distance "
     "travelled and rolling friction (compare Figs. 7, 12 and 14 of the paper)."
@@ -162,8 +164,8 @@ def _branch(whole: Results) -> Drawing:
     style.mark_limit(ax, 2 * facts["coulomb_force_N"], "$2 T_{fc}$")
     if friction["slope_2_N_per_m"]:  # else all elements slip within Region 1
         _regions(ax, facts)
-    ax.set_xlabel("distance behind the reversal [µm]")
-    ax.set_ylabel("force climbed [N]")
+    ax.set_xlabel("distance after the reversal [µm]")
+    ax.set_ylabel("increase of force [N]")
     ax.legend(loc="lower right")
     return figure
 

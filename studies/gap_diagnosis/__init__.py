@@ -1,1 +1,1 @@
-"""Where does the real machine leave the model, which effect causes it, how far does the gap shrink?"""
+"""Where does the real machine deviate from its model, which effect causes it, how much of the gap does it close?"""

@@ -1,4 +1,4 @@
-"""`python -m studies.gap_diagnosis RECORD...`: where a machine leaves its model, which effect, how far the gap."""
+"""`python -m studies.gap_diagnosis RECORD...`: where a machine deviates from its model, and why."""
 
 import sys
 
@@ -8,7 +8,7 @@ from studies.study import Study
 
 STUDY = Study(
     "gap_diagnosis",
-    "Where does the real machine leave the model, which effect causes it, how far does the gap shrink?",
+    "Where does the real machine deviate from its model, which effect causes it, how much of the gap does it close?",
     DiagnosisOptions,
     writes=("improved.toml", "suite.csv", "next_experiment.csv"),
 )

@@ -1,4 +1,4 @@
-"""What gap_diagnosis can be asked beyond what all studies are."""
+"""Options of gap_diagnosis besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -10,18 +10,16 @@ from studies.options import Options, paths, texts
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisOptions(Options):
-    """The records, how they are read, and which effects are not to be used."""
+    """The records, how they are read, and which effects are excluded."""
 
     record: tuple[Path, ...] = paths(
         "RECORD",
         ".csv, .csv.gz, .mat or .parquet files of one machine, one or several. Without any, a simulated table with an "
-        "effect that the model lacks is diagnosed, so that the answer can be judged",
+        "effect that the model lacks is diagnosed, so that the answer can be verified",
     )
-    disable: tuple[str, ...] = texts(
-        "NAME", "an effect of the catalogue that is not to be used, such as cogging; may be repeated"
-    )
+    disable: tuple[str, ...] = texts("NAME", "an effect of the catalogue to exclude, such as cogging; may be repeated")
     column: tuple[str, ...] = texts(
         "SIGNAL=ENTRY",
-        'how the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
+        'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
         "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
     )

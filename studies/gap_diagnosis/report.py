@@ -36,7 +36,9 @@ def tell(whole: Results) -> Report:
         "sized": partial(fitted, digits=4),
     }
     title = f"Diagnosis: {whole['machine']['name']}"
-    question = "Where does the real machine leave the model, which effect causes it, how far does the gap shrink?"
+    question = (
+        "Where does the real machine deviate from its model, which effect causes it, how much of the gap does it close?"
+    )
     tables = {name: keys for name, keys in TABLES.items() if name != "values" or _fitted(results)}
     return Report(title, question, Path(__file__).parent / "report.md", tuple(shown), {**filters(), **extra}, tables)
 

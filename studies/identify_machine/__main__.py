@@ -8,7 +8,7 @@ from studies.study import Study
 
 STUDY = Study(
     "identify_machine",
-    "Which machine is this, as its frequency response, hysteresis and motion records show it, and how surely?",
+    "Which machine is this, according to its frequency response, hysteresis and motion records?",
     IdentificationOptions,
     writes=("identified.toml",),
 )

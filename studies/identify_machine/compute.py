@@ -1,4 +1,4 @@
-"""From records to a machine file: each record is recognised, identified, and put into the machine; plain results."""
+"""From records to a machine file: recognises each record, identifies from it, updates the machine."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _round_trip_checks(judged: dict[str, Any], *, quick: bool) -> list[Check]:
 
 
 def _curve_checks(machine: Machine, curve: Mapping[str, Any]) -> list[Check]:
-    """The machine's own elements, more than data tell apart, against the curve identified."""
+    """Compares the machine's elements, more than data can resolve, with the identified curve."""
     distance = np.array(curve["distance_m"])
     off = np.max(np.abs(np.array(curve["climbed_N"]) - branch(machine.friction, distance)))
     name = "largest error of the friction curve, as a share of its climb"

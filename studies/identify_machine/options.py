@@ -1,4 +1,4 @@
-"""What identify_machine can be asked beyond what all studies are."""
+"""Options of identify_machine besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ class IdentificationOptions(Options):
 
     record: tuple[Path, ...] = paths(
         "RECORD",
-        ".csv, .csv.gz, .mat or .parquet; what each shows is recognised. Without any, records of simulated tables "
-        "are identified, so that the stated uncertainties can be judged (round trip)",
+        ".csv, .csv.gz, .mat or .parquet; the kind of each is recognised. Without any, records of simulated tables "
+        "are identified, to verify the stated uncertainties (round trip)",
     )
     kinds: str | None = text(
         "KIND,...",
-        f"what the records are, in their order, instead of being recognised: auto, {', '.join(KINDS)}",
+        f"the kinds of the records, in their order, instead of recognising them: auto, {', '.join(KINDS)}",
     )
     column: tuple[str, ...] = texts(
         "SIGNAL=ENTRY",
-        'how the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
+        'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
         "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
     )
     pass_band: float | None = quantity(

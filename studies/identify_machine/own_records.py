@@ -1,4 +1,4 @@
-"""Records of a simulated table, quantised and noisy, friction on: what a user would measure, with the truth known.
+"""Records of a simulated table, quantised, noisy, with friction: like a user's, but with known true values.
 
 The excitation acts while the axis rolls in one direction, so that friction is constant; the hysteresis is a slow sweep
 with inner loops; the motions are short strokes of the specification, and half as long.
@@ -30,13 +30,13 @@ AMPLITUDE: Final = 0.08  # of the rated thrust, over the square root of the line
 
 
 def noisy(machine: Machine) -> Machine:
-    """The machine with noise on its scale, also where its file states none."""
+    """The machine with noise on its scale, even if its file states none."""
     return replace(machine, scale=machine.scale.noisy())
 
 
 def another(machine: Machine, seed: int) -> Machine:
-    """A table like this one: modes, dead time, offset and friction drawn anew, with three elements that data can tell
-    apart."""
+    """A similar table: modes, dead time, offset and friction drawn at random, with three elements that data can
+    resolve."""
     draw = np.random.default_rng(seed)
     scatter = np.array([0.1, 0.05, 0.2])  # of a gain, a frequency and a damping ratio, on the logarithm
     off = [np.exp(scatter * draw.standard_normal(3)) - 1 for _ in machine.plant.modes]
@@ -50,7 +50,7 @@ def another(machine: Machine, seed: int) -> Machine:
 
 
 def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
-    """A table that departs from the machine as a motion fit can find: its (mass, friction level, presliding length)
+    """A table with other values of what a motion fit identifies: its (mass, friction level, presliding length)
     [1], dead time [s] and offset [N]."""
     draw = np.random.default_rng(seed)
     mass, level, length = (np.exp(np.array([0.05, 0.1, 0.05]) * draw.standard_normal(3)) - 1).tolist()
@@ -58,7 +58,9 @@ def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
     offset = float(draw.standard_normal())
     variation = Variation(friction_force=level, friction_length=length, mass=mass, dead_time=delay, offset=offset)
     moved = varied(machine, variation)
-    moved = replace(moved, friction=elements(moved.friction.stiffness, moved.friction.limit))  # undamped, as is sought
+    moved = replace(
+        moved, friction=elements(moved.friction.stiffness, moved.friction.limit)
+    )  # Undamped, as the identification assumes.
     truth = np.array([1 + mass, 1 + level, 1 + length, moved.plant.dead_time, moved.drive.offset])
     return moved, truth
 
@@ -88,7 +90,7 @@ def hysteresis(machine: Machine, seed: int) -> Record:
 def motions(machine: Machine, seed: int, nominal: Machine | None = None) -> Record:
     """Strokes of the specification and half as long; SI.
 
-    The feedforward is the nominal machine's, as a controller has it that was designed before.
+    The feedforward is the nominal machine's, as the controller is designed before identification.
     """
     controller = default_controller(nominal or machine).without_compensation()
     ts, stroke = machine.sample_time, machine.specification.stroke

@@ -1,4 +1,4 @@
-"""How an identification is told: its figures and the words around them (report.md)."""
+"""The report of an identification: its figures and captions (report.md)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Results = Mapping[str, Any]
 
 
 def tell(whole: Results) -> Report:
-    """The report on what results.json holds; a figure for each kind of record that there was."""
+    """The report on what results.json holds; with a figure for each kind of record present."""
     results = whole["results"]
     possible = (
         ("response", Figure("bode", BODE, ("results.response",), _bode)),
@@ -33,7 +33,7 @@ def tell(whole: Results) -> Report:
     there = {*(f"results.{part}" for part in results), "parameters"}
     tables = {name: keys for name, keys in TABLES.items() if ".".join(keys[0].split(".")[:2]) in there}
     title = f"Identification: {whole['machine']['name']}"
-    question = "Which machine is this, as its records show it, and how surely?"
+    question = "Which machine is this according to its records, and with what uncertainty?"
     return Report(title, question, Path(__file__).parent / "report.md", figures, filters(), tables)
 
 
@@ -49,25 +49,25 @@ TABLES = {
     "parameters": ("parameters",),
 }
 BODE = (
-    "Measured frequency response and the $P_l$ fitted to it; below, what is left beside the standard deviation of each "
-    "measured line. Crosses: lines left out."
+    "Measured frequency response and the $P_l$ fitted to it; below, the residuals, with the standard deviation of each "
+    "measured line. Crosses: excluded lines."
 )
 HYSTERESIS = (
-    "Left: friction force over position, measured and as the identified elements give it. Right: force climbed "
-    "behind a reversal from full slip, with two standard deviations either way."
+    "Left: friction force over position, measured and from the identified elements. Right: increase of force "
+    "after a reversal from full slip, with two standard deviations either way."
 )
-MOTION = "Command of the motion record, and what the simulated loop with the replayed controller leaves of it."
+MOTION = "Command of the motion record, and the residual of the simulated loop with the replayed controller."
 DYNAMICS = (
     "Force of the record and of the identified model (above), and their difference (below). The model was fitted to "
-    "the part left of the line; the right part only judges it."
+    "the part left of the line; the part right of it is held out."
 )
 FRICTION = (
-    "Left: all that is not inertia, over speed, measured and as the identified friction and offset give it. Right: "
-    "force climbed behind a reversal from full slip, with two standard deviations either way."
+    "Left: all force but inertia, over speed, measured and from the identified friction and offset. Right: "
+    "increase of force after a reversal from full slip, with two standard deviations either way."
 )
 ROUND_TRIP = (
     "Errors of all identified values of the simulated tables, over their stated standard deviations: share below each "
-    "size, beside what it is if the stated deviations are right. A curve above the line: deviations stated too large. "
+    "size, beside the one expected if the stated deviations are right. Above the line: deviations overstated. "
     "Dashed: the 95 % interval."
 )
 

@@ -1,4 +1,4 @@
-"""Simulated tables, identified from their own records: do they come back within the stated uncertainties?"""
+"""Are simulated tables, identified from their own records, recovered within the stated uncertainties?"""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from studies.identify_machine import own_records
 
 Array = NDArray[np.float64]
 
-WITHIN: Final = 1.96  # standard deviations of a 95 % interval
+WITHIN: Final = 1.96  # Half width of a 95 % interval, in standard deviations.
 DISTANCES: Final = (3e-6, 10e-6, 30e-6, 300e-6)  # m behind a reversal
 
 
 def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str], None]) -> dict[str, Any]:
-    """Errors in standard deviations of every parameter of `tables` simulated tables; tell(share, text) is progress."""
+    """Errors in standard deviations of every parameter of `tables` simulated tables; tell(share, text): progress."""
     machine = own_records.noisy(machine)
     rows: dict[str, list[Array]] = {"frequency response": [], "hysteresis": [], "motions": []}
     missed = 0
@@ -50,7 +50,7 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
 
 
 def true_modes(machine: Machine) -> Array:
-    """What `modes.fit` should find (p,) [SI]: gains with K_t in them, modes by rising frequency."""
+    """The true values (p,) [SI] for `modes.fit`: gains that include K_t, modes by rising frequency."""
     plant = machine.plant
     numbers = [plant.rigid_gain, plant.dead_time]
     for mode in sorted((plant.modes[i] for i in plant.flexible), key=lambda mode: mode.frequency):

@@ -1,4 +1,4 @@
-"""What results.json holds of an identification: for each record what its figures and tables need, and the checks."""
+"""The content of results.json for an identification: the data of each record's figures and tables, and the checks."""
 
 from __future__ import annotations
 
@@ -32,13 +32,17 @@ Array = NDArray[np.float64]
 
 SHOWN: Final = 3000  # samples of a signal that are kept, for the figures
 LINES: Final = 1200  # of a frequency response that are kept, for the figure
-BY_CHANCE: Final = 1e-3  # how often the check of two records against each other fails although the model is right
-LOST: Final = 1.05  # of the held-out error: friction by direction as a part of the force stands for one that is not
-PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # of the inverse dynamics as EMPS's authors do it
+BY_CHANCE: Final = (
+    1e-3  # Probability that the check of two records against each other fails although the model is right.
+)
+LOST: Final = (
+    1.05  # Tolerated ratio of held-out errors: directional friction in proportion to the force is an approximation.
+)
+PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # Settings of the inverse dynamics, as EMPS's authors chose them.
 
 
 def results_of(found: Identified, pass_band: float | None) -> dict[str, Any]:
-    """What each record gave, under its kind, and the rows of all estimates; pass_band [Hz] as it was asked for."""
+    """The results of each record, under its kind, and the rows of all estimates; pass_band [Hz] as requested."""
     results: dict[str, Any] = {}
     estimates = []
     for step in found.steps:
@@ -56,7 +60,7 @@ def results_of(found: Identified, pass_band: float | None) -> dict[str, Any]:
 
 
 def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:
-    """What the records themselves say of the fits."""
+    """The checks that the records themselves allow."""
     for step in found.steps:
         if isinstance(step.gave, ResponseStep) and np.all(np.isfinite(step.gave.measured.variance)):
             name = "reduced chi-square of the frequency response"
@@ -152,7 +156,7 @@ def _force(fit: ForceFit) -> dict[str, Any]:
 
 
 def _dynamics(record: Record, fit: ForceFit, held: Holdable, band: float) -> dict[str, Any]:
-    """What a fast record shows beyond its force: the ladder from the published models to the machine file's."""
+    """Further results of a fast record: the comparison from the published models to the machine file's."""
     half = half_of(record)
     simple, bent = (
         force.identify(record, terms, pass_band=band, fit_until=half)
@@ -187,7 +191,7 @@ def _dynamics(record: Record, fit: ForceFit, held: Holdable, band: float) -> dic
 
 
 def _over_speed(fit: ForceFit) -> dict[str, Any]:
-    """All that is not inertia over speed, at the samples kept: as measured and as the fit has it [N]."""
+    """All force but inertia [N] over speed, at the samples kept: measured and fitted."""
     speed = np.gradient(fit.path, fit.time)
     ahead, back = (fit.estimate.value(name) for name in WAYS)
     friction = fit.rolling + np.where(speed > 0, ahead, back) * speed + fit.estimate.value("offset")
@@ -197,7 +201,7 @@ def _over_speed(fit: ForceFit) -> dict[str, Any]:
 
 
 def _published(record: Record, half: float, window: Array) -> Iterator[dict[str, Any]]:
-    """The authors' two models, fitted to the first half and judged on the same stretch as the others."""
+    """The authors' two models, fitted to the first half and evaluated on the same held-out part as the others."""
     for name, by_direction in (
         ("published: viscous and Coulomb friction", False),
         ("published: the same by direction", True),

@@ -1,1 +1,1 @@
-"""Which effects leave what compensation left on the paper's table, and which experiment would tell."""
+"""Which effects explain the dispersion left on the paper's table, and which experiment would discriminate?"""

@@ -1,4 +1,4 @@
-"""`python -m studies.paper_gap`: what could have left 2.4 um and inching motions that miss on the paper's table."""
+"""`python -m studies.paper_gap`: possible causes of the 2.4 um and the late inching motions on the paper's table."""
 
 import sys
 
@@ -8,7 +8,7 @@ from studies.study import Study
 
 STUDY = Study(
     "paper_gap",
-    "Which effects leave what compensation left on the paper's table, and which experiment would tell?",
+    "Which effects explain the dispersion left on the paper's table, and which experiment would discriminate?",
     PaperOptions,
     writes=("next_experiment.csv", "second_experiment.csv"),
 )

@@ -1,4 +1,4 @@
-"""What the paper's table may have and its design may not know: the effects of the catalogue, and wrong parameters.
+"""Candidate causes unknown to the design of the paper's table: the effects of the catalogue, and wrong parameters.
 
 A candidate maps a point u (k,) of the unit cube to one size of itself. Amplitudes, widths and shapes are uniform in
 the logarithm over their prior ranges, of either sign where the effect has one; phases and errors of a parameter are
@@ -17,16 +17,16 @@ from models.machine import Machine, Tolerance
 from models.quantity import declaration
 from models.variation import Variation, varied
 
-FRICTION: Final = 0.3  # by how much, relatively, the identified friction may be wrong; assumed
+FRICTION: Final = 0.3  # The assumed largest relative error of the identified friction.
 USUAL: Final = Tolerance()
-BOUND: Final = 3.0  # deviations of USUAL by which another parameter may be wrong
+BOUND: Final = 3.0  # The largest error of another parameter, in standard deviations of USUAL.
 
 
 @dataclass(frozen=True)
 class Range:
     """One number of a candidate, from low to high (SI): logarithmic, of either sign, or neither (uniform).
 
-    end: what its law allows at most. whole: 0 or 1.
+    end: the largest value that its law allows. whole: 0 or 1.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One thing that the design may not know. `size` is the index in `ranges` of how large it is."""
+    """One possible cause. `size` is the index in `ranges` of its magnitude."""
 
     name: str
     family: str
@@ -90,7 +90,7 @@ def both(first: Candidate, second: Candidate) -> Candidate:
 
 
 def wrong_friction() -> Candidate:
-    """Friction level and presliding length, wrong at once."""
+    """Friction level and presliding length, both wrong."""
     found = every()
     return both(found["friction_level"], found["presliding_length"])
 
@@ -125,7 +125,7 @@ def _of_effect(kind: type[base.Effect]) -> Candidate:
 
 
 def _of_parameters() -> tuple[Candidate, ...]:
-    """What the design takes from the machine and may be wrong: the table has 1 + e times, or e more, of it."""
+    """Parameters that the design may have wrong: the table's is 1 + e times the design's, or larger by e."""
 
     def off(name: str, law: str, most: float, error: Callable[[float], Variation], unit: str = "1") -> Candidate:
         ranges = (Range(name, unit, -most, most, logarithmic=False),)

@@ -1,4 +1,4 @@
-"""What could have left the paper's dispersion: every candidate in tables whose controllers do not know it."""
+"""Possible causes of the paper's dispersion: every candidate in tables whose controllers do not know it."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ Tell = Callable[[float, str], None]
 
 TABLES: Final = 12
 QUICK: Final = 3
-STAYS: Final = 0.8  # of what shows the pattern should do so at a finer step: some lies at the edge
-TOLD: Final = 0.9  # of the pairs of candidates that the experiments should tell apart
+STAYS: Final = 0.8  # The least share of draws that show the pattern at a finer step too: some lie at its edge.
+TOLD: Final = 0.9  # The least share of pairs of candidates that the experiments should discriminate.
 
 
 def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answer:
@@ -68,7 +68,7 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
         again = shown.again(tables, chosen, pattern, pool)
         progress(0.86, "simulating the experiments that could decide")
         decided = shown.decided(machine, tables, chosen, pool)
-    assert machine.published is not None  # without it there is no pattern
+    assert machine.published is not None  # else there would be no pattern
     results = {
         "quick": options.quick,
         "pattern": {
@@ -116,7 +116,7 @@ def _pattern(machine: Machine, options: PaperOptions) -> Pattern:
         )
     margin, wanted = options.margin, machine.published.dispersion_with
     if not 0 < margin < wanted:
-        raise BadInputError(f"--margin: {show(margin, 'm')} is not between 0 and the published {show(wanted, 'm')}")
+        raise BadInputError(f"--margin: {show(margin, 'm')} must be between 0 and the published {show(wanted, 'm')}")
     return Pattern(machine.specification.tolerance, machine.scale.resolution, wanted, margin)
 
 
@@ -157,7 +157,7 @@ def _effort(tables: int, *, quick: bool) -> Effort:
 
 @contextmanager
 def _pool(options: PaperOptions) -> Iterator[Executor | None]:
-    """Processes for a full run; a quick one is done before they would be there."""
+    """Processes for a full run; a quick one finishes before they would have started."""
     if options.quick:
         yield None
         return
@@ -166,7 +166,7 @@ def _pool(options: PaperOptions) -> Iterator[Executor | None]:
 
 
 def _without(table: Table, pattern: Pattern) -> tuple[dict[str, Any], Array]:
-    """What a table shows by itself, and its errors (motions, n) [m]."""
+    """The outcome of a table by itself, and its errors (motions, n) [m]."""
     machine, controller = table
     validation = by_scale(machine, controller)
     outcome, error = outcome_of(validation), positive_errors(validation)
@@ -196,10 +196,10 @@ def _explored(
 
 
 def _arithmetic(pattern: Pattern, motions: int) -> dict[str, float]:
-    """What three sigma of so many motions [m] allows of their errors.
+    """The errors that three sigma of so many motions [m] allows.
 
-    from_mean: how far one of them can be from their mean at most, all others being alike. common: what the mean has to
-    be, then, for an inching motion to miss. alike: the error of inching motions that err alike behind a reversal that
+    from_mean: the largest deviation of one of them from their mean, the others being equal. common: what the mean has
+    to be, then, for an inching motion to miss. alike: the error of inching motions that err alike after a reversal that
     does not.
     """
     farthest = (pattern.dispersion + pattern.margin) / 3 * math.sqrt(motions - 1)
@@ -246,7 +246,7 @@ def _checks(results: Mapping[str, Any]) -> tuple[Check, ...]:
 
 
 def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """A line a verdict, and the experiments."""
+    """One line per verdict, and the experiments."""
     told, decided = results["candidates"], results["decided"]
     words = {
         ALONE: "show the pattern alone",
@@ -260,7 +260,7 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
     first, second = (decided["experiments"][decided[place]] for place in ("first", "second"))
     most = f"{first['name']} ({decided['told_by_first']} of {decided['pairs']} pairs)"
-    lines.append(("experiment that tells most apart", most))
+    lines.append(("most discriminating experiment", most))
     if decided["added_by_second"]:
         lines.append(("and behind it", f"{second['name']} ({decided['added_by_second']} more)"))
     return lines

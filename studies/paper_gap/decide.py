@@ -1,4 +1,4 @@
-"""Which experiment tells apart what could be: its observable's ranges over the tuned sizes do not overlap."""
+"""Which experiment discriminates between candidates: one whose observable's ranges over the sizes do not overlap."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from studies.paper_gap.experiments import Experiment
 
 Array = NDArray[np.float64]
 
-APART: Final = 2.0  # steps between the ranges of two candidates that count as told apart
+APART: Final = (
+    2.0  # The least distance between the ranges of two candidates, in steps, at which they are discriminated.
+)
 
 Measured = Mapping[str, Sequence[Sequence[Sequence[float]]]]
 """By candidate, tuned draw, experiment and observable: steps."""
@@ -26,10 +28,10 @@ def gap(first: Array, second: Array) -> Array:
 
 
 def decide(experiments: Sequence[Experiment], measured: Measured) -> dict[str, Any]:
-    """What each experiment tells apart, the one that tells the most, and what a second one adds.
+    """The pairs that each experiment discriminates, the most discriminating experiment, and what a second one adds.
 
-    A pair of candidates is told apart where some observable's ranges are APART or more. The experiment's `best`
-    observable is the one that tells the most pairs apart and, of equals, with the largest gap between two of them.
+    A pair of candidates is discriminated if some observable's ranges are APART or more. The experiment's `best`
+    observable discriminates the most pairs and, among equals, has the largest gap between two of them.
     """
     names = list(measured)
     pairs = list(combinations(names, 2))

@@ -1,6 +1,6 @@
-"""Experiments on the table that could decide: what is run, and how far it departs from the model's prediction.
+"""Experiments that could discriminate: what is run, and its departure from the model's prediction.
 
-An experiment is run twice on a simulated table, with what the design does not know and without; its observables are
+An experiment is run twice on a simulated table, with the candidate and without; its observables are
 read from the difference of the two, in steps: of the scale's resolution, or of the thrust that one such step makes
 through the proportional gain. So what the model of the table predicts anyway counts for nothing.
 """
@@ -84,7 +84,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
 
 
 def depart(experiment: Experiment, table: Table, draw: Draw) -> Departure:
-    """The experiment on a table with what the draw puts into it, less the same without."""
+    """The experiment on a table with the draw's candidate, minus the same without it."""
     machine, controller = table
     lead = rest(machine, draw.point)
     plan = experiment.plan(machine, controller)
@@ -114,7 +114,7 @@ Rung = tuple[float, float, Controller]  # stroke [m], rest [s] before each motio
 
 
 def _moves(machine: Machine, rungs: Sequence[Rung]) -> Plan:
-    """Up, up, down, down on each rung behind a rung that only warms up; the feedforward of each rung's controller."""
+    """Up, up, down, down on each rung, after a warm-up rung; the feedforward of each rung's controller."""
     ts = machine.sample_time
     levels, at, moves, spans = [np.zeros(1)], 1, [], []
     first_stroke, first_rest, first = rungs[0]
@@ -159,7 +159,7 @@ def _times(machine: Machine, controller: Controller) -> Plan:
 
 
 def _in(machine: Machine, time: float) -> Controller | None:
-    """The controller whose x_T* rests after `time` [s]; None where there is none."""
+    """The controller whose x_T* rests after `time` [s]; None if no such design exists."""
     wanted = replace(machine.specification, reference_settling_time=time)
     try:
         return default_controller(replace(machine, specification=wanted))

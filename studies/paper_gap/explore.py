@@ -1,7 +1,7 @@
-"""Candidates put into tables whose controllers do not know them: draws over the priors, then a search near the best.
+"""Simulates candidates in tables whose controllers do not know them: draws over the priors, then a local search.
 
 A point (k + 1,) of the unit cube is a candidate's k numbers and, last, how long the table rests before the sequence:
-what has a clock of its own, such as a vibration, meets the motions at another time.
+an effect with its own time base, such as a vibration, then has another phase relative to the motions.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from studies.paper_gap.pattern import COARSE, Outcome, Pattern, by_scale, outcom
 Array = NDArray[np.float64]
 Table = tuple[Machine, Controller]
 
-STEPS: Final = (0.15, 0.08, 0.04, 0.02)  # of the search near the best draws, as parts of the cube, one a round
-MOST: Final = 10.0  # times a prior's end, as far as "beyond" goes
+STEPS: Final = (0.15, 0.08, 0.04, 0.02)  # Step of each round of the local search, as a fraction of the cube.
+MOST: Final = 10.0  # "Beyond" extends to this multiple of a prior's end.
 ALONE, BESIDE, BEYOND = "alone", "beside", "beyond"
 WRONG_FRICTION: Final = "wrong_friction"  # both of the friction's parameters at once
 
 
 @dataclass(frozen=True)
 class Case:
-    """A candidate in one of the ways in which it is looked at: alone, beside a wrong friction, beyond its prior."""
+    """A candidate in one of three cases: alone, together with a wrong friction, beyond its prior."""
 
     name: str
     way: str = ALONE
 
     def candidate(self) -> Candidate:
-        """What is put into the table."""
+        """The candidate with which the table is simulated."""
         known = every()
         one = wrong_friction() if self.name == WRONG_FRICTION else known[self.name]
         if self.way == BESIDE:
@@ -49,9 +49,9 @@ class Case:
 
 @dataclass(frozen=True)
 class Draw:
-    """One size of a case in one table, what it showed, and how far [m] that is from the pattern.
+    """One size of a case in one table, its outcome, and that outcome's distance [m] from the pattern.
 
-    found: by the search near the best draws, so that it counts for no share.
+    found: by the local search, so that it does not count in any share.
     """
 
     case: Case
@@ -93,7 +93,7 @@ def rest(machine: Machine, point: Sequence[float]) -> int:
 
 
 def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = COARSE) -> Validation:
-    """The sequence by the scale of a table with a case put into it at a point (k + 1,); substeps in a sample."""
+    """The sequence, by the scale, of a table with a case at a point (k + 1,); substeps in a sample."""
     machine, controller = table
     one = case.candidate()
     true = one.put(machine, one.values(point[:-1]))
@@ -101,7 +101,7 @@ def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = 
 
 
 def draw(tables: Sequence[Table], case: Case, pattern: Pattern, place: Place, found: bool) -> Draw:
-    """What a case shows at a place."""
+    """The outcome of a case at a place."""
     table, point = place
     outcome = outcome_of(simulated(tables[table], case, point))
     values = case.candidate().values(point[:-1])
@@ -141,7 +141,7 @@ def explore_all(
     pool: Executor | None,
     tell: Callable[[float, str], None],
 ) -> list[list[Draw]]:
-    """`explore` of each case, by the pool's processes where there is one; `tell` hears which one is done."""
+    """`explore` of each case, by the pool's processes where there is one; `tell` reports each that is done."""
     mapped = (pool.map if pool else map)(_explored, ((tables, case, pattern, effort, seed) for case in cases))
     done = []
     for case, draws in zip(cases, mapped, strict=True):

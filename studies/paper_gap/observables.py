@@ -1,4 +1,4 @@
-"""What is read from an experiment: departures of reading and command from what the model of the table predicts."""
+"""Observables of an experiment: departures of reading and command from the prediction of the table's model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from diagnosis.experiments.schedules import Schedule
 Array = NDArray[np.float64]
 
 MOVES: Final = ("reversal up", "inching up", "reversal down", "inching down")  # of a rung
-WINDOW: Final = (5e-3, 15e-3)  # s behind the settling of x_T*: over it a motion's departure is the mean
+WINDOW: Final = (5e-3, 15e-3)  # [s] after the settling of x_T*: the window over which a motion's departure is averaged.
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Departure:
-    """Readings (n,) [m] and commands (n,) [N] with the unknown less those without, over a plan."""
+    """Readings (n,) [m] and commands (n,) [N] with the candidate minus those without, over a plan."""
 
     plan: Plan
     sample_time: float
@@ -41,7 +41,7 @@ class Departure:
     def of_moves(self) -> Array:
         """The mean reading (rungs, 4) [m] in WINDOW behind the settling of x_T*, positive where the table is too far.
 
-        Columns: MOVES. The first of a rung comes behind another rung's rest and stroke, so nothing is read from it.
+        Columns: MOVES. The first of a rung follows another rung's rest and stroke, so it is not used.
         """
         found = []
         for start, direction, settling in self.plan.moves:
@@ -114,7 +114,7 @@ def _reversal_stroke(seen: Departure) -> float:
 
 
 def _second_half(seen: Departure) -> slice:
-    """Behind the motion and half of the rest."""
+    """After the motion and half of the rest."""
     return slice(seen.command.size // 2, seen.command.size)
 
 

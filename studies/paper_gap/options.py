@@ -1,4 +1,4 @@
-"""What paper_gap can be asked beyond what all studies are."""
+"""Options of paper_gap besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from studies.options import Options, path, quantity, whole
 
 @dataclass(frozen=True, kw_only=True)
 class PaperOptions(Options):
-    """The tables that the effects are put into, and how near to the paper counts."""
+    """The tables to simulate, and the tolerance of the paper's pattern."""
 
     tables: int | None = whole(
         "N",
-        "tables of the set, spread ones, that the effects are put into; the time grows with it "
+        "number of tables of the set, spread over it, to simulate with the effects; the time grows with it "
         "(default: 12; quick: 3; all there are: 60)",
         1,
     )
     margin: float = quantity(
         "m",
         "LENGTH",
-        'how far 3 sigma may be from the published one and still show the pattern (default: "0.24 um")',
+        'largest difference of 3 sigma from the published one that still shows the pattern (default: "0.24 um")',
         default=0.24e-6,
         text="0.24 um",
     )
     ensemble: Path | None = path(
         "FILE",
         "the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; only the machine itself "
-        "where --machine is given)",
+        "if --machine is given)",
     )

@@ -1,4 +1,4 @@
-"""What the paper saw of its compensated table, as conditions on a simulated sequence; judged by the scale's reading.
+"""The paper's observations of its compensated table, as conditions on a simulated sequence, by the scale's reading.
 
 As in the paper, the position is what the scale shows, and 3 sigma is that of the five positive motions at each time
 from the step on, its largest value after the settling time.
@@ -34,7 +34,7 @@ class Pattern:
     margin: float
 
     def distance(self, outcome: Outcome) -> float:
-        """How far [m] the outcome is from the pattern: the largest miss of the three conditions, 0 for none."""
+        """Distance [m] of the outcome from the pattern: the largest violation of the three conditions, else 0."""
         rounding = ROUNDING * self.tolerance
         misses = (
             outcome.reversal_error - self.tolerance,
@@ -84,7 +84,7 @@ def positive_errors(validation: Validation) -> Array:
 
 
 def outcome_of(validation: Validation) -> Outcome:
-    """What a validation shows of the conditions of the pattern."""
+    """The outcome of a validation, for the conditions of the pattern."""
     machine = validation.machine
     after = round(machine.specification.settling_time / machine.sample_time)
     largest = [float(error) for error in np.max(np.abs(positive_errors(validation)[:, after:]), axis=1)]

@@ -1,4 +1,4 @@
-"""How the study is told: the clouds of draws beside the paper's point, the responses, and the experiments."""
+"""The report of the paper's gap: clouds of draws beside the paper's result, responses, and experiments."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def tell(whole: Results) -> Report:
     figures = (
         Figure(
             "clouds",
-            f"What each candidate alone makes of the compensated sequence, over its prior range and "
+            f"The compensated sequence with each candidate alone, over its prior range and "
             f"{results['tables']} tables: 3σ against the largest error of an inching motion, both after the settling "
             "time. A cross is a draw whose reversal is late. The shaded region is the paper's; stars are sizes that "
             "show the pattern beside a wrong friction or beyond the prior.",
@@ -64,8 +64,8 @@ def tell(whole: Results) -> Report:
         ),
         Figure(
             "decision",
-            "What the two experiments would read: a line a candidate, a mark a size that shows the pattern or comes "
-            f"nearest, in steps (of {step}, or of the thrust that it makes through $k_p$). Where marks of two "
+            "Predicted readings of the two experiments: a line per candidate, a mark per size with the pattern or "
+            f"nearest to it, in steps (of {step}, or of the thrust that it makes through $k_p$). Where marks of two "
             "candidates are apart, the experiment tells them apart.",
             ("results.decided",),
             _decision,
@@ -74,7 +74,7 @@ def tell(whole: Results) -> Report:
     title = f"The paper's own gap: {whole['machine']['name']}"
     question = (
         f"With compensation the paper's table leaves 3σ = {show(published['dispersion_with_m'], 'm')} and inching "
-        "motions that miss; the model does not. Which effects leave that, and which experiment would tell?"
+        "motions that miss; the model does not. Which effects explain that, and which experiment would discriminate?"
     )
     own: dict[str, Callable[..., Any]] = {
         "name": effect,

@@ -1,4 +1,4 @@
-"""What shows the pattern, looked at again: at a finer step, without compensation, over time, under the experiments."""
+"""Examines the draws that show the pattern: at a finer step, without compensation, over time, in the experiments."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ Array = NDArray[np.float64]
 Explored = Mapping[str, Mapping[str, Sequence[Draw]]]
 Chosen = Mapping[str, Sequence[Draw]]
 
-FINE: Final = 40  # substeps in a sample at which what shows the pattern is simulated once more
-TUNED: Final = 3  # sizes of each candidate that are looked at again
-LEAST: Final = 4  # candidates that are looked at again; where fewer show the pattern, the nearest of the others too
+FINE: Final = 40  # Substeps in a sample for the repeated simulation of draws that show the pattern.
+TUNED: Final = 3  # Sizes of each candidate that are examined.
+LEAST: Final = 4  # The least number of candidates examined; if fewer show the pattern, the nearest others are added.
 SECONDS: Final = 0.1  # of each motion that is shown
 DRAWN: Final = 5  # candidates whose responses are shown
 
 
 def choose(explored: Explored, order: Sequence[str]) -> Chosen:
-    """The candidates to look at again, with their sizes: those that show the pattern, in this order."""
+    """The candidates to examine, with their sizes: those that show the pattern, in this order."""
     found = {name: tuned(explored[name], TUNED) for name in order if verdict(explored[name]) != NEVER}
     others = [tuned(explored[name], 1) for name in order if name not in found]
     for nearest in sorted(others, key=lambda draws: draws[0].distance)[: max(LEAST - len(found), 0)]:
@@ -104,7 +104,7 @@ def responses(tables: Sequence[Table], bare: Sequence[Array], chosen: Chosen) ->
 
 
 def decided(machine: Machine, tables: Sequence[Table], chosen: Chosen, pool: Executor | None) -> dict[str, Any]:
-    """What the experiments tell apart of the chosen candidates."""
+    """The experiments' power to discriminate between the chosen candidates."""
     draws = [one for its in chosen.values() for one in its]
     mapped = iter((pool.map if pool else map)(_measured, ((tables[one.table], one) for one in draws)))
     return decide(menu(machine), {name: [next(mapped) for _ in its] for name, its in chosen.items()})

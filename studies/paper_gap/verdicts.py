@@ -1,4 +1,4 @@
-"""What the draws of all cases say of each candidate: whether it shows the pattern, in which way, at which sizes."""
+"""The verdict on each candidate from the draws of all cases: whether, how and at which sizes it shows the pattern."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def verdict(ways: Mapping[str, Sequence[Draw]]) -> str:
 
 
 def rows(explored: Mapping[str, Mapping[str, Sequence[Draw]]], tables: int) -> list[dict[str, Any]]:
-    """A row a candidate, those that show the pattern under the mildest assumption and come nearest first."""
+    """One row per candidate; first those that show the pattern under the mildest assumption and come nearest."""
     made = [_row(name, ways, tables) for name, ways in explored.items()]
     order = (*WAYS, NEVER)
     return sorted(made, key=lambda row: (order.index(row["verdict"]), row["ways"][ALONE]["closest_m"]))
@@ -56,9 +56,9 @@ def _row(name: str, ways: Mapping[str, Sequence[Draw]], tables: int) -> dict[str
 
 
 def _way(draws: Sequence[Draw], tables: int) -> dict[str, Any]:
-    """How near a case comes, and of those that show the pattern their share, tables, and sizes with their sign.
+    """A case's least distance and, of the draws that show the pattern, their share, tables, and signed sizes.
 
-    share: of the draws over the priors alone; what the search near the best found counts for the rest.
+    share: of the draws over the priors alone; results of the local search count for everything else.
     """
     blind = [one for one in draws if not one.found]
     shown = [one for one in draws if one.shows]

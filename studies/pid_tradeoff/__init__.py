@@ -1,1 +1,1 @@
-"""How much friction suppression does stability leave?"""
+"""How much friction suppression does the stability margin allow?"""

@@ -1,4 +1,4 @@
-"""`python -m studies.pid_tradeoff`: the PIDs at the edge of stability, certified, and what no PID can pass."""
+"""`python -m studies.pid_tradeoff`: certified PIDs along the bound on |S|, and the limits of every PID."""
 
 import sys
 
@@ -7,7 +7,10 @@ from studies.pid_tradeoff.options import TradeoffOptions
 from studies.study import Study
 
 STUDY = Study(
-    "pid_tradeoff", "How much friction suppression does stability leave?", TradeoffOptions, writes=("controller.json",)
+    "pid_tradeoff",
+    "How much friction suppression does the stability margin allow?",
+    TradeoffOptions,
+    writes=("controller.json",),
 )
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Is the front what it says? Its certificates by other means than those that found them, and what must hold."""
+"""Checks of the front: its certificates by means independent of the tuning, and necessary conditions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from design.validation import Validation
 from models.machine import Machine
 from studies.study import Check
 
-CERTAIN: Final = 1e-6  # by which the certificate's level lies above the peak found, relative
+CERTAIN: Final = 1e-6  # Relative distance of the certificate's level above the peak found.
 
 
 def made(
@@ -25,7 +25,7 @@ def made(
     compensated: Validation,
     machine: Machine,
 ) -> tuple[Check, ...]:
-    """The study's checks; one that is missed if no PID keeps the bound on |S| that was asked for."""
+    """The study's checks; one of them is missed if no PID meets the requested bound on |S|."""
     radius = max(loop.spectral_radius for point in points for loop in point.loops)
     excess = max(point.ms / (point.bound or math.inf) for point in points)
     published = max(row["largest_error"] for row in results["published"])
@@ -52,7 +52,7 @@ def made(
 
 
 def _finer(members: Sequence[Member], points: Sequence[Point]) -> float:
-    """Largest |S| over the peak found, on a grid ten times finer than the one it was found on."""
+    """Ratio of the largest |S| on a ten times finer grid to the peak found."""
     worst = 0.0
     for point in points:
         for member, loop in zip(members, point.loops, strict=True):
@@ -64,7 +64,7 @@ def _finer(members: Sequence[Member], points: Sequence[Point]) -> float:
 
 
 def _uncertain(members: Sequence[Member], points: Sequence[Point]) -> int:
-    """How many loops' |S| or |T| are not proved to stay below the peaks found, at all frequencies."""
+    """Number of loops whose |S| or |T| is not certified to stay below the peaks found at all frequencies."""
     missed = 0
     for point in points:
         for member, loop in zip(members, point.loops, strict=True):

@@ -175,7 +175,7 @@ def _noise(machine: Machine, asked: float | None, present: Point) -> float:
 
 
 def _ensemble(options: TradeoffOptions) -> tuple[Machine, ...]:
-    """The machines of the file that was given; without one those that the default machine was chosen from."""
+    """The machines of the given file; by default, the ensemble that the default machine was chosen from."""
     if options.ensemble is None and options.machine is not None:
         return ()
     try:
@@ -195,7 +195,7 @@ def _on_ensemble(
     *,
     tuned: bool,
 ) -> dict[str, Any] | None:
-    """What the PIDs do on every member and, unless the front was `tuned` for them all, one PID that holds them."""
+    """The PIDs' performance on every member and, unless the front was `tuned` for all of them, one PID that is."""
     if not others:
         return None
     pids = {"present": machine.control.pid, "chosen": chosen.pid}

@@ -1,4 +1,4 @@
-"""What PIDs do on every machine that the same facts allow (an ensemble), and one PID that is tuned to hold them all."""
+"""Performance of PIDs on all machines consistent with the same facts (an ensemble), and one PID tuned for them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from design.validation import validate_many
 from models.controller import PID, Controller
 from models.machine import Machine, with_pid
 
-OWN: Final = "own"  # the PID that a member's own file has
+OWN: Final = "own"  # The PID of a member's own file.
 
 
 def on_every_member(
@@ -27,7 +27,7 @@ def on_every_member(
 ) -> dict[str, Any]:
     """Largest |S| [1] over a member's four plants, as known, and the reversal's settling [s], for each PID and member.
 
-    controller: whose feedforward all motions have, without friction compensation. ms: bound on |S| that is counted;
+    controller: gives the feedforward of all motions, without friction compensation. ms: bound on |S| that is counted;
     deadline [s]: the specified settling time.
     """
     named: list[tuple[str, list[PID]]] = [(name, [pid] * len(others)) for name, pid in pids.items()]
@@ -43,7 +43,7 @@ def on_every_member(
 
 
 def held(machine: Machine, others: Sequence[Machine], errors: tuple[float, float], limits: Bounds) -> Any:
-    """(PID or None, what happened): the largest integral gain whose loops keep the bounds for every member too.
+    """(PID or None, outcome): the PID of largest integral gain that meets the bounds on every member.
 
     errors [1]: of the modes' frequencies and the mass of `machine` itself, as in `family`.
     """

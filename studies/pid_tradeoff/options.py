@@ -1,4 +1,4 @@
-"""What pid_tradeoff can be asked beyond what all studies are."""
+"""Options of pid_tradeoff besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class TradeoffOptions(Options):
-    """The bounds that every loop keeps to, and the family of plants that it is to hold."""
+    """The bounds on every loop, and the family of plants they must hold for."""
 
     objective: Objective = choice(
-        "what the front is best in: largest integral gain (default), least peak of |PS| up to 1 / (2 pi settling "
+        "objective of the front: largest integral gain (default), least peak of |PS| up to 1 / (2 pi settling "
         "time), or least error from the settling time on after a step of friction",
         ("integral", "band", "step"),
     )
@@ -40,14 +40,20 @@ class TradeoffOptions(Options):
     mode_error: float = quantity(
         "1",
         "RATIO",
-        "modes' frequencies off to both sides by (default: 0.03)",
+        "relative error of the modes' frequencies, either way (default: 0.03)",
         default=0.03,
         text="0.03",
         at_least=0,
         below=0.5,
     )
     mass_error: float = quantity(
-        "1", "RATIO", "mass off to both sides by (default: 0.1)", default=0.1, text="0.1", at_least=0, below=0.5
+        "1",
+        "RATIO",
+        "relative error of the mass, either way (default: 0.1)",
+        default=0.1,
+        text="0.1",
+        at_least=0,
+        below=0.5,
     )
     ensemble: Path | None = path(
         "FILE",

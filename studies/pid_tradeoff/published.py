@@ -1,8 +1,8 @@
-"""Published optima that the program has to find again as T_s goes to zero: PI and PID, largest integral gain.
+"""Published optima that the program must reproduce as T_s goes to zero: PI and PID, largest integral gain.
 
 Quoted from memory; none of the papers was at hand. Each row is here because a search of another kind, in continuous
-time and over all gains (tests/design/pid/test_published.py), finds the figures that are quoted: three digits of two or
-three gains do not agree by chance. Rows remembered that this search did not confirm were left out.
+time and over all gains (tests/design/pid/test_published.py), reproduces the quoted figures: three digits of two or
+three gains do not agree by chance. Remembered rows that this search did not confirm were left out.
 
 "Ms" keeps |1 + L| >= 1 / M. "M" keeps L out of the one circle around those of |S| = M and of |T| = M, of centre -c and
 radius r: c = (2 M^2 - 2 M + 1) / (2 M (M - 1)), r = (2 M - 1) / (2 M (M - 1)). Since |c + L| >= r is
@@ -30,16 +30,16 @@ from models.controller import PID
 FIRST: Final = "Åström, Panagopoulos and Hägglund, Automatica 34 (1998), 585–601"
 SECOND: Final = "Åström and Hägglund, J. Process Control 14 (2004), 635–650"
 TOLERANCE: Final = 1e-5
-STEP: Final = 1.02  # by which the derivative gain grows until L touches a second time
-TOUCHES: Final = 1e-4  # of the bound: a second maximum of |S| nearer to it touches,
-NEAR: Final = 0.01  # and one nearer than this is on its way there, in a straight line
+STEP: Final = 1.02  # Factor by which the derivative gain grows until L touches the circle a second time.
+TOUCHES: Final = 1e-4  # A second maximum of |S| within this fraction of the bound touches it.
+NEAR: Final = 0.01  # One within this fraction approaches the bound linearly.
 
 
 @dataclass(frozen=True)
 class Optimum:
     """A published controller k (1 + 1 / (s T_i) + s T_d) for P = (1 - zero s) / prod (1 + lag s); times [s].
 
-    circle: "Ms" or "M" (see above), of the size `bound` [1]. sample_time: at which it is found again [s].
+    circle: "Ms" or "M" (see above), of the size `bound` [1]. sample_time: [s] at which it is reproduced.
     """
 
     name: str
@@ -95,7 +95,7 @@ def compare() -> list[dict[str, Any]]:
 
 
 def find_again(optimum: Optimum, sample_time: float | None = None) -> PID:
-    """The controller that the program finds for the same plant and circle; sample_time [s]: another than its own."""
+    """The program's controller for the same plant and circle; sample_time [s] overrides the row's own."""
     size, scale = _as_sensitivity(optimum.circle, optimum.bound)
     plant = _sampled(optimum, scale, sample_time or optimum.sample_time)
     kd = optimum.kp * optimum.derivative_time
@@ -133,7 +133,7 @@ def _touching_once(problem: Problem, bounds: Bounds, start: PID) -> PID:
 
 
 def _second_maximum(problem: Problem, pid: PID) -> float:
-    """The second largest maximum of |S| [1]; 0 if there is one alone."""
+    """The second largest maximum of |S| [1]; 0 if there is only one."""
     plant = problem.members[0].plant
     omega = np.geomspace(problem.check[0][0][0], math.pi / plant.dt, 4000)
     size = np.abs(1 / (1 + frequency_response(plant, omega) * pid_response(pid, plant.dt, omega)))

@@ -1,4 +1,4 @@
-"""How the trade-off of friction suppression and stability is told: its figures and the words around them."""
+"""The report of the trade-off between friction suppression and stability: its figures and captions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def tell(whole: Results) -> Report:
         figures.append(Figure("ensemble", ENSEMBLE, keys, _ensemble))
     title = f"Friction suppression against stability: {whole['machine']['name']}"
     extra: dict[str, Callable[..., Any]] = {"gain": _gain, "number": _number, "ratio": _ratio}
-    question = "How much friction suppression does stability leave, and is feedback alone enough?"
+    question = "How much friction suppression does the stability margin allow, and is feedback alone enough?"
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **extra}, TABLES)
 
 
@@ -58,14 +58,14 @@ FRONT = (
 REVERSAL = "Position error of the reversal without friction compensation with three PIDs."
 GAINS = "Integral gain and crossover frequency on $P_l$ over the largest $|S|$ of the family."
 LIMITS = (
-    "What no PID passes. Left: the crossover on $P_l$ and the highest one that the dead time leaves any PID. Right: "
-    "the area below 0 of $\\ln|S|$ and the area that Bode's integral leaves any controller with the same bounds."
+    "Limits of every PID. Left: the crossover on $P_l$ and the highest one that the dead time allows any PID. Right: "
+    "the area below 0 of $\\ln|S|$ and the area that Bode's integral allows any controller with the same bounds."
 )
 BODE = "Open loop $L$ with the chosen PID, on the plants as they are known; thin: with the present PID on $P_l$."
 NYQUIST = "Open loop of every plant of the family with the chosen PID, and the circle that $|S|$'s bound keeps clear."
 SENSITIVITIES = (
     "Sensitivities with the chosen PID, on the plants as they are known, with their bounds; thin: the present PID on "
-    "$P_l$; dash-dotted: below it, $|S|$ on $P_l$ can't be brought by any controller with the same noise."
+    "$P_l$; dash-dotted: lower bound on $|S|$ on $P_l$ for every controller with the same noise."
 )
 ENSEMBLE = (
     "Every member of the ensemble: settling of its reversal without friction compensation against the largest $|S|$ of "

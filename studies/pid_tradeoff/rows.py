@@ -1,4 +1,4 @@
-"""What each point of the trade-off achieves: its loops, its noise, and the motions on the nonsmooth machine."""
+"""The performance of each point of the trade-off: loops, noise, and motions on the nonsmooth machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def nonsmooth(machine: Machine, controller: Controller, points: Sequence[Point])
 
 
 def point_row(machine: Machine, members: Sequence[Member], point: Point, validation: Validation) -> dict[str, Any]:
-    """What one point achieves, for results.json."""
+    """The performance of one point, for results.json."""
     loops, pid = point.loops, point.pid
     nominal = [loop for loop, member in zip(loops, members, strict=True) if member.nominal]
     worst = members[int(np.argmax([loop.ms.value for loop in loops]))]

@@ -1,1 +1,1 @@
-"""Does the model show what the paper shows, and which tables could the paper's be?"""
+"""Does the model reproduce the paper's response variation, and which tables are consistent with it?"""

@@ -8,7 +8,7 @@ from studies.study import Study
 
 STUDY = Study(
     "response_variation",
-    "Does the model show what the paper shows, and which tables could the paper's be?",
+    "Does the model reproduce the paper's response variation, and which tables are consistent with it?",
     VariationOptions,
     writes=("ensemble.toml", "most_central.toml"),
 )

@@ -1,4 +1,4 @@
-"""The paper's way to choose N: how well N elements follow a hysteresis curve, and loops that the fit has not seen."""
+"""The paper's way to choose N: the fit of N elements to a hysteresis curve, and to held-out loops."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ NOISE: Final = 0.05  # N, of the force; assumed
 RESOLUTION: Final = 1e-7  # m, of the displacement
 FITTED: Final = (0, 150, -150, 150, 100, 140, -150)  # corners of the path [um]
 HELD_OUT: Final = (0, 150, -150, -60, -120, 30, -20, 80, 40, 60, -150, 150)
-MORE: Final = 0.1  # of the least held-out error: what fewer elements may have more of it
-DAMPED: Final = 3  # elements of which D_i is sought: of more, the loops tell no D_i from the others
+MORE: Final = 0.1  # Fewer elements are preferred if their held-out error exceeds the least by at most this fraction.
+DAMPED: Final = 3  # Elements whose D_i is identified; with more, the D_i are not identifiable one by one.
 INTERVAL: Final = 2e-4  # s from one point of the loops to the next, where their speed counts
 FINER: Final = 7  # elements of the curve for one of the machine's
 
@@ -31,9 +31,8 @@ def error_against_count(
     """Rms error [N] of N = 1 .. 20 elements on a simulated measurement of a finer hysteresis, fitted and held out.
 
     The measurement has the scale's resolution and noise of NOISE. `chosen`: the fewest elements whose error on the
-    held-out loops is within MORE of the least; the parameters of the machine's own N come with their deviations.
-    `facts`: the elements that follow from the published facts of the hysteresis alone. `tell(share, text)` hears how
-    far it is.
+    held-out loops is within MORE of the least; the parameters of the machine's own N have standard deviations.
+    `facts`: the elements that follow from the published facts of the hysteresis alone. `tell(share, text)`: progress.
     """
     rng = np.random.default_rng(seed)
     truth, own = _finer(machine.friction), len(machine.friction.limit)

@@ -1,4 +1,4 @@
-"""What the paper shows, in the model: its figures as data, its mechanism as numbers, and the band of the whole set."""
+"""The paper's evidence, from the model: its figures as data, its mechanism as numbers, and the range of the set."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
             "dispersion_with to the machine file"
         )
     if len(machine.plant.modes) != 3:
-        raise BadInputError("--machine: the paper's table has a rigid body and two vibration modes; this one has not")
+        raise BadInputError(
+            "--machine: the machine must have a rigid body and two vibration modes, as the paper's table"
+        )
     tell = _Steps(options, progress)
     tell("search", 0.0, "collecting the tables")
     members = _searched(machine, options, tell) if options.search else _kept(machine, options)
@@ -107,7 +109,7 @@ def _count(number: int, noun: str) -> str:
 
 
 def _alone(options: VariationOptions) -> bool:
-    """Whether a machine is looked at by itself: an own one, with no set of tables beside it."""
+    """Whether a single machine is studied: a user's own, without a set of tables."""
     return options.machine is not None and options.ensemble is None and not options.search
 
 
@@ -146,7 +148,7 @@ def _most_central(tables: Sequence[Shown]) -> int:
 
 
 def _kept(machine: Machine, options: VariationOptions) -> tuple[Machine, ...]:
-    """The tables of an ensemble file; for an own machine without one, only the machine itself."""
+    """The tables of an ensemble file; without one, only the user's machine itself."""
     if _alone(options):
         return (machine,)
     path: Path = options.ensemble or ENSEMBLE
@@ -176,7 +178,7 @@ def _quantiles(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _set(central: Shown, tables: Sequence[Shown], members: Sequence[Machine]) -> dict[str, Any]:
-    """Where the tables lie in each unpublished parameter, and how much of the range searched that is."""
+    """The range of each unpublished parameter over the set, and its share of the range searched."""
     points = np.array([coordinates(one) for one in members])
     medoid = tables[_most_central(tables)].machine if len(tables) == len(members) else None
     return {
@@ -205,7 +207,7 @@ def _set(central: Shown, tables: Sequence[Shown], members: Sequence[Machine]) ->
 
 
 def _gap(central: Shown, tables: Sequence[Shown]) -> dict[str, Any]:
-    """What compensation leaves in the model, over the set, beside what it left on the real table."""
+    """The dispersion with compensation in the model, over the set, beside that of the real table."""
     published = central.machine.published
     assert published is not None
     in_time = central.machine.specification.settling_time

@@ -19,7 +19,7 @@ from studies.response_variation.published import Shown
 
 Array = NDArray[np.float64]
 
-SHOWN: Final = 0.1  # s of each motion that is shown
+SHOWN: Final = 0.1  # [s] The length of each motion shown.
 LEG: Final = 120  # points from one corner of a hysteresis curve to the next
 OVERVIEW: Final = (-150, 150, -150)  # corners [um], as in Fig. 3a
 INNER: Final = (-150, 150, -150, -40, -100, 20, -30, 80, 40, 60, -150)  # corners [um], loops within loops as in Fig. 4

@@ -1,4 +1,4 @@
-"""What response_variation can be asked beyond what all studies are."""
+"""Options of response_variation besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from studies.options import Options, flag, path, whole
 
 @dataclass(frozen=True, kw_only=True)
 class VariationOptions(Options):
-    """The set of tables, kept or found anew."""
+    """The set of tables, from a file or from a new search."""
 
     ensemble: Path | None = path(
         "FILE",
         "the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; only the machine itself "
-        "where --machine is given)",
+        "if --machine is given)",
     )
     search: bool = flag(
-        "find the set anew, seeded by --seed, in a minute or two; ensemble.toml and most_central.toml are written "
+        "search the set anew, seeded by --seed, in a minute or two; ensemble.toml and most_central.toml are written "
         "beside the results"
     )
     members: int = whole("N", "tables that --search keeps, 2 to 160 (default: 60)", 2, 160, default=60)

@@ -1,4 +1,4 @@
-"""Every number that the paper prints of its table's behaviour, beside the model's."""
+"""Every published number on the paper's table, beside the model's."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from studies.response_variation.mechanism import slopes_met
 
 @dataclass(frozen=True)
 class Shown:
-    """A machine and what the sequence of Fig. 5 made of it, without and with friction compensation."""
+    """A machine and its response to the sequence of Fig. 5, without and with friction compensation."""
 
     machine: Machine
     controller: Controller
@@ -38,10 +38,10 @@ def outcomes(validation: Validation) -> dict[str, float]:
 
 
 def rows(central: Shown, tables: Sequence[Shown]) -> list[dict[str, Any]]:
-    """A row a number: name, section, unit, paper, here, range of the set, relative difference.
+    """One row per number: name, section, unit, paper, here, range of the set, relative difference.
 
-    outcome: whether the set is asked to meet it; the others are printed as "about" or as bounds, or are what the model
-    lacks.
+    outcome: whether the set must meet it; the others are printed as "about" or as bounds, or are outside the
+    model.
     """
     facts, published = central.machine.presliding, central.machine.published
     assert published is not None
@@ -121,7 +121,7 @@ def rows(central: Shown, tables: Sequence[Shown]) -> list[dict[str, Any]]:
 
 
 def taken_over(machine: Machine) -> list[dict[str, Any]]:
-    """What the paper prints and the model takes as it is printed: meaning, unit, number and section of each."""
+    """Published values that the model adopts as printed: meaning, unit, number and section of each."""
     compared = ("presliding", "published", "plant", "control.reference_delay", "specification.reference_settling_time")
     return [
         {"meaning": one.meaning, "unit": one.unit, "number": one.number, "section": one.provenance.detail}

@@ -1,4 +1,4 @@
-"""How the paper's evidence is told: its figures with the band of the set, and the words around them (report.md)."""
+"""The report of the response variation: its figures, with the range of the set, and captions (report.md)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MICRO = 1e6
 
 
 def tell(whole: Results) -> Report:
-    """The report on what results.json holds; of a machine by itself without the figures and tables of a set."""
+    """The report on what results.json holds; for a single machine without the figures and tables of a set."""
     specification, alone = "machine.specification", whole["results"]["alone"]
     said = _captions(whole)
     drawn: tuple[tuple[str, tuple[str, ...], Callable[[Results], Drawing]], ...] = (
@@ -40,7 +40,7 @@ def tell(whole: Results) -> Report:
     )
     tables = {name: keys for name, keys in TABLES.items() if not (alone and name in OF_THE_SET)}
     title = f"Response variation: {whole['machine']['name']}"
-    question = "Does the model show what the paper shows, and which tables could the paper's be?"
+    question = "Does the model reproduce the paper's response variation, and which tables are consistent with it?"
     return Report(
         title, question, Path(__file__).parent / "report.md", figures, {**filters(), "deviation": _deviation}, tables
     )
@@ -60,7 +60,7 @@ TABLES = {
 
 
 def _captions(whole: Results) -> dict[str, str]:
-    """What each figure shows, beside what the paper says of its own; the paper's numbers are those of the machine."""
+    """The captions, with the paper's statements on its own figures; its numbers come from the machine file."""
     results, facts, wanted = whole["results"], whole["machine"]["presliding"], whole["machine"]["specification"]
     published, friction = whole["machine"]["published"], results["hysteresis"]
     slopes = tuple(show(facts[f"stiffness_{i}_N_per_m"], "N/m") for i in (1, 2))
@@ -72,8 +72,8 @@ def _captions(whole: Results) -> dict[str, str]:
     return {
         "bode": "Plant and its equivalents in the presliding region, magnitude and phase. Fig. 2 of the paper shows "
         "the same three curves, and reads from them that the table is an elastic body in micrometre motions." + band,
-        "hysteresis": "Hysteresis over ±150 µm (left) and the branch behind a reversal (right). Fig. 3 of the paper: "
-        f"presliding over about {show(facts['extent_m'], 'm')}, the steepest slope just behind the reversal, "
+        "hysteresis": "Hysteresis over ±150 µm (left) and the branch after a reversal (right). Fig. 3 of the paper: "
+        f"presliding over about {show(facts['extent_m'], 'm')}, the steepest slope just after the reversal, "
         f"comprehensive slopes $K_{{e1}}$ = {slopes[0]} and $K_{{e2}}$ = {slopes[1]} with the boundary at about "
         f"{show(facts['boundary_m'], 'm')}; $N = {friction['rfm_elements']}$ keeps both slopes." + band,
         "choice": "The paper's way to choose $N$: rms error of $N$ elements on a simulated, noisy measurement of a "
@@ -83,7 +83,7 @@ def _captions(whole: Results) -> dict[str, str]:
         "reference": "Target position, the same for every table. Fig. 5 of the paper: reversal and inching motions in "
         f"sequence, {show(wanted['interval_s'], 's')} apart.",
         "variation": f"{len(results['without']['motions'])} positive motions without compensation. Figs. 7 and 12 of "
-        f"the paper: the reversal falls behind and needs {late}, inching does not; the friction differs in every "
+        f"the paper: the reversal lags and needs {late}, inching does not; the friction differs in every "
         "motion, and its steady value rises along the feed." + band,
         "lissajous": "Rolling friction against position, with the targets. Fig. 8 of the paper: the reversal meets "
         f"about {slopes[0]}, inching about {slopes[1]}." + band,
@@ -109,7 +109,7 @@ def _deviation(number: float | None, unit: str) -> str:
 
 
 def _shade(ax: Axes, x: Any, low: Any, high: Any, colour: str) -> None:
-    """The range of the set between two curves; nothing is seen of it where the set is one table."""
+    """The range of the set between two curves; invisible if the set is one table."""
     ax.fill_between(x, low, high, color=colour, alpha=0.25, linewidth=0)
 
 
@@ -228,7 +228,7 @@ def _specified(ax: Axes, case: Results, specification: Results) -> None:
     style.tolerance_band(ax, MICRO * specification["stroke_m"], MICRO * specification["tolerance_m"], "tolerance")
     in_time = specification["settling_time_s"]
     style.mark_limit(ax, 1e3 * in_time, "", axis="x")
-    # Its label stands at the foot of the line, where no motion is any more.
+    # The label stands at the foot of the line, clear of the motions.
     ax.annotate(
         show(in_time, "s"),
         (1e3 * in_time, 0.04),

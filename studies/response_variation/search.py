@@ -1,9 +1,9 @@
-"""The set of tables that behave as the paper says: a seeded search of what the paper leaves out.
+"""The set of tables consistent with the paper: a seeded search over the parameters that it does not publish.
 
 A table is a point theta in a box of unpublished parameters. It belongs to the set if it meets every published outcome
 within TOLERANCE: the reversal's settling and the dispersion without compensation, the slopes K_e1 and K_e2, T_fc and
 the modes (these by construction); if its loop has Ms <= LARGEST_MS on P_l, P_e1 and P_e2; if no thrust exceeds the
-rating, and the deadbeat of III.A keeps within it by itself, as the paper's knows no limit; and if z^-2 are the whole
+rating, and the deadbeat of III.A respects it without a limit, as the paper's has none; and if z^-2 are the whole
 samples of its dead time.
 
 The search is approximate Bayesian computation by population Monte Carlo, with a uniform prior on the logarithms
@@ -79,7 +79,7 @@ HIGH: Final = np.log([one.high for one in RANGES])
 
 @dataclass(frozen=True)
 class Member:
-    """One table of the set: its point theta (len(RANGES),), and how far its outcomes are off in units of TOLERANCE."""
+    """One table of the set: its point theta (len(RANGES),), and the deviation of its outcomes in units of TOLERANCE."""
 
     theta: Array
     machine: Machine
@@ -91,7 +91,7 @@ def search(
 ) -> tuple[Member, ...]:
     """`count` tables of the set that differ as much as possible, in the order of their distance.
 
-    `tell(share, text)` hears how far the search is. The same seed gives the same tables for any number of workers.
+    `tell(share, text)` reports progress. The same seed gives the same tables for any number of workers.
     """
     rng = np.random.default_rng(seed)
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
@@ -193,9 +193,9 @@ def exact_sensitivity(machine: Machine) -> float:
 
 
 def distance(machine: Machine, without: Validation) -> float:
-    """How far the outcomes are from the published ones, 1 standing for TOLERANCE; inf for what must not be.
+    """Distance of the outcomes from the published ones, in units of TOLERANCE; inf for an inadmissible table.
 
-    A thrust reference above the rating, or a motion that does not settle, must not be.
+    A thrust reference above the rating, or a motion that does not settle, is inadmissible.
     """
     published = machine.published
     assert published is not None
@@ -213,7 +213,7 @@ def _rounded(number: float) -> float:
 
 
 def _plausible(base: Machine, theta: Array) -> bool:
-    """Within the box, with a share of friction for every element, and a loop that a practitioner would accept."""
+    """Whether a point is in the box, with positive friction in every element and an acceptable loop."""
     if np.any(theta < LOW) or np.any(theta > HIGH):
         return False
     machine = table(base, theta)
@@ -246,7 +246,7 @@ def _perturbed(base: Machine, near: list[Member], spread: Array, rng: np.random.
 def _evaluated(
     base: Machine, drawn: list[Array], pool: ProcessPoolExecutor, heard: Callable[[int], None] | None
 ) -> list[Member]:
-    """The points as members, those left out that must not be; `heard` gets their number as it grows."""
+    """The admissible points as members; `heard` receives their growing number."""
     members: list[Member] = []
     for part in _by_parts(base, drawn, pool, COARSE):
         members += [member for member in part if math.isfinite(member.distance)]
@@ -258,7 +258,7 @@ def _evaluated(
 def _verified(
     base: Machine, population: list[Member], pool: ProcessPoolExecutor, tell: Callable[[float, str], None]
 ) -> list[Member]:
-    """The members that are within the tolerance at FINE substeps too: none is one by an error of the simulation."""
+    """The members that are within the tolerance at FINE substeps too, so that none owes it to a simulation error."""
     fine: list[Member] = []
     points = [member.theta for member in population]
     tell(0.8, f"verifying {len(points)} tables at {FINE} substeps")
@@ -270,7 +270,7 @@ def _verified(
 
 
 def _by_parts(base: Machine, points: list[Array], pool: ProcessPoolExecutor, substeps: int) -> Iterator[list[Member]]:
-    """The points evaluated by the pool, in order: some of them at a time, fewer where each takes longer."""
+    """The points evaluated by the pool, in order: in batches, smaller where each point takes longer."""
     size = max(BATCH * COARSE // (2 * substeps), 1)
     parts = [points[i : i + size] for i in range(0, len(points), size)]
     yield from pool.map(evaluate, [base] * len(parts), parts, [substeps] * len(parts))
@@ -300,9 +300,9 @@ def evaluate(base: Machine, points: list[Array], substeps: int) -> list[Member]:
 
 
 def bent_by_the_limit(machine: Machine, controller: Controller) -> bool:
-    """Whether the feedforward [N] touches the thrust that it may use: then it is another one than the paper's.
+    """Whether the feedforward [N] reaches the thrust limit, which makes it differ from the paper's.
 
-    The paper's deadbeat knows no limit; a table on which the limit shapes the feedforward does not show the paper's.
+    The paper's deadbeat has no limit, so a table on which a limit shapes the feedforward cannot be the paper's.
     """
     peak = machine.specification.stroke * float(np.max(np.abs(np.cumsum(controller.d_ff))))
     return peak >= (1 - 1e-6) * usable_thrust(machine)

@@ -1,4 +1,4 @@
-"""A table of the set seen from outside: its unpublished parameters, and the texts that an ensemble file holds of it."""
+"""Tables of the set: their unpublished parameters, and their entries in an ensemble file."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def most_central(machines: Sequence[Machine], outcomes: ArrayLike) -> int:
     """The index of the medoid: the table with the least sum of distances to the others.
 
     Distances are those of the logarithms of the unpublished parameters and of the outcomes (len(machines), m), each in
-    units of its deviation over the tables: central in what a table is and in what it does.
+    units of its deviation over the tables: central in parameters and in behaviour.
     """
     points = np.log(np.hstack([[coordinates(machine) for machine in machines], np.asarray(outcomes, float)]))
     deviation = np.std(points, axis=0)
@@ -71,7 +71,7 @@ def most_central(machines: Sequence[Machine], outcomes: ArrayLike) -> int:
 
 
 def spread(values: Array, searched: Range) -> dict[str, Any]:
-    """The range of nine tenths of the values, and its share [1] of the range searched, on the logarithm."""
+    """The central 90 % range of the values, and its share [1] of the range searched, on the logarithm."""
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
     share = float(np.log(high / low) / np.log(searched.high / searched.low))
     word = "pinned down" if share < 1 / 3 else ("narrowed" if share < 2 / 3 else "left open")
@@ -79,7 +79,7 @@ def spread(values: Array, searched: Range) -> dict[str, Any]:
 
 
 def texts(machine: Machine) -> dict[str, str | list[str]]:
-    """What an ensemble file says of a table: dotted names of the values that differ in it, as text with a unit."""
+    """A table's entries in an ensemble file: dotted names of the values that differ, as text with a unit."""
     said: dict[str, str | list[str]] = {
         "plant.dead_time": f"{machine.plant.dead_time!r} s",
         "friction.stiffness": [f"{k!r} N/m" for k in machine.friction.stiffness],

@@ -1,1 +1,1 @@
-"""Does this report still follow from its inputs?"""
+"""Is this report still reproducible from its inputs?"""

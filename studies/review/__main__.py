@@ -1,4 +1,4 @@
-"""`python -m studies.review FOLDER [OTHER]`: whether a report follows from its inputs; what changes to another."""
+"""`python -m studies.review FOLDER [OTHER]`: is a report reproducible, and what differs between two?"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     parser = Parser(
         prog="studies.review",
         usage="python -m studies.review FOLDER [OTHER] [options]",
-        description="Does this report still follow from its inputs? With OTHER: what changes from one to the other?",
+        description="Is this report still reproducible from its inputs? With OTHER: what differs between the two?",
         epilog="Exit status: 0 it follows, or no check turned; 1 it does not, or one did; 2 bad input.",
     )
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a folder that a study wrote")

@@ -1,1 +1,1 @@
-"""Which x_T* makes every motion settle, whatever the friction remembers?"""
+"""Which x_T* makes every motion settle, whatever the friction's state?"""

@@ -1,4 +1,4 @@
-"""`python -m studies.trajectory_optimisation`: x_T* by optimal control, judged on the nonsmooth machine."""
+"""`python -m studies.trajectory_optimisation`: x_T* by optimal control, validated on the nonsmooth machine."""
 
 import sys
 
@@ -8,7 +8,7 @@ from studies.trajectory_optimisation.options import TrajectoryOptions
 
 STUDY = Study(
     "trajectory_optimisation",
-    "Which x_T* makes every motion settle, whatever the friction remembers?",
+    "Which x_T* makes every motion settle, whatever the friction's state?",
     TrajectoryOptions,
     writes=("controller.json",),
 )

@@ -1,4 +1,4 @@
-"""How far the smoothed friction is from the exact one, in force and in the loop's response, and at what order."""
+"""The error of the smoothed friction, in force and in the loop's response, and its order of convergence."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> 
 
 
 def held(machine: Machine, given: References, target: Array) -> dict[str, Any]:
-    """What friction once a sample makes of the response [m] to given references, and its order in the substep.
+    """The error [m] of the response to given references due to friction once a sample, and its order in the substep.
 
     Nonsmooth, by the simulator with ever shorter substeps; `left_m` at those of PARTS, against FINE of them.
     """

@@ -1,4 +1,4 @@
-"""Every scheme on the central table and on many others, the same for all: what it achieves, and on how many."""
+"""Compares all schemes on the central table and on the same perturbed tables: performance and yield."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import RANGE, Aim, Outcome, judge
 
 QUANTILE: Final = 0.95
-FRESH: Final = 104729  # added to the seed: tables that no choice made here has ever looked at
+FRESH: Final = 104729  # Added to the seed, for held-out tables on which no design was chosen.
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def contestants(
 def outcomes(
     machine: Machine, one: Contestant, tables: Sequence[Machine], aim: Aim, seed: int
 ) -> tuple[list[Outcome], list[Friction]]:
-    """What `one` achieves on `machine` and behind it on each table; the frictions that it has learned, if it learns."""
+    """The outcomes of `one` on `machine` and then on each table; the frictions that it has learned, if it learns."""
     every = [machine, *tables]
     if one.learning is None:
         return judge(every, one.controller, aim, one.given, seed), []

@@ -67,7 +67,7 @@ class _Designs:
 
     @property
     def chosen(self) -> Trajectory:
-        """The one that drives the tables: an iterate that failed is shown, and drives none."""
+        """The design used on the tables: an iterate that did not converge is shown but not used."""
         return self.asked if self.asked.solution.converged else self.peak
 
 
@@ -138,7 +138,7 @@ def _designed(machine: Machine, wanted: Wanted, options: TrajectoryOptions, prog
 
 
 def _certificate(machine: Machine, wanted: Wanted, made: _Designs, options: TrajectoryOptions) -> dict[str, Any]:
-    """How far the smoothed friction is from the exact one, and what friction once a sample makes of the motions."""
+    """The error of the smoothed friction, and that of friction once a sample over the motions."""
     certificate = certify(machine, made.peak, options.seed, quick=options.quick)
     target = sequence(machine, wanted.stroke, periods=1)
     for name, one in (("held_peak", made.peak), ("held_chosen", made.chosen)):
@@ -147,7 +147,7 @@ def _certificate(machine: Machine, wanted: Wanted, made: _Designs, options: Traj
 
 
 def _assumed() -> dict[str, Any]:
-    """What the tables that a design is judged on differ in, and for how long they are simulated."""
+    """The variation of the tables used for validation, and the length of their simulation."""
     return {
         "errors": vars(ERRORS),
         "range": {
@@ -177,7 +177,7 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
     tolerance, limit = options.tolerance, options.thrust_limit
     slew = math.inf if options.slew is None else options.slew
     if limit is not None and not 0 < limit <= rated:
-        raise BadInputError(f"--thrust-limit: {show(limit, 'N')} is not between 0 and the rated {show(rated, 'N')}")
+        raise BadInputError(f"--thrust-limit: {show(limit, 'N')} must be between 0 and the rated {show(rated, 'N')}")
     left = rated - RESERVE * machine.friction.coulomb_force - abs(machine.drive.offset)
     if limit is not None and limit <= machine.friction.coulomb_force:
         raise BadInputError(
@@ -191,7 +191,7 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
         )
     if aimed >= specification.interval / 2:
         raise BadInputError(
-            f"--settling-time: {show(aimed, 's')} is not well below the {show(specification.interval, 's')} from one "
+            f"--settling-time: {show(aimed, 's')} must be well below the {show(specification.interval, 's')} from one "
             "motion to the next; give less"
         )
     _check_size(machine, stroke, aimed)
@@ -199,24 +199,24 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
 
 
 def _check_size(machine: Machine, stroke: float, aimed: float) -> None:
-    """Raises BadInputError for a motion in which history has no part, and for one of too many samples."""
+    """Raises BadInputError for a motion on which history has no influence, and for one of too many samples."""
     reach = 2 * max(machine.friction.limit)
     if stroke > LONGEST_STROKE * reach:
         raise BadInputError(
             f"--machine, --stroke: all friction elements slip within {show(reach, 'm')} of a stroke of "
-            f"{show(stroke, 'm')}, so that what they remember hardly counts; give a stroke of at most "
+            f"{show(stroke, 'm')}, so that history hardly matters; give a stroke of at most "
             f"{show(LONGEST_STROKE * reach, 'm')}, or design this one with deadbeat_design"
         )
     if aimed > MOST_SAMPLES * machine.sample_time:
         raise BadInputError(
             f"--settling-time: {show(aimed, 's')} are {aimed / machine.sample_time:.0f} samples, the optimal control "
-            f"is made for {MOST_SAMPLES} at most; give at most {show(MOST_SAMPLES * machine.sample_time, 's')}, or "
+            f"supports at most {MOST_SAMPLES}; give at most {show(MOST_SAMPLES * machine.sample_time, 's')}, or "
             "design this motion with deadbeat_design"
         )
 
 
 def _deadbeat(machine: Machine, wanted: Wanted) -> Deadbeat:
-    """The deadbeat beside which all is judged: x_T* by the specification's time, as the paper has it."""
+    """The deadbeat as the reference for comparison: x_T* by the specified time, as in the paper."""
     return synthesise(machine.plant, machine.sample_time, machine.specification.reference_settling_time, wanted.stroke)
 
 
@@ -244,7 +244,7 @@ def _signals(machine: Machine, made: _Designs) -> dict[str, dict[str, Any]]:
 
 
 def _solver(made: _Designs) -> list[dict[str, Any]]:
-    """What the solver says of each design."""
+    """The solver's statistics of each design."""
     cases: tuple[tuple[str, Trajectory | RobustTrajectory, int], ...] = (
         ("history-aware, least peak", made.peak, 0),
         ("history-aware, chosen", made.asked, made.copies),

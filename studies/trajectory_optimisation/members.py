@@ -1,4 +1,4 @@
-"""Every scheme on the tables that all behave as the paper says, and that differ in what the paper leaves out."""
+"""Every scheme on the tables that are consistent with the paper and differ in its unpublished parameters."""
 
 from __future__ import annotations
 
@@ -77,5 +77,5 @@ def _own(
     ):
         every = judge(members, controllers, aim, its, seed)
         row = row_of(Contestant(key, name, controllers[0]), every[0], every, members[0], wanted)
-        rows.append({part: row[part] for part in row if part != "central"})  # no table is the central one
+        rows.append({part: row[part] for part in row if part != "central"})  # None of these tables is the central one.
     return rows, rests

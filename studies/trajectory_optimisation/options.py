@@ -1,4 +1,4 @@
-"""What trajectory_optimisation can be asked beyond what all studies are."""
+"""Options of trajectory_optimisation besides those common to all studies."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryOptions(Options):
-    """What the motions have to reach, and what their freedom is spent on."""
+    """Requirements on the motions, and the objectives of the optimisation."""
 
     settling_time: float | None = quantity(
         "s",
         "TIME",
-        'time by which the table, not x_T* alone, is to rest on the target, such as "20 ms"; one that the thrust '
-        "does not allow is lengthened to the shortest that it does "
+        'time by which the table, not x_T* alone, is to rest on the target, such as "20 ms"; if the thrust '
+        "does not allow it, the shortest feasible time is used "
         "(default: the machine file's specification.reference_settling_time; 20 ms for the default machine)",
         above=0,
     )

@@ -1,4 +1,4 @@
-"""What is kept of each table that a trajectory is judged on: the whole sequence, on nonsmooth, quantised tables."""
+"""The outcome of a trajectory on each table: the whole sequence, on nonsmooth, quantised tables."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ ERRORS: Final = Errors(0.02, 0.02, RANGE.mass / math.sqrt(3), MODE_RANGE / math.
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a table achieved: slowest motion's settling [s] to both tolerances, dispersion [m], thrust [N].
+    """The outcome on one table: slowest motion's settling [s] to both tolerances, dispersion [m], thrust [N].
 
     dispersion_aim, dispersion_specified: 3 sigma after the aimed and the specified time. vibration [m]: largest
-    departure of a motion, after the specified time, from its mean over the window: what still moves.
+    departure of a motion, after the specified time, from its mean over the window: residual vibration.
     """
 
     settling: float
@@ -47,7 +47,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Aim:
-    """What counts: stroke [m], fine tolerance [m], aimed settling time [s], and how much of a motion is kept [s]."""
+    """The requirements: stroke [m], fine tolerance [m], aimed settling time [s], and the part of a motion kept [s]."""
 
     stroke: float
     tolerance: float
@@ -62,7 +62,7 @@ def judge(
     given: References | Sequence[References] | None = None,
     seed: int = 0,
 ) -> list[Outcome]:
-    """What each machine achieves in the last period of the sequence; controller, given: for all, or one for each."""
+    """The outcome on each machine in the last period of the sequence; controller, given: for all, or one for each."""
     if not machines:
         return []
     target = sequence(machines[0], aim.stroke)
@@ -74,7 +74,7 @@ def judge(
 
 
 def outcome_of(validation: Validation, aim: Aim) -> Outcome:
-    """What this study keeps of a validation."""
+    """The part of a validation that this study needs."""
     machine, achieved = validation.machine, validation.achieved
     wanted, ts = machine.specification, machine.sample_time
     shown = round(aim.shown / ts)

@@ -1,4 +1,4 @@
-"""How the trajectory optimisation is told: its figures and the words around them (report.md)."""
+"""The report of the trajectory optimisation: its figures and captions (report.md)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ DISPERSION = (
 )
 ENVELOPE = (
     "Largest error of any motion at each time from the step, its 95 % quantile over the tables. A curve that enters "
-    "the grey band and stays is a scheme whose every motion settles on 95 % of the tables."
+    "the grey band and stays there means that every motion settles on 95 % of the tables."
 )
 RESPONSES = (
     "Positive motions on the central table: distance travelled; the paper's scheme, one trajectory for all, and the "
@@ -53,8 +53,8 @@ TRAJECTORIES = (
     "and of the last inching motion."
 )
 PARETO = (
-    "What a shorter motion costs: peak thrust over the sequence, and the error that tables one standard deviation off "
-    "leave after the motion, in the nonsmooth simulation."
+    "The cost of a shorter motion: peak thrust over the sequence, and the error after the motion on tables one "
+    "standard deviation off, in the nonsmooth simulation."
 )
 CERTIFICATE = (
     "Largest difference between smoothed and exact friction over random paths, and between the closed loop's responses "
@@ -78,7 +78,7 @@ def tell(whole: Results) -> Report:
     title = (
         f"Trajectories for {show(results['wanted']['stroke_m'], 'm')} motions with friction: {whole['machine']['name']}"
     )
-    question = "Which trajectory makes every motion settle, whatever the friction remembers?"
+    question = "Which trajectory makes every motion settle, whatever the friction's state?"
     own: dict[str, Callable[..., Any]] = {"show": _show, "share": _share, "micro": _micro, "milli": _milli}
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **own}, TABLES)
 

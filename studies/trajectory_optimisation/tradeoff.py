@@ -1,4 +1,4 @@
-"""Settling time, thrust and sensitivity against each other, and where no motion is left."""
+"""The trade-off of settling time, thrust and sensitivity, and the shortest feasible motion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PARETO_ROBUST: Final = (0, 4)  # those at which the least sensitive trajectory i
 
 
 def pareto(machine: Machine, wanted: Wanted, shortest: int, aim: Aim, *, quick: bool) -> list[dict[str, Any]]:
-    """Least peak thrust at each time of the motion, and what one-sigma errors leave; robust beside it at some."""
+    """Least peak thrust for each motion time, and the error at one-sigma deviations; for some, a robust design too."""
     rows = []
     for extra in PARETO[:2] if quick else PARETO:
         _, peak = schemes.least_peak(machine, wanted, shortest + extra)
@@ -85,7 +85,7 @@ def to_tolerance(machine: Machine, wanted: Wanted, shortest: int, *, quick: bool
 def shortest_motion(
     machine: Machine, shortest: int, tried: Mapping[int, Trajectory], tolerance: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The shortest motion, its rivals in the search, and the least time to the specified accuracy beside it."""
+    """The shortest motion, the other candidates of the search, and the least time to the specified accuracy."""
     counts = sorted(tried)
     return {
         "samples": shortest,
@@ -102,7 +102,7 @@ def rest_at_rated_thrust(machine: Machine, wanted: Wanted, shortest: int) -> flo
 
 
 def failed_iterate(machine: Machine, wanted: Wanted, shortest: int) -> dict[str, Any]:
-    """The problem one sample shorter than possible: the iterate at which IPOPT gives up, and what to do."""
+    """The problem one sample shorter than possible: the iterate at which IPOPT stops, and what to do."""
     count = max(shortest - 1, 2 * len(machine.plant.modes))
     task = Task(machine.plant, machine.friction, machine.sample_time, count, wanted.stroke, "energy", 2)
     found = solve(build(task), schemes.slip_states(machine), wanted.limits)

@@ -142,7 +142,7 @@ def test_the_experiment_that_tells_most_is_first_and_the_second_adds_most() -> N
     ("options", "says"),
     [
         (["--tables", "0"], "must be a whole number from 1 on"),
-        (["--margin", "3 um"], "is not between 0 and the published"),
+        (["--margin", "3 um"], "must be between 0 and the published"),
         (["--margin", "1 kg"], "--margin"),
         (["--ensemble", "nowhere.toml"], "--ensemble"),
     ],
