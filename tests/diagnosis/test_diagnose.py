@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import pytest
 
 from diagnosis.baseline import refit_and_null
 from diagnosis.criteria import Criteria
@@ -29,18 +28,13 @@ PLAN = schedules(MACHINE)
 RELAXATION = FrictionRelaxation(0.15, 0.2, 0)
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("null")
-
-
-def _found(cache: Path, effects: Sequence[Effect], seed: int, wrong: float = 1.0, **options: object) -> Diagnosis:
+def _found(null_cache: Path, effects: Sequence[Effect], seed: int, wrong: float = 1.0, **options: object) -> Diagnosis:
     records = recorded(MACHINE, PLAN, effects, seed=seed, wrong=wrong)
-    return diagnose(MACHINE, records, cache=cache, **options)  # type: ignore[arg-type]
+    return diagnose(MACHINE, records, cache=null_cache, **options)  # type: ignore[arg-type]
 
 
-def test_one_effect_is_named_with_its_size_and_closes_the_gap(cache: Path) -> None:
-    found = _found(cache, [ViscousFriction(40.0)], 1)
+def test_one_effect_is_named_with_its_size_and_closes_the_gap(null_cache: Path) -> None:
+    found = _found(null_cache, [ViscousFriction(40.0)], 1)
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     row = to_json(found)["which"][0]
     drag = row["parameters"]["coefficient"]
@@ -49,33 +43,33 @@ def test_one_effect_is_named_with_its_size_and_closes_the_gap(cache: Path) -> No
     assert found.how_far.interval[0] <= found.how_far.closure <= found.how_far.interval[1]
 
 
-def test_two_effects_are_both_named(cache: Path) -> None:
-    found = _found(cache, [RELAXATION, Cogging(1.5, 0.035, 1.0)], 2)
+def test_two_effects_are_both_named(null_cache: Path) -> None:
+    found = _found(null_cache, [RELAXATION, Cogging(1.5, 0.035, 1.0)], 2)
     assert found.outcome == Outcome.ATTRIBUTED
     assert set(found.effects) == {"friction_relaxation", "cogging"}
 
 
-def test_wrong_nominal_values_are_called_so(cache: Path) -> None:
-    found = _found(cache, [], 3)
+def test_wrong_nominal_values_are_called_so(null_cache: Path) -> None:
+    found = _found(null_cache, [], 3)
     assert found.outcome == Outcome.PARAMETERS
     assert found.how_far.to_json()["gap_refitted"]["force_N"] < found.how_far.to_json()["gap_as_delivered"]["force_N"]
 
 
-def test_a_dead_time_that_is_far_off_is_no_lag(cache: Path) -> None:
+def test_a_dead_time_that_is_far_off_is_no_lag(null_cache: Path) -> None:
     late = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=MACHINE.plant.dead_time + 8e-5))
-    found = diagnose(MACHINE, recorded(late, PLAN, seed=9), cache=cache)
+    found = diagnose(MACHINE, recorded(late, PLAN, seed=9), cache=null_cache)
     assert found.outcome == Outcome.PARAMETERS
     assert "dead_time" in found.effects
 
 
-def test_nothing_is_found_where_nothing_is_wrong(cache: Path) -> None:
-    found = _found(cache, [], 4, wrong=0.0)
+def test_nothing_is_found_where_nothing_is_wrong(null_cache: Path) -> None:
+    found = _found(null_cache, [], 4, wrong=0.0)
     assert found.outcome == Outcome.NOTHING
     assert found.effects == ()
 
 
-def test_an_effect_that_may_not_be_used_leaves_a_gap_without_a_name(cache: Path) -> None:
-    found = _found(cache, [RELAXATION], 5, disabled=("friction_relaxation",))
+def test_an_effect_that_may_not_be_used_leaves_a_gap_without_a_name(null_cache: Path) -> None:
+    found = _found(null_cache, [RELAXATION], 5, disabled=("friction_relaxation",))
     assert found.outcome == Outcome.NONE
     assert found.effects == ()
 
@@ -98,9 +92,9 @@ class Glitch(Effect):
     when: float = parameter("s", "its time", 0.0, 10.0, "shape")
 
 
-def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(cache: Path) -> None:
+def test_a_single_sample_that_no_noise_makes_is_missed_and_pointed_at(null_cache: Path) -> None:
     size, when = 5e-7, 1.5
-    found = _found(cache, [Glitch(size, LEAD + when)], 7)
+    found = _found(null_cache, [Glitch(size, LEAD + when)], 7)
     assert (found.outcome, found.effects) == (Outcome.NONE, ())
     begun = found.baseline
     most = largest(begun.nominal)
@@ -132,24 +126,24 @@ class DragInAZone(Effect):
     width: float = parameter("m", "half its width", 1e-4, 1e-2, "shape")
 
 
-def test_a_law_that_only_a_series_of_another_draws_has_no_name(cache: Path) -> None:
+def test_a_law_that_only_a_series_of_another_draws_has_no_name(null_cache: Path) -> None:
     """Sines of place, one after another, come near to a braking zone; none of them is there."""
-    found = _found(cache, [DragInAZone(40.0, 0.03, 0.003)], 8)
+    found = _found(null_cache, [DragInAZone(40.0, 0.03, 0.003)], 8)
     assert (found.outcome, found.effects) == (Outcome.NONE, ())
 
 
-def test_a_controller_that_does_not_replay_is_named(cache: Path) -> None:
+def test_a_controller_that_does_not_replay_is_named(null_cache: Path) -> None:
     records = recorded(MACHINE, PLAN, seed=6)
     pid = MACHINE.control.pid
     other = replace(MACHINE, control=replace(MACHINE.control, pid=replace(pid, kp=1.05 * pid.kp)))
-    found = diagnose(other, records, cache=cache)
+    found = diagnose(other, records, cache=null_cache)
     assert "controller_mismatch" in found.effects
 
 
-def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(cache: Path) -> None:
+def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(null_cache: Path) -> None:
     records: tuple[Record, ...] = recorded(MACHINE, PLAN, [ViscousFriction(40.0)], seed=1)
-    found = diagnose(MACHINE, records, cache=cache)
-    again, stands = examined(refit_and_null(MACHINE, records, cache=cache))
+    found = diagnose(MACHINE, records, cache=null_cache)
+    again, stands = examined(refit_and_null(MACHINE, records, cache=null_cache))
     assert np.array_equal(found.how_far.interval, again.how_far.interval)
     assert to_json(found) == to_json(again)
     assert stands.to_json() == evidence(found).to_json()

@@ -78,8 +78,8 @@ def fitted(rough: tuple[Record, ...]) -> Fit:
 
 
 @pytest.fixture(scope="module")
-def found(rough: tuple[Record, ...], tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
-    return diagnose(MACHINE, rough, cache=tmp_path_factory.mktemp("null"))
+def found(rough: tuple[Record, ...], null_cache: Path) -> Diagnosis:
+    return diagnose(MACHINE, rough, cache=null_cache)
 
 
 def test_the_white_force_of_a_rough_drive_is_found(fitted: Fit) -> None:
@@ -149,19 +149,19 @@ def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) ->
     assert found.baseline.floors == pytest.approx(sum(record.position.size - 60 for record in found.baseline.records))
 
 
-def test_an_effect_on_a_rough_drive_is_named(tmp_path: Path) -> None:
+def test_an_effect_on_a_rough_drive_is_named(null_cache: Path) -> None:
     records = recorded(MACHINE, PLAN, [KNOCKS, ViscousFriction(200.0)], seed=SEED, wrong=0.0)
-    found = diagnose(MACHINE, records, cache=tmp_path)
+    found = diagnose(MACHINE, records, cache=null_cache)
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     (drag,) = found.final.candidate.effects
     assert drag.values()[0] == pytest.approx(200.0, rel=0.1)
     assert found.how_far.interval[0] > 0.5
 
 
-def test_a_strong_effect_on_a_smooth_table_makes_it_no_rough_one(tmp_path: Path) -> None:
+def test_a_strong_effect_on_a_smooth_table_makes_it_no_rough_one(null_cache: Path) -> None:
     """It leaves as much as a rough drive does, and every time the same."""
     records = recorded(MACHINE, PLAN, [ViscousFriction(400.0)], seed=SEED, wrong=0.0)
-    found = diagnose(MACHINE, records, cache=tmp_path)
+    found = diagnose(MACHINE, records, cache=null_cache)
     assert np.mean(found.baseline.nominal.innovations**2) > 10.0
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     assert found.baseline.nominal.candidate.white_force == WHITE_FORCE
