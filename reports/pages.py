@@ -1,7 +1,14 @@
-"""Sets the Markdown of a report as a web page and as a PDF, both by pandoc with the layout next to this file."""
+"""Sets the Markdown of a report as a web page and as a PDF, both by pandoc with the layout next to this file.
+
+Neither reaches anything but the layout and the figures that the report has made: pandoc runs in its sandbox, Typst
+sees the report's folder only and no package, and a page with an image, a link or raw markup that is not the report's
+own is refused (guard.lua). The web page tells the browser the same by its Content-Security-Policy.
+"""
 
 from __future__ import annotations
 
+import base64
+import re
 import subprocess
 from pathlib import Path
 
@@ -10,17 +17,34 @@ import typst
 
 LAYOUT = Path(__file__).parent
 # Raw HTML or TeX would reach only one of the two pages; '@' is no citation here.
-MARKDOWN = "markdown-raw_html-raw_tex-citations"
+MARKDOWN = "-".join(
+    (
+        "markdown",
+        "raw_html",
+        "raw_tex",
+        "raw_attribute",
+        "latex_macros",
+        "native_divs",
+        "native_spans",
+        "markdown_in_html_blocks",
+        "citations",
+    )
+)
 COMMON = (
+    "--sandbox",
     "--standalone",
     "--fail-if-warnings",
     "--toc",
     "--number-sections",
     "--syntax-highlighting=none",
+    f"--lua-filter={LAYOUT / 'guard.lua'}",
     f"--lua-filter={LAYOUT / 'bars.lua'}",
     f"--lua-filter={LAYOUT / 'numbers.lua'}",
 )
 # Pandoc's MathML has accents that combine with the letter before them; alone in their box they stand left of it.
+# Typst's ways to other files and packages, none of which the layout or pandoc's writer uses.
+REACHING = re.compile(r"(?<!\\)#\s*(?:import|include|read|plugin|eval|csv|json|toml|yaml|xml|cbor|bibliography)\b")
+IMAGE = re.compile(r'(<img\s[^<>]*?src=")(figures/[\w-]+\.svg)(")')
 ACCENTS = {"\u0307": "\u02d9", "\u0308": "\u00a8", "\u0302": "\u02c6", "\u0303": "\u02dc", "\u030c": "\u02c7"}
 
 
@@ -31,17 +55,17 @@ class PageError(Exception):
 def write_html(markdown: str, folder: Path) -> Path:
     """Writes `folder`/report.html, with the figures below `folder` and the style sheet held inside it."""
     path = folder / "report.html"
+    sheets = "".join((LAYOUT / name).read_text(encoding="utf-8") for name in ("page.css", "media.css"))
+    style = re.sub(r"/\*.*?\*/\s*", "", sheets, flags=re.DOTALL)
     options = (
         f"--template={LAYOUT / 'page.html'}",
-        f"--css={LAYOUT / 'page.css'}",
-        f"--css={LAYOUT / 'media.css'}",
-        "--embed-resources",
+        f"--variable=style:{style}",
         "--mathml",
+        "--wrap=none",
         "--shift-heading-level-by=1",
         "--toc-depth=3",
-        f"--resource-path={folder}",
     )
-    page = _pandoc(markdown, "html5", options)
+    page = IMAGE.sub(lambda image: _embedded(image, folder), _pandoc(markdown, "html5", options))
     for combining, alone in ACCENTS.items():
         page = page.replace(f'<mo accent="true">{combining}</mo>', f'<mo accent="true">{alone}</mo>')
     path.write_text(page, encoding="utf-8")
@@ -56,6 +80,8 @@ def to_typst(markdown: str) -> str:
 def write_pdf(source: str, folder: Path) -> Path:
     """Writes `folder`/report.pdf from the Typst `source`, with the fonts and the date of no machine."""
     path = folder / "report.pdf"
+    if reaching := REACHING.search(source):
+        raise PageError(f"the PDF's source reaches for a file: {reaching[0]}")
     compiler = typst.Compiler(source.encode(), root=folder, ignore_system_fonts=True)
     try:
         pdf, warnings = compiler.compile_with_warnings(format="pdf", timestamp=0)
@@ -67,6 +93,12 @@ def write_pdf(source: str, folder: Path) -> Path:
         raise PageError(f"expected one PDF, got {type(pdf)}")
     path.write_bytes(pdf)
     return path
+
+
+def _embedded(image: re.Match[str], folder: Path) -> str:
+    """The image with what its file holds in the place of the file's name."""
+    data = base64.b64encode((folder / image[2]).read_bytes()).decode("ascii")
+    return f"{image[1]}data:image/svg+xml;base64,{data}{image[3]}"
 
 
 def _pandoc(markdown: str, to: str, options: tuple[str, ...]) -> str:

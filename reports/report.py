@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import re
 import sys
 import threading
 import warnings
@@ -27,6 +28,7 @@ from typing import Any
 from matplotlib.figure import Figure as Drawing
 
 from reports import pages, style, text
+from reports.markup import for_figure
 
 Progress = Callable[[str], None]
 
@@ -35,9 +37,10 @@ Progress = Callable[[str], None]
 class Figure:
     """One figure of a report.
 
-    `name` is its file name and its label, `caption` is Markdown and may hold LaTeX maths, `keys` are the dotted
-    keys of the results that it is drawn from, and `draw` gets the results cut down to these keys: what a figure
-    says it shows is what it can show.
+    `name` is its file name and its label; `caption` is text or, with formulas and references, `markup.Markdown`;
+    `keys` are the dotted keys of the results that it is drawn from, and `draw` gets the results cut down to these
+    keys: what a figure says it shows is what it can show. In the strings that it gets a '$' is a dollar (see
+    `markup.for_figure`); mathematics is only what `draw` writes itself.
     """
 
     name: str
@@ -50,8 +53,9 @@ class Figure:
 class Report:
     """What a report asks and how it is told: a Jinja2 Markdown `template` with `figures` placed in it.
 
-    `title` and `question` (one sentence) are Markdown; `filters` are the study's own Jinja2 filters, such as the
-    rounding of its numbers; `tables` say, by the table's label without its "tbl:", which keys it is made from.
+    `title` and `question` (one sentence) are text, or `markup.Markdown`; `filters` are the study's own Jinja2
+    filters, such as the rounding of its numbers; `tables` say, by the table's label without its "tbl:", which keys it
+    is made from.
     """
 
     title: str
@@ -76,6 +80,8 @@ def render(
     for name, keys in report.tables.items():
         part_of(results, keys, f"table {name!r} is made")
     captions = {figure.name: figure.caption for figure in report.figures}
+    if wrong := [name for name in captions if not re.fullmatch(r"[\w-]+", name)]:
+        raise ValueError(f"not the name of a figure: {wrong}")
     if len(captions) != len(report.figures):
         raise ValueError(f"two figures of one name: {sorted(figure.name for figure in report.figures)}")
     body = text.fill(report.template, results, captions, report.filters)
@@ -141,7 +147,7 @@ def draw(figure: Figure, results: Mapping[str, Any], folder: Path) -> Path:
     """Draws one figure to `folder`/NAME.svg. Raises `KeyError` if it reads results that it does not declare."""
     path = _file(figure, folder)
     try:
-        style.save(figure.draw, results, path)
+        style.save(figure.draw, for_figure(results), path)
     except KeyError as error:
         raise KeyError(f"figure {figure.name!r} reads {error}, which is none of its keys {figure.keys}") from error
     return path

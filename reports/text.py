@@ -1,4 +1,7 @@
-"""The Markdown of a report: the study's template filled with its results."""
+"""The Markdown of a report: the study's template filled with its results.
+
+What a template prints is text, shown as it is, unless it is a `markup.Markdown`: no template can forget to escape.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,11 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateSyntaxError
+from jinja2.ext import Extension
+from jinja2.lexer import Token, TokenStream
+
+from reports.markup import Markdown, block, code, escape, formula
 
 NO_BREAK = "\u00a0"
 
@@ -21,33 +28,38 @@ def fill(
 ) -> str:
     """The template's Markdown with `results` and every figure of `captions` (name to caption) in its place.
 
+    Captions are text, too, unless they are `Markdown`. Templates have, beside `filters`: `verdict`; `formula`,
+    `code` and `block` for a text in mathematics and in letters of one width; `markdown` for words of the template that
+    are markup.
     Raises `ValueError` for a figure that is unknown, placed twice or not placed and for a printed None, and
     `jinja2.UndefinedError` for a variable that the results do not have.
     """
     placed: list[str] = []
 
-    def figure(name: str) -> str:
+    def figure(name: str) -> Markdown:
         if name not in captions:
             raise ValueError(f"the template places figure {name!r}, which the report does not have")
         if name in placed:
             raise ValueError(f"the template places figure {name!r} twice")
         placed.append(name)
-        caption = " ".join(captions[name].split())
-        return f"\n\n![{caption}](figures/{name}.svg){{#fig:{name}}}\n\n"
+        caption = " ".join(escape(captions[name]).split())
+        return Markdown(f"\n\n![{caption}](figures/{name}.svg){{#fig:{name}}}\n\n")
 
     environment = Environment(
         loader=FileSystemLoader([template.parent, template.parent.parent]),  # what studies share is one above
         undefined=StrictUndefined,
-        finalize=_printable,
+        finalize=_printed,
         trim_blocks=True,
         lstrip_blocks=True,
         # Jinja2's own '{#' is how Markdown writes a label: '{#fig:step}'.
         comment_start_string="<!--",
         comment_end_string="-->",
         keep_trailing_newline=True,
-        autoescape=False,  # it is Markdown, not HTML
+        autoescape=False,  # it is Markdown, not HTML: `finalize` escapes
+        extensions=[OwnWords],
     )
-    environment.filters.update({"verdict": verdict, **filters})
+    own = {"verdict": verdict, "formula": formula, "code": code, "block": block, "markdown": Markdown}
+    environment.filters.update({**own, **filters})
     body = environment.get_template(template.name).render(results=results, figure=figure)
     if unplaced := sorted(set(captions) - set(placed)):
         raise ValueError(f"the template does not place these figures of the report: {unplaced}")
@@ -57,23 +69,36 @@ def fill(
 
 def head(title: str, question: str, figures: Iterable[str]) -> str:
     """The metadata block that opens the Markdown of a report; `figures` are the names of those that must come out."""
-    # JSON is YAML, so whatever the title holds is quoted right.
-    data = {"title": title, "question": question, "figures": [f"#fig:{name}" for name in figures]}
-    return f"---\n{json.dumps(data)}\n---\n\n"
+    # JSON is YAML, so whatever the title holds is quoted right; YAML does not know JSON's pairs for one character.
+    data = {"title": escape(title), "question": escape(question), "figures": [f"#fig:{name}" for name in figures]}
+    return f"---\n{json.dumps(data, ensure_ascii=False)}\n---\n\n"
 
 
-def verdict(holds: bool) -> str:
+def verdict(holds: bool) -> Markdown:
     """The mark of a check, to be told without colour: '✓ holds' or '✗ MISSED'. Raises `TypeError` for a non-bool."""
     if not isinstance(holds, bool):
         raise TypeError(f"a verdict is on True or False, not on {holds!r}")
-    return f"[✓{NO_BREAK}holds]{{.holds}}" if holds else f"[✗{NO_BREAK}MISSED]{{.missed}}"
+    return Markdown(f"[✓{NO_BREAK}holds]{{.holds}}" if holds else f"[✗{NO_BREAK}MISSED]{{.missed}}")
 
 
-def _printable(value: Any) -> Any:
+class OwnWords(Extension):
+    """Refuses a template that takes anything but words of its own for markup: `{{ name | markdown }}`."""
+
+    def filter_stream(self, stream: TokenStream) -> Iterable[Token]:
+        """The template's tokens. Raises `TemplateSyntaxError` where what `markdown` filters is not one string."""
+        before: tuple[str, ...] = ()
+        for token in stream:
+            if token.value == "markdown" and before != ("string", "pipe"):
+                raise TemplateSyntaxError("only words of the template can be markup", token.lineno, stream.name)
+            before = (*before[-1:], token.type)
+            yield token
+
+
+def _printed(value: Any) -> Markdown:
     # Jinja2 would print the word None into the report, where it reads like a result.
     if value is None:
         raise ValueError("the template prints a value that is None")
-    return value
+    return escape(value)
 
 
 def _check_tables(markdown: str) -> None:

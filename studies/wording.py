@@ -20,7 +20,6 @@ def filters() -> dict[str, Callable[..., Any]]:
         "micrometres": micrometres,
         "words": words,
         "effect": effect,
-        "literal": literal,
         "source": source,
     }
 
@@ -96,8 +95,3 @@ def words(name: str) -> str:
 def effect(name: str) -> str:
     """The name of an effect or of a nominal parameter in words: "dac_quantisation" becomes "DAC quantisation"."""
     return " ".join(PROPER.get(word, word) for word in name.split("_"))
-
-
-def literal(text: str) -> str:
-    """A text from a machine file, such that Markdown prints it as it is."""
-    return "".join(f"\\{letter}" if letter in "\\`*_{}[]<>#|$~^@" else letter for letter in text)

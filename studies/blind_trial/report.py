@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import effect, filters
 
@@ -30,7 +31,7 @@ RATES = (
     "Right answers, false accusations and abstentions, with 95 % intervals, beside three simpler methods on the same "
     "records. Dashes: the targets."
 )
-SEVERITY = (
+SEVERITY = Markdown(
     "Single effects by severity: named right, no effect named, a wrong one named. Above the bars: the median distance "
     "$D$ and the number of cases."
 )
@@ -38,7 +39,7 @@ CALIBRATION = (
     "The probability that an answer states of its first candidate, and how often that effect was in the case; 95 % "
     "intervals, and the number of cases."
 )
-CONFUSION = (
+CONFUSION = Markdown(
     "What was in a case (rows) and what was answered (columns): numbers of cases. *both*: both of two effects, and "
     "nothing else. *several*: more than one effect is named."
 )

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure as Drawing
 
 from models.quantity import show
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import filters
 
@@ -48,15 +49,15 @@ TABLES = {
     "paper": ("results.paper",),
     "parameters": ("parameters",),
 }
-BODE = (
+BODE = Markdown(
     "The plant $P_l$ and its equivalents $P_{e1}$, $P_{e2}$ in the presliding region, where the friction acts as a "
     "spring; dead time included."
 )
-FEEDFORWARD = (
+FEEDFORWARD = Markdown(
     "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the chosen design, and of the one whose free "
     "parameters are used for robustness against wrong mode frequencies."
 )
-TRADE_OFF = (
+TRADE_OFF = Markdown(
     "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: a lower bound for every deadbeat of this stroke. "
     "Where a curve has no point, that shape cannot reach the settling time at all."
 )

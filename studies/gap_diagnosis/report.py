@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.gap_diagnosis import figures
 from studies.gap_diagnosis.answer import effects_listed
@@ -58,7 +59,7 @@ WATERFALL = (
     "record that it made itself or, for a drive rougher than its model, the scatter between equal motions. Dotted: the "
     "force that flexible curves over all coordinates, which name no cause, leave on held-out motions."
 )
-FORCE = (
+FORCE = Markdown(
     "The force $d$ that the re-fitted model lacks, smoothed over the whole record (past and future), at two settings: "
     "slow, with its 95 % band, and fast, shown by its extremes; below, the reference."
 )
@@ -80,7 +81,7 @@ CONFUSABLE = (
     "the nominal values alone; white: a thousand times the threshold or more). A cross: below the threshold (the line "
     "on the scale), so that one could be mistaken for the other. A circle: not detectable."
 )
-NEXT = "The references of the proposed experiment, `next_experiment.csv`."
+NEXT = Markdown("The references of the proposed experiment, `next_experiment.csv`.")
 
 
 def _share(share: float) -> str:

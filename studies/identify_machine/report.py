@@ -12,6 +12,7 @@ from matplotlib.ticker import MultipleLocator
 from scipy.stats import norm
 
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import filters
 
@@ -48,7 +49,7 @@ TABLES = {
     "coverage": ("results.round_trip",),
     "parameters": ("parameters",),
 }
-BODE = (
+BODE = Markdown(
     "Measured frequency response and the $P_l$ fitted to it; below, the residuals, with the standard deviation of each "
     "measured line. Crosses: excluded lines."
 )

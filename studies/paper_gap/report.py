@@ -16,6 +16,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
 from models.quantity import listed, show
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import effect, filters, quantity
 
@@ -56,17 +57,19 @@ def tell(whole: Results) -> Report:
         ),
         Figure(
             "responses",
-            "Error of the positive motions by the scale: the first table by itself, and sizes of those candidates that "
-            "come out first in [](#tbl:outcome), each on a table on which it shows the pattern or comes nearest. Thin "
-            "grey: the same table without it.",
+            Markdown(
+                "Error of the positive motions by the scale: the first table by itself, and sizes of those candidates "
+                "that come out first in [](#tbl:outcome), each on a table on which it shows the pattern or comes "
+                "nearest. Thin grey: the same table without it."
+            ),
             ("results.responses", "machine.specification"),
             _responses,
         ),
         Figure(
             "decision",
             "Predicted readings of the two experiments: a line per candidate, a mark per size with the pattern or "
-            f"nearest to it, in steps (of {step}, or of the thrust that it makes through $k_p$). Where marks of two "
-            "candidates are apart, the experiment tells them apart.",
+            f"nearest to it, in steps (of {step}, or of the thrust that it makes through "
+            + Markdown("$k_p$). Where marks of two candidates are apart, the experiment tells them apart."),
             ("results.decided",),
             _decision,
         ),

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import filters
 
@@ -50,24 +51,28 @@ TABLES = {
     "attempts": ("results.attempts",),
     "parameters": ("parameters",),
 }
-FRONT = (
+FRONT = Markdown(
     "Settling of the reversal without friction compensation, on the nonsmooth machine, against the largest $|S|$ over "
     "the family: the tuned PIDs, the present one and two rules of thumb. A point on the upper edge never settles "
     "before the next motion."
 )
 REVERSAL = "Position error of the reversal without friction compensation with three PIDs."
-GAINS = "Integral gain and crossover frequency on $P_l$ over the largest $|S|$ of the family."
-LIMITS = (
+GAINS = Markdown("Integral gain and crossover frequency on $P_l$ over the largest $|S|$ of the family.")
+LIMITS = Markdown(
     "Limits of every PID. Left: the crossover on $P_l$ and the highest one that the dead time allows any PID. Right: "
     "the area below 0 of $\\ln|S|$ and the area that Bode's integral allows any controller with the same bounds."
 )
-BODE = "Open loop $L$ with the chosen PID, on the plants as they are known; thin: with the present PID on $P_l$."
-NYQUIST = "Open loop of every plant of the family with the chosen PID, and the circle that $|S|$'s bound keeps clear."
-SENSITIVITIES = (
+BODE = Markdown(
+    "Open loop $L$ with the chosen PID, on the plants as they are known; thin: with the present PID on $P_l$."
+)
+NYQUIST = Markdown(
+    "Open loop of every plant of the family with the chosen PID, and the circle that $|S|$'s bound keeps clear."
+)
+SENSITIVITIES = Markdown(
     "Sensitivities with the chosen PID, on the plants as they are known, with their bounds; thin: the present PID on "
     "$P_l$; dash-dotted: lower bound on $|S|$ on $P_l$ for every controller with the same noise."
 )
-ENSEMBLE = (
+ENSEMBLE = Markdown(
     "Every member of the ensemble: settling of its reversal without friction compensation against the largest $|S|$ of "
     "its plants, with the same PID for all, and with the PID that each was chosen with (its own)."
 )
@@ -79,7 +84,7 @@ def _gain(number: float | None) -> str:
     if number is None:
         return "–"
     power = math.floor(math.log10(abs(number))) if number else 0
-    return f"${number / 10**power:.2f}\\cdot 10^{{{power}}}$"
+    return Markdown("$") + f"{number / 10**power:.2f}" + Markdown("\\cdot 10^{") + str(power) + Markdown("}$")
 
 
 def _number(number: float | None, digits: int = 3) -> str:

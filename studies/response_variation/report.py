@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawing
 
 from models.quantity import show
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import filters, quantity
 
@@ -74,12 +75,24 @@ def _captions(whole: Results) -> dict[str, str]:
         "the same three curves, and reads from them that the table is an elastic body in micrometre motions." + band,
         "hysteresis": "Hysteresis over ±150 µm (left) and the branch after a reversal (right). Fig. 3 of the paper: "
         f"presliding over about {show(facts['extent_m'], 'm')}, the steepest slope just after the reversal, "
-        f"comprehensive slopes $K_{{e1}}$ = {slopes[0]} and $K_{{e2}}$ = {slopes[1]} with the boundary at about "
-        f"{show(facts['boundary_m'], 'm')}; $N = {friction['rfm_elements']}$ keeps both slopes." + band,
-        "choice": "The paper's way to choose $N$: rms error of $N$ elements on a simulated, noisy measurement of a "
-        "finer hysteresis, on the loops of the fit and on inner loops that it has not seen.",
+        "comprehensive slopes "
+        + Markdown("$K_{e1}$ = ")
+        + slopes[0]
+        + Markdown(" and $K_{e2}$ = ")
+        + f"{slopes[1]} with the boundary at about {show(facts['boundary_m'], 'm')}; "
+        + Markdown("$N = ")
+        + str(friction["rfm_elements"])
+        + Markdown("$ keeps both slopes.")
+        + band,
+        "choice": Markdown(
+            "The paper's way to choose $N$: rms error of $N$ elements on a simulated, noisy measurement of a "
+            "finer hysteresis, on the loops of the fit and on inner loops that it has not seen."
+        ),
         "inner": "Inner loops. Fig. 4 of the paper: the curve depends on the history of the position, and "
-        f"$N = {friction['elements']}$ follows it well." + band,
+        + Markdown("$N = ")
+        + str(friction["elements"])
+        + Markdown("$ follows it well.")
+        + band,
         "reference": "Target position, the same for every table. Fig. 5 of the paper: reversal and inching motions in "
         f"sequence, {show(wanted['interval_s'], 's')} apart.",
         "variation": f"{len(results['without']['motions'])} positive motions without compensation. Figs. 7 and 12 of "
@@ -91,7 +104,8 @@ def _captions(whole: Results) -> dict[str, str]:
         f"paper: the reversal settles within {in_time}, the dispersion falls from {before} to {after}, and the inching "
         f"motions still miss ±{show(wanted['tolerance_m'], 'm')}." + band,
         "set": "The tables of the set, each a line, over the ranges searched (0 to 1, logarithmic; see "
-        f"[](#tbl:set)); thick: the table of this report{thick}.",
+        + Markdown("[](#tbl:set)); thick: the table of this report")
+        + f"{thick}.",
         "gap": f"Dispersion with compensation over the set, beside the {after} of the experiment: the gap that the "
         "model leaves.",
     }

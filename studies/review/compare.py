@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure as Drawing
 
 from models.quantity import show
+from reports.markup import unlinked
 from reports.overlay import lay_over
 from reports.report import Figure, Report, select
 from studies.catalogue import find
@@ -18,7 +18,6 @@ from studies.review.differences import differences, short
 from studies.review.follows import read_manifest
 from studies.wording import filters
 
-REFERENCE = re.compile(r"\[\]\(#tbl:[\w-]+\)")
 LARGEST_LIST = 40  # numbers of the results that are listed; the others are counted
 
 
@@ -97,5 +96,5 @@ def _overlaid(figure: Figure) -> Figure:
 
     keys = tuple(f"{side}.{key}" for side in ("before", "after") for key in figure.keys)
     # What the study's own report refers to beside its figures is not in this one.
-    caption = REFERENCE.sub("the study's own table", figure.caption) + " Grey: before; coloured: after."
+    caption = unlinked(figure.caption, "the study's own table") + " Grey: before; coloured: after."
     return Figure(figure.name, caption, keys, draw)

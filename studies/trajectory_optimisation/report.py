@@ -11,6 +11,7 @@ from matplotlib.figure import Figure as Drawing
 
 from models.quantity import show
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import filters
 
@@ -48,7 +49,7 @@ RESPONSES = (
     "Positive motions on the central table: distance travelled; the paper's scheme, one trajectory for all, and the "
     "history-aware one."
 )
-TRAJECTORIES = (
+TRAJECTORIES = Markdown(
     "The trajectories $x_T^*$, and the thrust that they ask for; for a history-aware one, the thrust of the reversal "
     "and of the last inching motion."
 )

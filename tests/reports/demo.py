@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from reports.style import COLOURS, HATCHES, MARKERS, mark_limit, subplots, tolerance_band
 
@@ -28,7 +29,7 @@ def results() -> dict[str, Any]:
     loop = 4.0e4 / (laplace**2 + 30.0 * laplace + 900.0) * (1.0 + laplace / 120.0)
     checks = [
         {"name": "Settling time to ±1 µm", "unit": "ms", "limit": 12.0, "value": 9.8, "holds": True},
-        {"name": "Modulus margin $1/\\max|S|$", "unit": "–", "limit": 0.5, "value": 0.61, "holds": True},
+        {"name": "Modulus margin 1/max|S|", "unit": "–", "limit": 0.5, "value": 0.61, "holds": True},
         {"name": "Peak current in the stroke", "unit": "A", "limit": 8.0, "value": 8.7, "holds": False},
     ]
     return {
@@ -148,19 +149,28 @@ def report(template: Path = TEMPLATE) -> Report:
         figures=(
             Figure(
                 "step",
-                "Error $e(t)$ after a 10 µm step for three compensators; grey: the tolerance $|e| \\le 1$ µm. "
-                "The detail shows what is left at the handover.",
+                Markdown(
+                    "Error $e(t)$ after a 10 µm step for three compensators; grey: the tolerance $|e| \\le 1$ µm. "
+                    "The detail shows what is left at the handover."
+                ),
                 ("step",),
                 draw_step,
             ),
             Figure(
                 "loop",
-                r"Open loop $L(\mathrm{j}\omega) = P(\mathrm{j}\omega)\,C(\mathrm{j}\omega)$.",
+                Markdown(r"Open loop $L(\mathrm{j}\omega) = P(\mathrm{j}\omega)\,C(\mathrm{j}\omega)$."),
                 ("loop.frequency_Hz", "loop.magnitude", "loop.phase_deg"),
                 draw_loop,
             ),
-            Figure("contributions", "Error budget: $3\\sigma$ by source.", ("contributions",), draw_contributions),
-            Figure("runs", "Settling time and peak error over the stroke, $s \\in [0.1, 4)$ mm.", ("runs",), draw_runs),
+            Figure(
+                "contributions", Markdown("Error budget: $3\\sigma$ by source."), ("contributions",), draw_contributions
+            ),
+            Figure(
+                "runs",
+                Markdown("Settling time and peak error over the stroke, $s \\in [0.1, 4)$ mm."),
+                ("runs",),
+                draw_runs,
+            ),
         ),
         filters={"fixed": lambda value, digits=2: f"{value:.{digits}f}"},
     )
