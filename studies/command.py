@@ -28,7 +28,7 @@ FAULT: Final = 3
 
 def main(study: Study, arguments: Sequence[str] | None = None) -> int:
     """Runs the study as a command and returns its exit status; see `--help` of any study."""
-    return guarded(lambda: _run(study, parser_of(study).parse_args(arguments)))
+    return guarded(lambda: run(study, parser_of(study).parse_args(arguments)))
 
 
 def guarded(work: Callable[[], int]) -> int:
@@ -79,7 +79,8 @@ def plain(content: Any) -> Any:
     return content
 
 
-def _run(study: Study, given: argparse.Namespace) -> int:
+def run(study: Study, given: argparse.Namespace) -> int:
+    """Runs the study with what `parser_of` made of the command line; the exit status. Raises BadInputError."""
     options = study.options(**vars(given))
     output = options.output or Path("reports/out") / study.name
     place = Place(output, study.name, (*EVERY, *study.writes), study.keeps, options.overwrite)

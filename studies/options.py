@@ -28,16 +28,30 @@ class Option:
     """How a field is asked for: the keywords of `add_argument`, and what of a value is accepted.
 
     accepted: from the option's name, as messages have it, and a value (text as typed, or SI from Python) to the value
-    of the field. Raises BadInputError.
+    of the field. Raises BadInputError. file: whether the value names files or folders. reviewable: whether a review of
+    somebody else's results may run the study with another value than the default one, as that reaches nothing outside;
+    of a file, whether a review may hand over its content.
     """
 
     keywords: Mapping[str, Any]
     accepted: Callable[[str, Any], Any]
     positional: bool = False
+    file: bool = False
+    reviewable: bool = False
 
 
-def _field(initial: Any, accepted: Callable[[str, Any], Any], /, **keywords: Any) -> Any:
-    return dataclasses.field(default=initial, metadata={"option": Option(keywords, accepted)})
+def _field(
+    initial: Any,
+    accepted: Callable[[str, Any], Any],
+    /,
+    *,
+    positional: bool = False,
+    file: bool = False,
+    reviewable: bool,
+    **keywords: Any,
+) -> Any:
+    option = Option(keywords, accepted, positional, file, reviewable)
+    return dataclasses.field(default=initial, metadata={"option": option})
 
 
 def _named(name: str, option: Option) -> str:
@@ -94,7 +108,7 @@ def quantity(
             raise BadInputError(f"{name}: {error}") from error
         return number
 
-    return _field(default, accepted, metavar=metavar, help=meaning, default=text)
+    return _field(default, accepted, reviewable=True, metavar=metavar, help=meaning, default=text)
 
 
 def whole(metavar: str, meaning: str, low: int, high: int | None = None, *, default: int | None = None) -> Any:
@@ -116,7 +130,7 @@ def whole(metavar: str, meaning: str, low: int, high: int | None = None, *, defa
     def _within(number: int) -> bool:
         return number >= low and (high is None or number <= high)
 
-    return _field(default, accepted, metavar=metavar, help=meaning, type=read, default=default)
+    return _field(default, accepted, reviewable=True, metavar=metavar, help=meaning, type=read, default=default)
 
 
 def choice(meaning: str, known: Sequence[str]) -> Any:
@@ -127,10 +141,10 @@ def choice(meaning: str, known: Sequence[str]) -> Any:
             raise BadInputError(f"{name}: {value!r} is unknown; choose one of {', '.join(known)}")
         return str(value)
 
-    return _field(known[0], accepted, choices=tuple(known), help=meaning, default=known[0])
+    return _field(known[0], accepted, reviewable=True, choices=tuple(known), help=meaning, default=known[0])
 
 
-def flag(meaning: str) -> Any:
+def flag(meaning: str, *, reviewable: bool = True) -> Any:
     """A field that is True where the option is given."""
 
     def accepted(name: str, value: Any) -> bool:
@@ -138,35 +152,44 @@ def flag(meaning: str) -> Any:
             raise BadInputError(f"{name}: {value!r} must be True or False")
         return value
 
-    return _field(False, accepted, action="store_true", help=meaning)
+    return _field(False, accepted, reviewable=reviewable, action="store_true", help=meaning)
 
 
-def text(metavar: str, meaning: str) -> Any:
-    """A field that is text, or None."""
-    return _field(None, lambda _, value: value, metavar=metavar, help=meaning)
+def text(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
+    """A field that is text, or None; reviewable only where no text can be an address or a path."""
+    return _field(None, lambda _, value: value, reviewable=reviewable, metavar=metavar, help=meaning)
 
 
-def texts(metavar: str, meaning: str) -> Any:
-    """A field that is a tuple of texts; the option may be repeated."""
-    return _field((), lambda _, value: _listed(value, str), metavar=metavar, help=meaning, action="append", default=[])
+def texts(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
+    """A field that is a tuple of texts; the option may be repeated. reviewable: as for `text`."""
+    return _field(
+        (),
+        lambda _, value: _listed(value, str),
+        reviewable=reviewable,
+        metavar=metavar,
+        help=meaning,
+        action="append",
+        default=[],
+    )
 
 
-def path(metavar: str, meaning: str) -> Any:
-    """A field that is the path of a file or folder, or None."""
-    return _field(None, _path, metavar=metavar, help=meaning, type=_read_path)
+def path(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
+    """A field that is the path of a file or folder, or None; reviewable: of one file whose content says it all."""
+    return _field(None, _path, file=True, reviewable=reviewable, metavar=metavar, help=meaning, type=_read_path)
 
 
-def paths(metavar: str, meaning: str) -> Any:
-    """A field that is a tuple of paths: what the command line takes without an option's name."""
-    return dataclasses.field(
-        default=(),
-        metadata={
-            "option": Option(
-                {"nargs": "*", "type": Path, "metavar": metavar, "help": meaning},
-                lambda _, value: _listed(value, Path),
-                positional=True,
-            )
-        },
+def paths(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
+    """A field that is a tuple of paths: what the command line takes without an option's name; reviewable: as `path`."""
+    return _field(
+        (),
+        lambda _, value: _listed(value, Path),
+        positional=True,
+        file=True,
+        reviewable=reviewable,
+        nargs="*",
+        type=Path,
+        metavar=metavar,
+        help=meaning,
     )
 
 
@@ -180,12 +203,15 @@ class Options:
     machine: Path | Machine | None = path(
         "FILE", "machine file, or a pack's nominal.json (default: models/machines/linear_motor_table.toml)"
     )
-    controller: Path | None = path("FILE", "controller.json to take the PID from (default: the machine's)")
+    controller: Path | None = path(
+        "FILE", "controller.json to take the PID from (default: the machine's)", reviewable=True
+    )
     output: Path | None = path("FOLDER", "where results go (default: reports/out/{study})")
     quick: bool = flag("coarser curves, for a smoke test; the report says so")
     seed: int = whole("N", "of all that is random (default: 0)", 0, default=0)
     overwrite: bool = flag(
-        "replace files in --output that no earlier run of this study wrote, or that were edited since"
+        "replace files in --output that no earlier run of this study wrote, or that were edited since",
+        reviewable=False,
     )
     no_report: bool = flag("write no report, only results.json and the like")
 

@@ -11,7 +11,7 @@ STUDY = Study(
     "How often is the diagnosis right when the effect is withheld?",
     TrialOptions,
     writes=("answers.json",),
-    keeps=("answers.json",),
+    keeps=("answers.json", "sealed"),
 )
 
 if __name__ == "__main__":

@@ -16,10 +16,14 @@ class DiagnosisOptions(Options):
         "RECORD",
         ".csv, .csv.gz, .mat or .parquet files of one machine, one or several. Without any, a simulated table with an "
         "effect that the model lacks is diagnosed, so that the answer can be verified",
+        reviewable=True,
     )
-    disable: tuple[str, ...] = texts("NAME", "an effect of the catalogue to exclude, such as cogging; may be repeated")
+    disable: tuple[str, ...] = texts(
+        "NAME", "an effect of the catalogue to exclude, such as cogging; may be repeated", reviewable=True
+    )
     column: tuple[str, ...] = texts(
         "SIGNAL=ENTRY",
         'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
         "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
+        reviewable=True,
     )

@@ -17,15 +17,18 @@ class IdentificationOptions(Options):
         "RECORD",
         ".csv, .csv.gz, .mat or .parquet; the kind of each is recognised. Without any, records of simulated tables "
         "are identified, to verify the stated uncertainties (round trip)",
+        reviewable=True,
     )
     kinds: str | None = text(
         "KIND,...",
         f"the kinds of the records, in their order, instead of recognising them: auto, {', '.join(KINDS)}",
+        reviewable=True,
     )
     column: tuple[str, ...] = texts(
         "SIGNAL=ENTRY",
         'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
         "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
+        reviewable=True,
     )
     pass_band: float | None = quantity(
         "Hz",

@@ -29,4 +29,5 @@ class PaperOptions(Options):
         "FILE",
         "the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; only the machine itself "
         "if --machine is given)",
+        reviewable=True,
     )

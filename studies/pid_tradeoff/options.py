@@ -59,4 +59,5 @@ class TradeoffOptions(Options):
         "FILE",
         "ensemble file whose machines join the family of the tuning (default: none; the default machine's "
         "PIDs are then judged on models/machines/linear_motor_table_ensemble.toml afterwards)",
+        reviewable=True,
     )

@@ -16,6 +16,7 @@ class VariationOptions(Options):
         "FILE",
         "the tables of the set (default: models/machines/linear_motor_table_ensemble.toml; only the machine itself "
         "if --machine is given)",
+        reviewable=True,
     )
     search: bool = flag(
         "search the set anew, seeded by --seed, in a minute or two; ensemble.toml and most_central.toml are written "

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import argparse
+import math
+import shutil
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from studies.command import CHECK_MISSED, DONE, guarded, to_text
 from studies.folder import Place, atomic_folder, require_free
 from studies.manifest import FORMAT, hashes, versions
-from studies.options import Parser
+from studies.options import BadInputError, Parser
+from studies.review.bounded import Limits
+from studies.review.copying import FILE_SIZE, FILES, WHOLE_SIZE, visible
 from studies.study import Progress
+
+USUAL = Limits()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -19,10 +27,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    options = _parser().parse_args(arguments)
+    if not 0 <= options.tolerance < 1:
+        raise BadInputError(f"--tolerance {options.tolerance:g}: must be from 0 on and below 1")
+    if not (math.isfinite(options.time_limit) and options.time_limit > 0):
+        raise BadInputError(f"--time-limit {options.time_limit:g}: must be a number of seconds above 0")
+    limits = Limits(options.time_limit)
+    if options.other:
+        place = Place(options.output, "review", overwrite=options.overwrite)
+        return _compare(options.folder, options.other, place, limits)
+    for file in options.input:
+        if not file.is_file():
+            raise BadInputError(f"--input {file}: is not a file; give one that the run read")
+    return _follows(options.folder, options.tolerance, options.input, limits)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="studies.review",
         usage="python -m studies.review FOLDER [OTHER] [options]",
-        description="Is this report still reproducible from its inputs? With OTHER: what differs between the two?",
+        description="Is this report still reproducible from its inputs? With OTHER: what differs between the two? "
+        "The folder may be a stranger's: only plain files in it are read (at most "
+        f"{FILES}, {FILE_SIZE >> 20} MB each, {WHOLE_SIZE >> 20} MB in all), and the study is run again only by "
+        "options that reach nothing outside, in a process of its own without a network, with at most "
+        f"{USUAL.seconds / 60:g} minutes, {USUAL.memory >> 30} GB of memory and files of {USUAL.file >> 20} MB. What "
+        "it will run is said first.",
         epilog="Exit status: 0 it follows, or no check turned; 1 it does not, or one did; 2 bad input.",
     )
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a folder that a study wrote")
@@ -35,6 +64,21 @@ def _run(arguments: Sequence[str] | None) -> int:
         help="relative difference up to which numbers count as equal (default: 1e-9)",
     )
     parser.add_argument(
+        "--input",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a file outside the folder that the run read, such as a record; may be repeated. No other is read",
+    )
+    parser.add_argument(
+        "--time-limit",
+        type=float,
+        default=USUAL.seconds,
+        metavar="SECONDS",
+        help=f"time after which the second run is stopped (default: {USUAL.seconds:g})",
+    )
+    parser.add_argument(
         "--output",
         type=Path,
         default=Path("reports/out/review"),
@@ -44,56 +88,42 @@ def _run(arguments: Sequence[str] | None) -> int:
     parser.add_argument(
         "--overwrite", action="store_true", help="replace files in --output that no earlier comparison wrote"
     )
-    options = parser.parse_args(arguments)
-    return (
-        _compare(options.folder, options.other, Place(options.output, "review", overwrite=options.overwrite))
-        if options.other
-        else _follows(options.folder, options.tolerance)
-    )
+    return parser
 
 
-def _follows(folder: Path, tolerance: float) -> int:
+def _follows(folder: Path, tolerance: float, given: Sequence[Path], limits: Limits) -> int:
     from studies.review.follows import review
 
-    found = review(folder, tolerance, Progress())
+    found = review(folder, tolerance, Progress(), given, limits)
     for one in found.edited:
         print(f"edited    {one}")
     for one in found.changed:
         print(f"changed   {one}")
     print(f"run again {found.verdict}" + (f" within {tolerance:g}" if found.verdict == "equal" else ""))
     for name in found.unequal:
-        print(f"          other bytes: {name}")
+        print(f"          other bytes: {visible(name)}")
     if found.first is not None:
-        print(f"          {found.first}")
+        print(f"          {visible(found.first, 300)}")
+    if found.reason:
+        print(f"          {found.reason}")
     print(f"{folder} {'follows' if found.follows else 'DOES NOT FOLLOW'} from its inputs")
     return DONE if found.follows else CHECK_MISSED
 
 
-def _compare(before: Path, after: Path, place: Place) -> int:
-    from reports.report import render
-    from studies.options import BadInputError
-    from studies.review.compare import compare, read, tell
+def _compare(before: Path, after: Path, place: Place, limits: Limits) -> int:
+    from studies.review.follows import compared
 
     require_free(place)
-    one, other = read(before), read(after)
-    if one["study"] != other["study"]:
-        raise BadInputError(f"{before} is of {one['study']}, {after} of {other['study']}; give two of one study")
-    progress = Progress()
-    progress(0.1, "comparing")
-    content = compare(one, other)
-    report = tell(content)
-    content["figures"] = [figure.name for figure in report.figures]
-    with atomic_folder(place) as folder:
-        shown = {key: item for key, item in content.items() if key not in {"before", "after"}}
-        (folder / "results.json").write_text(to_text(shown), encoding="utf-8")
-        render(report, content, folder, progress=lambda text: progress(0.5, text))
+    with tempfile.TemporaryDirectory() as name, atomic_folder(place) as folder:
+        made, content = compared(before, after, Path(name), Progress(), limits)
+        shutil.copytree(made, folder, dirs_exist_ok=True)
         inputs = {"before": before.name, "after": after.name}
         record = {"format": FORMAT, "study": "review", "options": {}, "inputs": inputs, "versions": versions()}
         (folder / "manifest.json").write_text(to_text({**record, "outputs": hashes(folder)}), encoding="utf-8")
     turned = [row["name"] for row in content["checks"] if row["turned"]]
     print(f"parameters that differ: {len(content['machine'])}")
     for name in turned:
-        print(f"turned    {name}")
+        print(f"turned    {visible(name)}")
     print("written:", *(place.folder / name for name in ("report.html", "report.pdf", "results.json")))
     return CHECK_MISSED if turned else DONE
 

@@ -13,9 +13,7 @@ from reports.markup import unlinked
 from reports.overlay import lay_over
 from reports.report import Figure, Report, select
 from studies.catalogue import find
-from studies.options import BadInputError
 from studies.review.differences import differences, short
-from studies.review.follows import read_manifest
 from studies.wording import filters
 
 LARGEST_LIST = 40  # numbers of the results that are listed; the others are counted
@@ -44,17 +42,6 @@ def compare(before: Any, after: Any) -> dict[str, Any]:
         "before": before,
         "after": after,
     }
-
-
-def read(folder: Path) -> Any:
-    """The results.json of a report's folder. Raises BadInputError for a folder without one."""
-    import json
-
-    read_manifest(folder)
-    try:
-        return json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise BadInputError(f"{folder}/results.json: can't be read; run the study again") from error
 
 
 def tell(content: Mapping[str, Any]) -> Report:

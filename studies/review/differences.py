@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -40,7 +41,11 @@ def differences(before: Any, after: Any, where: str = "") -> Iterator[Difference
 def _relative(before: Any, after: Any) -> float | None:
     if any(isinstance(one, bool) or not isinstance(one, int | float) for one in (before, after)):
         return None
-    return float(abs(after - before) / max(abs(before), abs(after)))
+    try:
+        relative = float(abs(after - before) / max(abs(before), abs(after)))
+    except OverflowError:
+        return None
+    return relative if math.isfinite(relative) else None
 
 
 def short(item: Any) -> str:

@@ -8,10 +8,10 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,6 +23,7 @@ from studies.command import main as run_study
 from studies.deadbeat_design.__main__ import STUDY
 from studies.manifest import SOURCES, lock_hash, sha256, versions
 from studies.review.__main__ import main
+from studies.review.bounded import Ended
 from studies.review.differences import differences
 
 ROOT = Path(__file__).parents[2]
@@ -55,13 +56,12 @@ def folder(written: Path, tmp_path: Path) -> Path:
 def spoilt(folder: Path, repeated: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Such a copy whose machine stays as it is, so that its second run may be one for all of these tests."""
 
-    def run_again(_study: object, arguments: list[str]) -> int:
-        options = dict(pairwise(arguments))
-        assert sha256(Path(options["--machine"])) == sha256(repeated / "machine.toml")
-        shutil.copytree(repeated, options["--output"], dirs_exist_ok=True)
-        return DONE
+    def run_again(task: Mapping[str, Any], *_: object) -> Ended:
+        assert sha256(Path(task["machine"])) == sha256(repeated / "machine.toml")
+        shutil.copytree(repeated, task["output"])
+        return Ended(DONE, "")
 
-    monkeypatch.setattr("studies.review.follows.main", run_again)
+    monkeypatch.setattr("studies.review.follows.run", run_again)
     return folder
 
 
