@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -154,6 +155,10 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
     """
 
     def possible(count: int) -> bool:
+        """A rigid body alone needs thrust >= 4 M stroke / T^2, and no vibration helps it: that saves most programs."""
+        reach = plant.rigid_gain * (count * sample_time) ** 2 / 4
+        if constraints.thrust is not None and constraints.thrust * reach < stroke * (1 - 1e-6):
+            return False
         problem = _problem(plant, sample_time, count, stroke)
         return problem is not None and _least_peak(problem, constraints) is not None
 
@@ -188,6 +193,8 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
     if count < states:
         return None
     powers = _reach(a, b, count)
+    if not np.all(np.isfinite(powers)):
+        raise DesignError(f"the modes are beyond all numbers over {count} samples; correct their gains and frequencies")
     goal = np.zeros(states)
     goal[2 * plant.rigid] = 1.0
     scale = stroke / (plant.rigid_gain * (count * sample_time) ** 2)
@@ -208,7 +215,25 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
     rows = np.vstack(vibration) if vibration else np.zeros((0, count))
     # The same conditions with orthonormal rows: the vibrating states are 400 times less in reach than the rigid body's.
     orthonormal, mixing = np.linalg.qr((scale * powers / units[:, None]).T)
-    return _Problem(scale, orthonormal.T, np.linalg.solve(mixing.T, goal), scale / stroke * path, scale * rows)
+    try:
+        reached = np.linalg.solve(mixing.T, goal)
+    except np.linalg.LinAlgError as error:
+        raise DesignError(_inseparable(plant, sample_time)) from error
+    return _Problem(scale, orthonormal.T, reached, scale / stroke * path, scale * rows)
+
+
+def _inseparable(plant: Plant, sample_time: float) -> str:
+    """Which modes no thrust brings to rest apart: the two whose frequencies are nearest."""
+    order = sorted(plant.flexible, key=lambda j: plant.modes[j].frequency)
+    pairs = list(pairwise(order))
+    if not pairs:
+        return f"no thrust brings the machine to rest to round-off; correct its modes or {show(sample_time, 's')}"
+    one, other = min(pairs, key=lambda pair: plant.modes[pair[1]].frequency / plant.modes[pair[0]].frequency)
+    return (
+        f"no thrust brings the {len(plant.modes)} modes to rest one by one; the nearest are plant.modes.{one + 1} and "
+        f"plant.modes.{other + 1}, {show(plant.modes[one].frequency, 'Hz')} and "
+        f"{show(plant.modes[other].frequency, 'Hz')}: join modes that are alike and leave out those that hardly show"
+    )
 
 
 def _reach(a: Array, b: Array, count: int) -> Array:

@@ -11,16 +11,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
 from models.controller import PID
-from models.plant import Plant, sampled
+from models.plant import Plant, sampled, sampled_matrices
 from models.quantity import show
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -86,6 +88,13 @@ class Assessment:
 
 def pid_model(pid: PID, sample_time: float) -> control.StateSpace:
     """C(z) from e [m] to u_fb [N]; states: I[k-1], unless k_i = 0, and what d[k] owes to the past; sample_time [s]."""
+    import control  # noqa: PLC0415  # imports matplotlib, and who only asks whether a loop is stable does not draw
+
+    return control.StateSpace(*pid_matrices(pid, sample_time), sample_time, inputs=["e"], outputs=["u"])
+
+
+def pid_matrices(pid: PID, sample_time: float) -> tuple[Array, Array, Array, Array]:
+    """A (n, n), B (n, 1), C (1, n), D (1, 1) of `pid_model`; SI."""
     keep = pid.pole(sample_time)
     slope = (1 - keep) / sample_time
     a = np.diag([1.0, keep])
@@ -94,11 +103,21 @@ def pid_model(pid: PID, sample_time: float) -> control.StateSpace:
     c = np.array([[1.0, pid.kd]])
     if pid.ki == 0:  # an integral that never moves is not part of the loop, nor is its eigenvalue of 1
         a, b, c = a[1:, 1:], b[1:], c[:, 1:]
-    return control.StateSpace(a, b, c, [[d]], sample_time, inputs=["e"], outputs=["u"])
+    return a, b, c, np.array([[d]])
+
+
+def largest_pole(plant: Plant, pid: PID, sample_time: float) -> float:
+    """Largest magnitude [1] of the closed loop's eigenvalues: above 1 the loop is unstable; sample_time [s]."""
+    a, b, c = sampled_matrices(plant, sample_time)
+    a_pid, b_pid, c_pid, d_pid = pid_matrices(pid, sample_time)
+    loop = np.block([[a - b @ d_pid @ c, b @ c_pid], [-b_pid @ c, a_pid]])
+    return float(np.max(np.abs(np.linalg.eigvals(loop)))) if np.all(np.isfinite(loop)) else math.inf
 
 
 def closed_loop(plant: control.StateSpace, pid: PID) -> control.StateSpace:
     """The loop of the diagram from (r [m], d [N]) to (e [m], x [m], u [N]), for a plant without direct feedthrough."""
+    import control  # noqa: PLC0415  # as in pid_model
+
     c = pid_model(pid, plant.dt)
     n, order = plant.nstates, plant.nstates + c.nstates
     a = np.zeros((order, order))
@@ -115,6 +134,8 @@ def closed_loop(plant: control.StateSpace, pid: PID) -> control.StateSpace:
 
 def sensitivity(plant: control.StateSpace, pid: PID, name: Sensitivity) -> control.StateSpace:
     """One of S, T [1], PS [m/N], CS [N/m] of the diagram as a system of its own."""
+    import control  # noqa: PLC0415  # as in pid_model
+
     whole = closed_loop(plant, pid)
     row, column = {"S": (0, 0), "T": (1, 0), "PS": (1, 1), "CS": (2, 0)}[name]
     b, c, d = whole.B[:, [column]], whole.C[[row]], whole.D[[row]][:, [column]]

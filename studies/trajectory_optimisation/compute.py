@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from design.controller import waiting
 from design.deadbeat import Deadbeat, DesignError, synthesise
+from design.feasibility import require_designable
 from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import (
@@ -171,6 +172,10 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
+    try:
+        require_designable(machine)
+    except DesignError as error:
+        raise BadInputError(f"--machine: {error}") from error
     specification, rated = machine.specification, machine.drive.rated_thrust
     stroke = specification.stroke if options.stroke is None else options.stroke
     aimed = specification.reference_settling_time if options.settling_time is None else options.settling_time
@@ -186,8 +191,9 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
         )
     if limit is None and left <= machine.friction.coulomb_force:
         raise BadInputError(
-            f"--machine: friction takes {show(machine.friction.coulomb_force, 'N')} of the rated {show(rated, 'N')}; "
-            "give a stronger drive.rated_thrust or less friction"
+            f"--machine: friction takes {show(machine.friction.coulomb_force, 'N')} and drive.offset "
+            f"{show(abs(machine.drive.offset), 'N')} of the rated {show(rated, 'N')}; give a stronger "
+            "drive.rated_thrust, less friction or less offset"
         )
     if aimed >= specification.interval / 2:
         raise BadInputError(

@@ -120,10 +120,8 @@ def test_two_runs_in_two_processes_write_the_same_bytes(folder: Path, tmp_path: 
 
 
 def test_a_missed_check_is_exit_status_1_and_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A tolerance of a fifth of the scale's step cannot be held."""
-    text = DEFAULT.read_text(encoding="utf-8").replace(
-        'tolerance = { value = "2 um"', 'tolerance = { value = "0.02 um"'
-    )
+    """A tolerance of the scale's step cannot be held."""
+    text = DEFAULT.read_text(encoding="utf-8").replace('tolerance = { value = "2 um"', 'tolerance = { value = "0.1 um"')
     machine = tmp_path / "strict.toml"
     machine.write_text(text, encoding="utf-8")
     arguments = ["--quick", "--no-report", "--machine", str(machine), "--output", str(tmp_path / "out")]

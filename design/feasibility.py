@@ -1,0 +1,55 @@
+"""What a design needs of a machine, asked before any work: a stable loop, thrust to spare, a scale that sees enough."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from design.deadbeat import DesignError
+from design.loop import largest_pole
+from models.machine import Machine
+from models.quantity import show
+
+UNSTABLE: Final = 1e-6  # A pole so far beyond the unit circle is not one on it that round-off has moved.
+
+
+def require_designable(machine: Machine) -> None:
+    """Raises DesignError, a sentence, for a machine on which no feedforward could be judged.
+
+    An unstable loop comes first, as nothing else that could be said of it means anything.
+
+    >>> from models.machine import load
+    >>> require_designable(load())
+    """
+    require_stable(machine)
+    drive, scale, wanted = machine.drive, machine.scale, machine.specification
+    friction = machine.friction.coulomb_force
+    if abs(drive.offset) + friction >= drive.rated_thrust:
+        taken = f"friction takes {show(friction, 'N')}"
+        if drive.offset != 0:
+            taken = f"drive.offset takes {show(abs(drive.offset), 'N')} and {taken}"
+        raise DesignError(
+            f"{taken}, all of the rated {show(drive.rated_thrust, 'N')}; give a stronger drive.rated_thrust or "
+            f"{'a smaller drive.offset' if abs(drive.offset) > friction else 'less friction'}"
+        )
+    for name, size in (("scale.resolution", scale.resolution), ("scale.noise", scale.noise)):
+        if size > wanted.tolerance:
+            raise DesignError(
+                f"{name}: {show(size, 'm')} is above specification.tolerance, {show(wanted.tolerance, 'm')}, so that "
+                "the scale cannot tell whether a motion has settled; give a finer scale or a wider tolerance"
+            )
+    if wanted.tolerance >= wanted.stroke:
+        raise DesignError(
+            f"specification.tolerance: +-{show(wanted.tolerance, 'm')} is not below specification.stroke, "
+            f"{show(wanted.stroke, 'm')}, so that standing still would settle; give a longer stroke or less tolerance"
+        )
+
+
+def require_stable(machine: Machine) -> None:
+    """Raises DesignError if the PID makes an unstable loop with the machine while its friction slips."""
+    pole = largest_pole(machine.plant, machine.control.pid, machine.sample_time)
+    if pole > 1 + UNSTABLE:
+        raise DesignError(
+            f"the loop is unstable: with control.pid on a mass of {show(machine.plant.mass, 'kg')} and a dead time of "
+            f"{show(machine.plant.dead_time, 's')} its largest pole has the magnitude {pole:.5g}; "
+            "correct the gains, the mass or the dead time (pid_tradeoff finds gains for this machine)"
+        )
