@@ -11,7 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+import math
+import os
+import stat
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -37,6 +40,7 @@ Drawn = tuple[Fit, list[Record], NuisanceProjection]
 Chance = tuple[dict[str, float], tuple[float, ...], float]
 
 DRAWS: Final = 8
+LARGEST_CACHE: Final = 1 << 22  # bytes of a kept null, which has a few kB
 SETTLING: Final = 0.5  # s at rest before the record
 
 
@@ -97,15 +101,15 @@ def null(
     draws: int = DRAWS,
     say: Callable[[str], None] = lambda _: None,
 ) -> Null:
-    """The gains of every effect on `draws` simulated tables without any; read from `cache` where they were kept."""
+    """The gains of every effect on `draws` simulated tables without any; read from `cache` where they were kept.
+
+    The cache is JSON in a folder of the user's. Where its file is spoiled, or somebody else owns the folder, the tables
+    are simulated again.
+    """
     place = cache / f"{_key(layout.machine, records, draws)}.json" if cache else None
-    if place and place.exists():
-        content = json.loads(place.read_text(encoding="utf-8"))
-        return Null(
-            {name: tuple(row) for name, row in content["gains"].items()},
-            tuple(map(tuple, content["variance"])),
-            tuple(content["largest"]),
-        )
+    kept = _kept(place, layout.machine.kinds, draws, len(records)) if place else None
+    if kept is not None:
+        return kept
     say(f"simulating the null, 1 of {draws}")
     first = _drawn(layout, records, 0)
     findings, known = scan(*first)  # its columns are those of the tables that follow, too
@@ -123,11 +127,67 @@ def null(
         {name: tuple(row) for name, row in sorted(gains.items())}, variance, tuple(size for _, _, size in results)
     )
     if place:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        part = place.with_suffix(f".{np.random.default_rng().integers(1 << 40)}.part")
-        part.write_text(json.dumps(asdict(made)), encoding="utf-8")
-        part.replace(place)
+        _keep(made, place)
     return made
+
+
+def _keep(made: Null, place: Path) -> None:
+    """Puts the null into its file of the cache, with a hash of its content; where that can't be, it is not kept."""
+    content = asdict(made)
+    text = json.dumps({**content, "sha256": _hash_of(content)})
+    part = place.with_suffix(f".{np.random.default_rng().integers(1 << 40)}.part")
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if not _users(place.parent):
+            return
+        try:
+            part.write_text(text, encoding="utf-8")
+            part.replace(place)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError:  # a full disk, say: the answer does not depend on what is kept
+        return
+
+
+def _kept(place: Path, kinds: Collection[str], draws: int, records: int) -> Null | None:
+    """The null in a file of the cache; None where there is none, or none that `_keep` wrote for such a search."""
+    try:
+        if not (_users(place.parent) and _users(place)) or place.stat().st_size > LARGEST_CACHE:
+            return None
+        content = json.loads(place.read_text(encoding="utf-8"))
+        expected = content.pop("sha256")
+        made = Null(
+            {name: _numbers(row, draws) for name, row in content.pop("gains").items()},
+            tuple(_numbers(row, records) for row in content.pop("variance")),
+            _numbers(content.pop("largest"), draws),
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+    whole = not content and set(made.gains) <= set(kinds) and bool(made.gains) and len(made.variance) == draws
+    return made if whole and expected == _hash_of(asdict(made)) else None
+
+
+def _users(place: Path) -> bool:
+    """Whether a file or folder, not a link, is the user's own and nobody else may write to it; as far as the system
+    tells."""
+    found = place.lstat()
+    if stat.S_ISLNK(found.st_mode) or not hasattr(os, "getuid"):
+        return not stat.S_ISLNK(found.st_mode)
+    return found.st_uid == os.getuid() and not found.st_mode & stat.S_IWOTH
+
+
+def _numbers(row: Sequence[object], count: int) -> tuple[float, ...]:
+    """So many finite numbers. Raises ValueError."""
+    if not isinstance(row, list) or len(row) != count:
+        raise ValueError(f"expected {count} numbers")
+    numbers = tuple(float(one) for one in row if isinstance(one, int | float) and not isinstance(one, bool))
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise ValueError("expected finite numbers")
+    return numbers
+
+
+def _hash_of(content: Mapping[str, object]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:

@@ -178,6 +178,8 @@ def _mat73(path: Path) -> dict[str, Array]:
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and not name.startswith("#"):
+            if item.external or item.is_virtual:
+                raise RecordError(f"{path}: {name} keeps its samples in another file; save them in this one")
             found[name.replace("/", ".")] = np.squeeze(np.asarray(item, float))
 
     with h5py.File(path, "r") as file:

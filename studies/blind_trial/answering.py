@@ -9,11 +9,11 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 from studies.blind_trial.asking import ask, end_with
+from studies.blind_trial.cluster import Cluster, connect
 from studies.blind_trial.guard import SEALER_FOLDER
 from studies.blind_trial.packs import Case, Pack
 from studies.command import plain
@@ -85,11 +85,11 @@ def answer_all(
     file: Path,
     conditions: Conditions,
     progress: Callable[[float, str], None],
-    scheduler: str | None = None,
+    cluster: Cluster | None = None,
     jobs: int = -1,
 ) -> dict[str, Any]:
     """The answers to all cases, saved in `file` after each; answers that it already holds, to the same records by the
-    same program, are reused. scheduler: address of a Dask cluster that sees the same folders. jobs: processes.
+    same program, are reused. cluster: a Dask cluster that sees the same folders. jobs: processes.
     """
     from joblib import Parallel, delayed
 
@@ -98,7 +98,7 @@ def answer_all(
     left = [case for case in pack.cases if case.name not in answers]
     if len(left) < len(pack.cases):
         progress(len(answers) / len(pack.cases), f"{len(answers)} cases answered before are kept")
-    with _workers(scheduler):
+    with _workers(cluster):
         stream = Parallel(n_jobs=jobs, return_as="generator_unordered")(
             delayed(_named_answer)(case, conditions) for case in left
         )
@@ -114,20 +114,15 @@ def _named_answer(case: Case, conditions: Conditions) -> tuple[str, dict[str, An
 
 
 @contextmanager
-def _workers(scheduler: str | None) -> Iterator[None]:
+def _workers(cluster: Cluster | None) -> Iterator[None]:
     """Processes of this machine, or the workers of a Dask cluster. Raises BadInputError where there is none."""
     from joblib import parallel_config
 
-    if scheduler is None:
+    if cluster is None:
         with parallel_config(backend="loky", initializer=end_with, initargs=(os.getpid(),), idle_worker_timeout=20):
             yield
         return
-    try:
-        client = import_module("distributed").Client(scheduler, timeout=5)
-    except (OSError, ValueError) as error:
-        raise BadInputError(
-            f"--scheduler {scheduler}: no Dask scheduler answers there; start one, or leave it out"
-        ) from error
+    client = connect(cluster)
     try:
         with parallel_config(backend="dask"):
             yield

@@ -16,6 +16,7 @@ from models.machine import Machine
 from studies.blind_trial import answering
 from studies.blind_trial import figures_of_merit as merit
 from studies.blind_trial.answering import Conditions, answer_all, require_answers
+from studies.blind_trial.cluster import Cluster, cluster_of
 from studies.blind_trial.guard import SEALER_FOLDER, leaks, shared_code
 from studies.blind_trial.options import TrialOptions
 from studies.blind_trial.packs import Pack, open_key, read_pack
@@ -58,6 +59,7 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
         if getattr(options, name) is not None:
             raise BadInputError(f"--{name}: a trial runs on the nominal.json of its pack; leave it out")
     output = options.output or Path("reports/out/blind_trial")
+    cluster = cluster_of(options)
     require_answers(output / "answers.json", overwrite=options.overwrite)
     begun = time.monotonic() if _timed(options, output) else None
     trial = _trial(options, output, progress)
@@ -75,7 +77,7 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     def tell(share: float, text: str) -> None:
         progress(begin + (ANSWERED - begin) * share, text)
 
-    answers = answer_all(trial.pack, output / "answers.json", conditions, tell, options.scheduler)
+    answers = answer_all(trial.pack, output / "answers.json", conditions, tell, cluster)
     results: dict[str, Any] = {
         "quick": options.quick,
         "scored": scored,
@@ -91,7 +93,7 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     def tell_again(share: float, text: str) -> None:
         progress(ANSWERED + (0.98 - ANSWERED) * share, f"second measurement, {text}")
 
-    again = _again(trial, labels, answers, output, conditions, options.scheduler, tell_again) if scored else {}
+    again = _again(trial, labels, answers, output, conditions, cluster, tell_again) if scored else {}
     results |= _scored(labels, answers, again)
     results["forms"] = _forms(bodies)
     results["guards"] = _guards(trial, labels, answers)
@@ -155,14 +157,14 @@ def _again(
     answers: Mapping[str, Any],
     output: Path,
     conditions: Conditions,
-    scheduler: str | None,
+    cluster: Cluster | None,
     tell: Callable[[float, str], None],
 ) -> dict[str, Any]:
     """Closure on a second measurement, beside the interval stated from the first, where both name the effect."""
     if trial.again is None:
         return {"count": 0, "inside": merit.Rate(0, 0).plain(), "pairs": []}
     once = replace(conditions, forbidden=trial.forbidden[:-1], baselines=False, evidence=False)
-    second = answer_all(trial.again, output / "sealed" / "answers_again.json", once, tell, scheduler)
+    second = answer_all(trial.again, output / "sealed" / "answers_again.json", once, tell, cluster)
     pairs: list[dict[str, Any]] = []
     for case, one in second.items():
         first, then = score(labels[case], answers[case]), score(labels[case], one)

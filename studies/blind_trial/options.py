@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from studies.options import Options, path, text, whole
+from studies.options import Options, flag, path, text, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,15 @@ class TrialOptions(Options):
     key: Path | None = path("FILE", "the key of --pack, to open its labels and score the answers")
     scheduler: str | None = text(
         "ADDRESS",
-        'of a Dask cluster whose workers see the same folders: "tcp://host:8786" (default: all cores here)',
+        'of a Dask cluster whose workers see the same folders: "tls://host:8786" (default: all cores here). Dask\'s '
+        "protocol is pickle without authentication: without TLS only tcp:// on this computer is accepted",
+    )
+    tls_ca: Path | None = path("FILE", "certificate of the authority of a tls:// scheduler, PEM")
+    tls_cert: Path | None = path("FILE", "certificate to show to a tls:// scheduler, PEM")
+    tls_key: Path | None = path("FILE", "private key of --tls-cert, PEM")
+    insecure_scheduler: bool = flag(
+        "connect to tcp:// on another computer, although whoever answers there can run code on this one",
+        reviewable=False,
     )
 
     def usual_machine(self) -> Path | None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,3 +73,94 @@ def test_a_threshold_is_beyond_the_largest_gain_by_chance() -> None:
     found = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0,), (1.0,)), (4.0, 7.0))
     assert found.thresholds(CRITERIA) == {"cogging": CRITERIA.null_safety * 50.0, "play": CRITERIA.min_gain}
     assert found.spike(CRITERIA) == CRITERIA.spike_safety * 7.0
+
+
+KEPT = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0, 2.0), (1.5, 1.0)), (4.0, 7.0))
+
+
+@pytest.fixture
+def cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a kept null of two draws; whoever simulates anew gets no further."""
+
+    def simulates(*_: object) -> None:
+        raise InterruptedError
+
+    monkeypatch.setattr(null, "_drawn", simulates)
+    layout = parameters(MACHINE, len(RECORDS))
+    null._keep(KEPT, tmp_path / "kept" / f"{null._key(layout.machine, RECORDS, 2)}.json")
+    return tmp_path / "kept"
+
+
+def looked_up(cache: Path) -> Null:
+    return null.null(parameters(MACHINE, len(RECORDS)), RECORDS, cache=cache, draws=2)
+
+
+def test_what_was_kept_is_read_again(cached: Path) -> None:
+    assert looked_up(cached) == KEPT
+    assert len(list(cached.iterdir())) == 1
+
+
+def signed(change: Callable[[dict[str, Any]], object]) -> Callable[[str], str]:
+    """Another content, with a hash that fits."""
+
+    def spoil(text: str) -> str:
+        content = json.loads(text)
+        change(content)
+        content.pop("sha256")
+        return json.dumps({**content, "sha256": null._hash_of(content)})
+
+    return spoil
+
+
+SPOILED: dict[str, Callable[[str], str]] = {
+    "empty": lambda _: "",
+    "cut": lambda text: text[:40],
+    "a list": lambda _: "[]",
+    "a word": lambda _: '"gains"',
+    "nested": lambda _: "[" * 100_000,
+    "a digit": lambda text: text.replace("50.0", "51.0"),
+    "no hash": lambda text: text.replace('"sha256"', '"sha512"'),
+    "no gains": signed(lambda one: one.update(gains={})),
+    "a key missing": signed(lambda one: one.pop("variance")),
+    "a key more": signed(lambda one: one.update(more=1)),
+    "an unknown effect": signed(lambda one: one["gains"].update(gremlins=[0.0, 0.0])),
+    "a draw missing": signed(lambda one: one["gains"].update(cogging=[3.0])),
+    "records of another table": signed(lambda one: one.update(variance=[[1.0], [1.5]])),
+    "text": signed(lambda one: one.update(largest=["4.0", "7.0"])),
+    "not a number": signed(lambda one: one.update(largest=[4.0, float("nan")])),
+}
+
+
+@pytest.mark.parametrize("how", SPOILED)
+def test_what_is_spoiled_is_simulated_again(how: str, cached: Path) -> None:
+    (file,) = cached.iterdir()
+    file.write_text(SPOILED[how](file.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(InterruptedError):
+        looked_up(cached)
+
+
+def linked(folder: Path) -> None:
+    (file,) = folder.iterdir()
+    file.rename(folder.parent / "elsewhere.json")
+    file.symlink_to(folder.parent / "elsewhere.json")
+
+
+@pytest.mark.parametrize("make", [linked, lambda folder: folder.chmod(0o777)], ids=["a link", "anybody's folder"])
+def test_what_another_may_have_put_there_is_not_read(make: Callable[[Path], object], cached: Path) -> None:
+    make(cached)
+    with pytest.raises(InterruptedError):
+        looked_up(cached)
+
+
+def test_a_cache_of_somebody_else_is_neither_read_nor_written(cached: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    user = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: user + 1)
+    with pytest.raises(InterruptedError):
+        looked_up(cached)
+    null._keep(KEPT, cached / "other.json")
+    assert not (cached / "other.json").exists()
+
+
+def test_a_cache_that_cannot_be_written_stops_no_diagnosis(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    null._keep(KEPT, tmp_path / "file" / "kept.json")

@@ -20,7 +20,7 @@ from models.controller import PID, Controller
 from models.machine import load as load_machine
 from models.records.checks import RecordError, derivative_of_error, quantisation, replay
 from models.records.columns import Columns
-from models.records.files import Loaded, load
+from models.records.files import Loaded, load, read
 from models.records.record import Record, cut, feeding_sequence
 from models.simulation.simulator import simulate
 
@@ -63,6 +63,11 @@ def mat73(path: Path, table: Table) -> Path:
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, column in table.items():
             file[f"log/{name}"] = column[None]
+    return with_head(path)
+
+
+def with_head(path: Path) -> Path:
+    """The HDF5 file with what MATLAB writes before it."""
     content = bytearray(path.read_bytes())
     content[:128] = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
     path.write_bytes(bytes(content))
@@ -267,3 +272,19 @@ def test_the_agreed_format_is_read() -> None:
     assert isinstance(loaded.content, Record)
     assert loaded.content.sample_time == pytest.approx(5e-4)
     assert len(loaded.given) == 6
+
+
+def test_samples_that_a_file_keeps_in_another_one_are_not_read(tmp_path: Path) -> None:
+    """HDF5 can refer to the bytes of any file, and to data sets of others."""
+    (tmp_path / "secret").write_bytes(np.arange(4.0).tobytes())
+    with h5py.File(tmp_path / "raw.mat", "w", userblock_size=512) as file:
+        file.create_dataset("time_s", (4,), "f8", external=[(str(tmp_path / "secret"), 0, 32)])
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = np.arange(4.0)
+    layout = h5py.VirtualLayout((4,), "f8")
+    layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", (4,))
+    with h5py.File(tmp_path / "virtual.mat", "w", userblock_size=512) as file:
+        file.create_virtual_dataset("time_s", layout)
+    for name in ("raw.mat", "virtual.mat"):
+        with pytest.raises(RecordError, match="time_s keeps its samples in another file"):
+            read(with_head(tmp_path / name))

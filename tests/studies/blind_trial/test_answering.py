@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from studies.blind_trial.answering import Conditions, answer_all, answer_case, read_answers, write_answers
+from studies.blind_trial.cluster import Cluster
 from studies.blind_trial.packs import open_key, read_pack
 from studies.options import BadInputError
 from tests.studies.blind_trial.conftest import Packer
@@ -153,16 +154,9 @@ def test_a_cluster_of_two_workers_gives_the_same_answers(small_pack: Packer, tmp
     cluster = pytest.importorskip("distributed")
     pack = read_pack(small_pack(*BODIES))
     with cluster.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as two:
-        there = answer_all(pack, tmp_path / "there.json", STAND_IN, quiet, scheduler=two.scheduler_address)
+        there = answer_all(pack, tmp_path / "there.json", STAND_IN, quiet, cluster=Cluster(two.scheduler_address))
     here = answer_all(pack, tmp_path / "here.json", STAND_IN, quiet)
     assert [{**one, "seconds": 0} for one in there.values()] == [{**one, "seconds": 0} for one in here.values()]
-
-
-def test_no_scheduler_is_one_sentence(small_pack: Packer, tmp_path: Path) -> None:
-    with pytest.raises(BadInputError, match="no Dask scheduler"):
-        answer_all(
-            read_pack(small_pack({"name": []})), tmp_path / "a.json", STAND_IN, quiet, scheduler="tcp://127.0.0.1:1"
-        )
 
 
 def test_a_key_that_matches_its_commitments_is_accepted(small_pack: Packer, tmp_path: Path) -> None:
