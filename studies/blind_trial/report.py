@@ -1,4 +1,4 @@
-"""How a blind trial is told: its figures and the words around them."""
+"""The report of a blind trial: its figures and captions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TABLES = {
     "parameters": ("parameters",),
 }
 RATES = (
-    "Right answers, false accusations and abstentions, with 95 % intervals, beside three simpler methods on the same "
+    "Right answers, false positives and abstentions, with 95 % intervals, beside three simpler methods on the same "
     "records. Dashes: the targets."
 )
 SEVERITY = Markdown(
@@ -47,6 +47,13 @@ CLOSURE = (
     "Closure of right answers on held-out motions over the distance of the effect, with the interval that the answer "
     "states."
 )
+RATE_NAMES: Final = {
+    "false_accusation": "false positives, tables without an effect",
+    "innocent_named": "false positives, all tables",
+    "wrong_name": "wrong names, tables with effects of the catalogue",
+    "abstention": "abstention, out-of-catalogue effects",
+    "abstention_disabled": "abstention, disabled entries",
+}
 METHODS: Final = ("diagnosis", "aic_forward", "sparse_regression", "refit_only")
 LOOKS: Final = dict(
     zip(METHODS, zip(style.COLOURS, style.MARKERS, strict=False), strict=False)  # of a method: colour and marker
@@ -55,9 +62,9 @@ SEVERITIES: Final = ("low", "middle", "high")
 SHOWN: Final = (
     ("right_name", "right name", 0.95),
     ("both_named", "both named", 0.80),
-    ("abstention", "abstains: outside catalogue", 0.90),
+    ("abstention", "abstains: out of catalogue", 0.90),
     ("abstention_disabled", "abstains: entry disabled", 0.90),
-    ("false_accusation", "accuses: nothing is wrong", 0.02),
+    ("false_accusation", "false positive: no effect", 0.02),
 )
 
 
@@ -79,7 +86,7 @@ def tell(whole: Results) -> Report:
         "share": _share,
         "number": _number,
         "whole": _whole,
-        "name": effect,
+        "name": _name,
         "names": _names,
     }
     question = "How often is the diagnosis right when the effect is withheld?"
@@ -102,6 +109,11 @@ def _number(number: float | None, digits: int = 3) -> str:
 def _whole(number: float | None) -> str:
     """A number of two digits or more without its fraction."""
     return "–" if number is None else f"{number:.0f}" if abs(number) >= 10 else f"{number:.2g}"
+
+
+def _name(name: str) -> str:
+    """The name of an effect, an outcome, a method or a rate in words."""
+    return RATE_NAMES.get(name) or effect(name)
 
 
 def _names(names: Sequence[str]) -> str:
@@ -144,7 +156,7 @@ def _severity(results: Results) -> Drawing:
     ax, names = axes[0, 0], list(SEVERITIES)
     bottom = np.zeros(len(names))
     parts = (("right", style.BLUE, ""), ("silent", "#dddddd", "...."), ("accused", style.VERMILION, "////"))
-    said = {"right": "named right", "silent": "no effect named", "accused": "an innocent named"}
+    said = {"right": "named right", "silent": "no effect named", "accused": "wrong effect named"}
     for part, colour, hatch in parts:
         shares = np.array([100 * (found[name][part]["share"] or 0.0) for name in names])
         ax.bar(names, shares, bottom=bottom, color=colour, hatch=hatch, edgecolor="white", width=0.55, label=said[part])

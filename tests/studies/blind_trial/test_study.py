@@ -43,7 +43,7 @@ def results(folder: Path) -> Any:
     return json.loads((folder / "results.json").read_text(encoding="utf-8"))
 
 
-def test_without_a_key_it_answers_and_says_that_nobody_knows(small_pack: Packer, tmp_path: Path) -> None:
+def test_without_a_key_it_answers_and_says_that_their_accuracy_is_unknown(small_pack: Packer, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert run("--pack", small_pack(*BODIES), "--output", out) == DONE
     found = results(out)["results"]
@@ -54,7 +54,7 @@ def test_without_a_key_it_answers_and_says_that_nobody_knows(small_pack: Packer,
     answers = json.loads((out / "answers.json").read_text(encoding="utf-8"))
     assert sorted(answers) == ["case-01", "case-02", "case-03", "case-04"]
     text = (out / "report.html").read_text(encoding="utf-8")
-    assert "nobody knows yet" in " ".join(text.split())
+    assert "is unknown without the key" in " ".join(text.split())
     assert (out / "report.pdf").stat().st_size > 10_000
 
 
@@ -66,7 +66,7 @@ def test_with_its_key_the_answers_given_before_are_scored(small_pack: Packer, tm
     assert json.loads((out / "answers.json").read_text(encoding="utf-8")) == first
     whole = results(out)
     rates = {name: (rate["hits"], rate["tries"]) for name, rate in whole["results"]["rates"].items()}
-    assert rates["right_name"] == (1, 1)  # the low one need not be seen
+    assert rates["right_name"] == (1, 1)  # The low one is not identifiable.
     assert rates["false_accusation"] == (1, 1)
     assert rates["abstention_disabled"] == (1, 1)
     missed = {check["name"] for check in whole["checks"] if not check["holds"]}
