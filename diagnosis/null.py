@@ -69,11 +69,9 @@ class Null:
 def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Record:
     """The record that a candidate would have made of the same references, from the same start, with other noise."""
     machine, layout = candidate.machine, candidate.layout
-    control, origin = machine.control, float(record.reference[0])
+    origin = float(record.reference[0])
     lead = round(SETTLING / record.sample_time)
     ahead = np.zeros(lead)
-    # what contacts that are bent at the start pull, an integral holds; without one it would be an offset for ever
-    start = initial_state(layout, candidate.theta, index) if control.pid.ki > 0 else None
     given = References(
         np.concatenate([ahead, record.reference - origin]),
         np.concatenate([ahead, record.feedforward]),
@@ -85,7 +83,7 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
         np.concatenate([ahead, record.target - origin]),
         given=given,
         seed=seed,
-        initial_friction=start,
+        initial_friction=initial_state(layout, candidate.theta, index),
     )
     made = run.record.last(record.position.size)
     return Record(

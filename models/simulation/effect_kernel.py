@@ -24,6 +24,7 @@ from models.simulation.kernel import Loop, Run, clipped, pid_step, quantised
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+KI: Final = 1  # The integral gain in `gains` of a Loop.
 ACTING: Final = {
     "thrust": frozenset({Place.COMMAND, Place.THRUST}),
     "friction": frozenset({Place.PATH, Place.LIMIT, Place.FRICTION}),
@@ -202,8 +203,8 @@ def _along(
 def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
     """Advances one machine over the n samples of `run`; what `models.simulation.kernel.run_one` does, with hooks.
 
-    The plant's modes in `loop` have those of the effects behind them. The PID's integral holds the external force of
-    the start, too.
+    The plant's modes in `loop` have those of the effects behind them. The PID's integral, if it has one, holds the
+    external force of the start, too.
     """
     phi, gamma, state = loop.phi, loop.gamma, run.state
     modes, n = state.shape[0], run.reference.size
@@ -213,7 +214,8 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
     now, taken = np.zeros(8), np.empty(n)
     kept_memory, trial_contact = np.empty(hooks.memory.size), contact.copy()
     kept_memory[:], now[H] = hooks.memory, 0.5 * loop.step[1]
-    start = run.start - act(FORCE, 0.0, hooks, now, contact)
+    held = act(FORCE, 0.0, hooks, now, contact)
+    start = run.start - held if loop.gains[KI] > 0.0 else run.start
     hooks.memory[:] = kept_memory
     integral, slope, previous = start, 0.0, 0.0
     acceleration = x = v = 0.0

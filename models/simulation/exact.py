@@ -92,8 +92,7 @@ def respond(
     stiffness, limit = np.array(friction.stiffness), np.array(friction.limit)
     offset = np.zeros(limit.size) if initial_friction is None else np.array(initial_friction, float)
     elements = _Elements(stiffness, limit, np.array(friction.damping), offset)
-    held = machine.drive.offset if controller.pid.ki > 0 else 0.0
-    start = float(stiffness @ offset) + held
+    start = float(stiffness @ offset) + machine.drive.offset if controller.pid.ki > 0 else 0.0
     given = references(controller, target)
     known = given.feedforward + given.compensation
     feedback = _Feedback(controller, start)

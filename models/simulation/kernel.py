@@ -62,7 +62,7 @@ class Run(NamedTuple):
     reference: Array  # (n,) x_T*
     feedforward: Array  # (n,) u_ff + u_rf
     noise: Array  # (n,) of the scale
-    start: Any  # thrust before the first sample's, and the PID's integral
+    start: Any  # thrust before the first sample's, and the PID's integral; 0 for a PID without one
     state: Array  # (m, 2) modes' (q, q')
     z: Array  # (N,) elements
     reading: Array  # (n,) of the scale

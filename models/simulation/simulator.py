@@ -8,7 +8,7 @@ it out, also within a sample.
 `simulate` runs one machine; `simulate_many` runs variations side by side in one call, equal to `simulate` bit for bit.
 A machine's effects (models/effects) act in both. They set in at the first sample, except that the PID's integral holds
 the external force at the start, too: let a run begin with a halt where they have to settle. The drive's offset is held
-by an integral from the start, too; a PID without one (ki = 0) does not hold it.
+by an integral from the start, too. A PID without one (ki = 0) holds none of these at the start.
 """
 
 from __future__ import annotations
@@ -73,6 +73,8 @@ def simulate(
     given: References | None = None,
 ) -> Response:
     """Response to a target r (n,) [m], from rest at r = 0 with the PID's integral holding the friction's force.
+
+    A PID without an integral holds nothing: the friction then moves the table at the start.
 
     substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
     default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
@@ -190,7 +192,7 @@ def _prepare(
         reference=given.position,
         feedforward=given.feedforward + given.compensation,
         noise=noise * np.random.default_rng(seed).standard_normal(n) if noise > 0 else np.zeros(n),
-        start=float(loop.stiffness @ z) + (machine.drive.offset if pid.ki > 0 else 0.0),
+        start=float(loop.stiffness @ z) + machine.drive.offset if pid.ki > 0 else 0.0,
         state=np.zeros((modes, 2)),
         z=z,
         **{name: np.empty(n) for name in LOGGED},

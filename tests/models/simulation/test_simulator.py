@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 from design.deadbeat import synthesise
 from design.friction_compensation import simplify
 from models.controller import Controller
+from models.effects.friction_laws import ViscousFriction
 from models.friction import elements
 from models.machine import Machine, load
 from models.plant import matrices, sampled, transition
@@ -214,6 +215,27 @@ def test_without_an_integral_the_table_gives_way_to_an_offset() -> None:
     expected = 3.0 / controller.pid.kp
     assert simulate(machine, controller, np.zeros(2000)).position[-1] == pytest.approx(expected, rel=1e-6)
     assert respond(machine, controller, np.zeros(2000))[0][-1] == pytest.approx(expected, rel=1e-6)
+
+
+def test_without_an_integral_nothing_holds_the_friction_of_the_start() -> None:
+    """Bent contacts push the table off until they and k_p agree; their force at the start is no offset."""
+    machine = exact_scale(load())
+    controller = controlled(machine)
+    held, free = controller, replace(controller, pid=replace(controller.pid, ki=0.0))
+    bent = 0.5 * np.array(machine.friction.limit)
+    nothing = np.zeros(4000)
+    assert np.max(np.abs(simulate(machine, held, nothing, initial_friction=bent).position)) < 1e-12
+    alone = simulate(machine, free, nothing, initial_friction=bent)
+    assert alone.record.command[0] == 0.0
+    assert alone.position[-1] < -1e-8
+    assert free.pid.kp * alone.position[-1] == pytest.approx(-alone.friction[-1], rel=1e-3)
+    truth, force = respond(machine, free, nothing[:400], initial_friction=bent)
+    assert alone.position[:400] == pytest.approx(truth, abs=1e-9)
+    assert alone.friction[:400] == pytest.approx(force, abs=1e-2)
+    lanes = simulate_many([machine, machine], [held, free], nothing, initial_friction=bent)
+    assert np.array_equal(lanes[1].position, alone.position)
+    effect = replace(machine, effects=(ViscousFriction(1e-9),))
+    assert simulate(effect, free, nothing[:400], initial_friction=bent).position == pytest.approx(truth, abs=1e-9)
 
 
 def test_the_scale_rounds_and_its_noise_follows_the_seed() -> None:
