@@ -1,4 +1,4 @@
-"""A first look at a run in a notebook: where it was told to be, where it was, and the thrust that this took."""
+"""A quick plot of a run in a notebook: target, position and thrust."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Report:
-    """What a report asks and how it is told: a Jinja2 Markdown `template` with `figures` placed in it.
+    """A report's question and content: a Jinja2 Markdown `template` with `figures` placed in it.
 
     `title` and `question` (one sentence) are text, or `markup.Markdown`; `filters` are the study's own Jinja2
     filters, such as the rounding of its numbers; `tables` say, by the table's label without its "tbl:", which keys it

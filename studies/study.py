@@ -53,7 +53,7 @@ class Answer:
 @dataclass(frozen=True, repr=False)
 class Study:
     """One question, answered by the package studies.NAME: `compute` of its compute.py answers it, `tell` of its
-    report.py says how the answer is told; both are imported only when called. `options`: what it can be asked;
+    report.py composes its report; both are imported only when called. `options`: what it can be asked;
     `writes`: names of the files, beyond those of every study, that it may write; `keeps`: those of them that it writes
     while it works, and goes on from.
     """
@@ -76,7 +76,7 @@ class Study:
     ) -> Answer:
         """The answer for a machine, or its file (None: the default one); nothing is written.
 
-        options: those of `--help`, with underscores, as SI numbers or as text with a unit. progress is told the share
+        options: those of `--help`, with underscores, as SI numbers or as text with a unit. progress receives the share
         of the work that is done, 0 .. 1, and what comes next. Raises BadInputError for what the study can't use.
         """
         asked = self.options(**{**options, "machine": machine})
@@ -101,7 +101,7 @@ class Study:
         return answer
 
     def report(self, results: Mapping[str, Any]) -> Report:
-        """How the content of results.json is told."""
+        """The report of the content of results.json."""
         report: Report = import_module(f"studies.{self.name}.report").tell(results)
         return report
 

@@ -26,7 +26,7 @@ from tests.models.effects.laws import laws
 
 CRITERIA = Criteria()
 SEVERITIES = (0.5, 2.0)  # of the typical amplitude or width
-ALIKE = {  # what a record as short as this can't tell apart, with why
+ALIKE = {  # Effects that a record as short as this cannot discriminate, with the reason.
     "cogging": {"thrust_ripple", "cable_spring"},  # hardly a period, and thrust in proportion to place
     "thrust_ripple": {"cogging"},
     "dwell_breakaway": {"friction_relaxation"},  # three dwells
@@ -80,7 +80,7 @@ def test_the_effect_that_is_in_the_table_is_the_strongest_finding(law: str, by_c
 def test_a_wrong_scale_is_no_effect_on_records_that_can_not_show_it(
     severity: float, by_chance: dict[str, float]
 ) -> None:
-    """A longer scale is a stronger thrust on a softer contact: nominal values take it up, and nothing is accused."""
+    """A longer scale equals a stronger thrust on a softer contact: nominal values explain it, no false positive."""
     wrong = recorded(MACHINE, PLAN, [_sized("scale_gain_error", severity)], seed=40)
     for finding in _scanned(wrong):
         assert finding.held_out < max(CRITERIA.min_gain, CRITERIA.null_safety * by_chance[finding.effect.name])

@@ -41,7 +41,7 @@ def test_a_table_whose_contacts_are_all_much_softer_is_re_fitted() -> None:
 
 
 def test_a_load_that_was_left_on_the_table_is_re_fitted() -> None:
-    """A quarter of its mass, far beyond the tolerance: else what is left of it looks like a ripple of the thrust."""
+    """A quarter of its mass, far beyond the tolerance: otherwise the residual resembles a thrust ripple."""
     rigid, *flexible = MACHINE.plant.modes
     heavy = replace(MACHINE.plant, modes=(replace(rigid, gain=rigid.gain / 1.25), *flexible))
     records = recorded(replace(MACHINE, plant=heavy), PLAN, seed=18, wrong=0.0)

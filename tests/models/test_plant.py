@@ -45,7 +45,7 @@ def test_the_bode_data_are_the_closed_form(plant: Plant, stiffness: float) -> No
     omega = 2 * math.pi * np.geomspace(0.3, 999.0, 60)
     expected = closed_form(plant, omega, stiffness)
     difference = np.abs(frequency_response(plant, omega, stiffness) - expected)
-    # Between the modes their terms cancel: round-off is that of the largest term, not of what is left.
+    # Between the modes their terms cancel: round-off is that of the largest term, not of the remainder.
     assert np.all(difference <= 1e-9 * np.abs(expected) + 1e-14 * np.max(np.abs(expected)))
 
 

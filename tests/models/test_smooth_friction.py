@@ -1,4 +1,4 @@
-"""The smoothed friction against the exact one: a bound that holds for any path, and the order of what is left."""
+"""The smoothed friction against the exact one: a bound that holds for any path, and the order of the error."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ TEMPLATE = Path(__file__).with_name("demo.md")
 
 
 def report(template: Path = TEMPLATE) -> Report:
-    """The demonstration report, told by `template`."""
+    """The demonstration report from `template`."""
     return Report(
         title="Settling of a stage on rolling guides",
         question="Does the compensated axis settle to ±1 µm within 12 ms after every stroke, and at what current?",
@@ -151,7 +151,7 @@ def report(template: Path = TEMPLATE) -> Report:
                 "step",
                 Markdown(
                     "Error $e(t)$ after a 10 µm step for three compensators; grey: the tolerance $|e| \\le 1$ µm. "
-                    "The detail shows what is left at the handover."
+                    "The detail shows the remaining error at the handover."
                 ),
                 ("step",),
                 draw_step,

@@ -55,7 +55,7 @@ def somebodys_manifest(folder: Path) -> None:
     (folder / "manifest.json").write_text('{"outputs": ["data.csv"]}', encoding="utf-8")
 
 
-def manifest_of_strangers(folder: Path) -> None:
+def manifest_of_another_format(folder: Path) -> None:
     """It has all that ours has, true hashes too, but another format."""
     (folder / "results.json").write_text(SOMEBODYS, encoding="utf-8")
     (folder / "manifest.json").write_text(json.dumps(manifest(folder, format="other/1")), encoding="utf-8")
@@ -91,7 +91,7 @@ def one_file(name: str) -> Callable[[Path], None]:
 
 TAKEN: dict[str, tuple[Callable[[Path], None], str]] = {
     "a manifest of somebody else": (somebodys_manifest, "manifest.json"),
-    "a manifest of another format": (manifest_of_strangers, "manifest.json and 1 more"),
+    "a manifest of another format": (manifest_of_another_format, "manifest.json and 1 more"),
     "the files of another study": (other_study, "manifest.json and 1 more"),
     "a file edited since": (edited_since, "controller.json"),
     "a machine file written by hand": (one_file("machine.toml"), "machine.toml"),

@@ -64,7 +64,7 @@ def stable(name: str, kp: float, ki: float, kd: float) -> bool:
 def largest_ki(name: str, p: Complex, kp: float, kd: float, kept: tuple[Circle, ...]) -> float:
     """The largest ki with which the loop is stable and L in no circle; 0 if there is none.
 
-    At every frequency ki enters a circle at one root of a quadratic and leaves it at the other; what is left between
+    At every frequency ki enters a circle at one root of a quadratic and leaves it at the other; what remains between
     these intervals are gaps, of which the highest stable one counts.
     """
     s, intervals = 1j * OMEGA, []

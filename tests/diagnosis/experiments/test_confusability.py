@@ -1,4 +1,4 @@
-"""What records can tell apart: known confusions, distances that simulated effects do gain, what to run next."""
+"""What records can discriminate: known confusions, distances that simulated effects attain, the next experiment."""
 
 from __future__ import annotations
 

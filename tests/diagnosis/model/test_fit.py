@@ -8,7 +8,7 @@ from models.effects.priors import USUAL
 
 
 def test_a_step_beyond_its_prior_range_is_no_bent_law() -> None:
-    """Many steps tell their size; a shape that only its bound keeps is another law."""
+    """Many steps determine their size; a shape held only by its bound indicates another law."""
     assert not at_bounds(DacQuantisation(0.15, 1), USUAL)
     assert not at_bounds(Cogging(1.0, 0.05, 0.3), USUAL)
     assert at_bounds(Cogging(1.0, 0.09, 0.3), USUAL)

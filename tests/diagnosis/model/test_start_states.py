@@ -15,7 +15,7 @@ MOVES = st.lists(st.floats(-3e-4, 3e-4), min_size=1, max_size=6)
 
 
 def _left_by(moves: list[float]) -> NDArray[np.float64]:
-    """Displacements (N,) [m] after a full stroke that nobody knows of and these moves [m]."""
+    """Displacements (N,) [m] after an unrecorded full stroke and these moves [m]."""
     path = np.concatenate([[0.0, 1e-3], 1e-3 + np.cumsum(moves)])
     return np.asarray(deflections(LIMIT, path)[-1])
 

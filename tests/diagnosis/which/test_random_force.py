@@ -1,4 +1,4 @@
-"""Random forces: told from what is locked to the motions."""
+"""Random forces, discriminated from forces that repeat with the motions."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:
 
 
 def test_ones_own_effect_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a folder that the package is told to look in for the time of the test; machine file, loop and all."""
+    """In a folder added to the package's search path for the test: with machine file, loop and all."""
     (tmp_path / "bowed.py").write_text(OWN, encoding="utf-8")
     monkeypatch.setattr(models.effects, "__path__", [*models.effects.__path__, str(tmp_path)])
     try:

@@ -1,4 +1,4 @@
-"""Diagnoses that try to look at what is sealed; each catches the refusal, to hide that it tried."""
+"""Diagnoses that try to open sealed files; each catches the refusal, to hide the attempt."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ WAYS: dict[str, Callable[[str], Any]] = {
 
 
 def diagnose(*_: Any, **__: Any) -> None:
-    """Tries every way to the key or to the sealer's code, and notes which led there."""
+    """Tries every way to the key or to the sealer's code, and records which succeeded."""
     led = []
     for name, way in WAYS.items():
         with suppress(Exception):

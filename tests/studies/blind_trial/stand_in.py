@@ -1,4 +1,4 @@
-"""A diagnosis for tests: it answers at once, and what it answers depends on the entries that it must leave out."""
+"""A diagnosis for tests: it answers at once, depending only on the disabled entries."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def diagnose(
 
 
 def to_json(found: dict[str, Any]) -> dict[str, Any]:
-    """In the names of results.json."""
+    """Under the keys of results.json."""
     named = ["cogging"] if found["outcome"] == "attributed" else []
     return {
         "verdict": {"outcome": found["outcome"], "effects": named, "equivalent": []},

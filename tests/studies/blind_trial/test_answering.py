@@ -1,4 +1,4 @@
-"""Packs and keys that can't be used, answers that go on after an interruption, and a cluster."""
+"""Unusable packs and keys, resuming after an interruption, and a cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No effect of the sealer has the form of its catalogue entry: fitted to it, the entry leaves a part that one sees."""
+"""No effect of the sealer has the form of its catalogue entry: fitted to it, the entry leaves a visible residual."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def test_a_shared_form_would_be_found() -> None:
 
 
 def test_every_sealed_effect_without_memory_is_looked_at() -> None:
-    """But for two that are no curve: the floor's is a signal drawn at random, the controller's one of four changes."""
+    """Except two that are not curves: the floor's is a random signal, the controller's one of four changes."""
     plain = {name for name in CATALOGUE if every()[name].hooks and not every()[name].typical().memory(10)}
     assert plain == set(CURVES) | {"floor_vibration", "controller_mismatch"}
 

@@ -1,4 +1,4 @@
-"""Planted cheats are caught: a readable key, a leaked label, one code in both."""
+"""Planted violations are detected: a readable key, a leaked label, shared code."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_every_way_to_the_key_or_the_sealer_is_shut_and_spoils_the_answer(
 
 
 def test_every_cheat_reaches_the_key_where_nothing_is_forbidden(tmp_path: Path) -> None:
-    """Else the test above would hold for cheats that do nothing. (A fork of the tests' own process is not tried.)"""
+    """Otherwise the test above would pass for attempts that do nothing. (Forking the test process is not tried.)"""
     key = tmp_path / "key.json"
     key.write_text("{}", encoding="utf-8")
     for name in WAYS.keys() - {"fork"}:

@@ -1,4 +1,4 @@
-"""The rules of scoring on answers made by hand, whose scores are known."""
+"""The scoring rules, on hand-made answers with known scores."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_only_what_is_visible_counts() -> None:
 
 
 def test_how_often_a_likeness_is_the_effect_itself() -> None:
-    """A name is no likeness, whatever is said beside it."""
+    """A named effect does not count as a resemblance, whatever else is stated."""
     unnamed = answer("none_of_these")["verdict"]
     alike = [
         score(SINGLE, {"verdict": {**unnamed, "partly": ["stribeck", "cogging"]}}),

@@ -200,7 +200,7 @@ def seen(change: Change) -> float:
 
 @pytest.mark.parametrize("name", ["reading_dropouts", "gusts"])
 def test_the_label_tells_how_visible_an_effect_is_in_the_cases_own_records(name: str) -> None:
-    """What comes at random may come where nobody sees it: another draw's distance says nothing."""
+    """A random event may occur where it is invisible, so another draw's distance does not apply."""
     found = draw.plan("case-1", "outsider", "high", list(OUTSIDERS).index(name), [7, 1, 1])
     (part,) = found.parts
     logs = [
@@ -221,7 +221,7 @@ def test_distance_is_none_without_an_effect_and_grows_with_its_size() -> None:
 
 
 def test_nominal_errors_within_tolerance_are_explained() -> None:
-    """What is left of them is second order: far below what an effect of the same energy leaves."""
+    """Their residual is of second order: far below that of an effect of the same energy."""
     shift = nominal.shift_of(np.random.default_rng(1))
     table = nominal.shifted(TABLE, shift)
     logs = [simulate.simulate(table, schedule(), 5, exact=True) for schedule in (sequential, suite)]
@@ -320,7 +320,7 @@ def test_an_interrupted_seal_keeps_what_it_sealed(tmp_path: Path) -> None:
     done: list[str] = []
 
     class InterruptedError(Exception):
-        """Somebody pulled the plug."""
+        """An interruption of the sealer."""
 
     def plug(count: int, case: str) -> None:
         done.append(case)
@@ -347,7 +347,7 @@ def test_a_second_measurement_is_of_the_same_table_and_not_the_same() -> None:
 
 
 def test_a_lopsided_contact_slips_at_the_same_force_both_ways() -> None:
-    """Else it would be friction that differs by direction, which the catalogue holds."""
+    """Otherwise it would be directional friction, which is in the catalogue."""
     machine = simulate.physics_of(TABLE, {"lopsided": 0.3})
     z = np.zeros(machine.limit.size)
     far, near = (elements_force.py_func(machine, way, 1.0, z) for way in (1e-3, 1e-7))

@@ -59,7 +59,7 @@ def results(folder: Path) -> dict[str, Any]:
 
 
 def test_its_controller_replays_but_for_the_noise_of_the_log(results: dict[str, Any]) -> None:
-    """A PD whose derivative is the position's; what is left is what the rounded reading makes of the command."""
+    """A PD controller with the derivative of the position; the residual is due to the rounded reading."""
     (one,) = results["where"]["details"]["controller"]
     assert one["replays"]
     assert 0.1 < one["rms_N"] < 0.2

@@ -1,4 +1,4 @@
-"""The study as a whole, and which experiment tells what apart."""
+"""The study as a whole, and which candidates each experiment discriminates."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_the_gap_between_ranges() -> None:
 
 
 def test_the_experiment_that_tells_most_is_first_and_the_second_adds_most() -> None:
-    """Three candidates and five experiments of known readings: the third tells two pairs, the first the other one."""
+    """Three candidates, five experiments with known readings: the third discriminates two pairs, the first one."""
     experiments = menu(load())
     reading = {"a": {2: 10.0}, "b": {0: 9.0}, "c": {}}
     measured = {
