@@ -5,13 +5,14 @@ ENVIRONMENT := .venv/.complete
 # The matrices are small: threads of BLAS would only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help study test test-fast check benchmark baseline lock clean
+.PHONY: help fuzz study test test-fast check benchmark baseline lock clean
 
 help:
 	@echo 'make study      design the deadbeat feedforward for the default machine, validate it, write its report'
 	@echo 'make test       format, lint, types and all tests'
 	@echo 'make test-fast  the tests that run no whole study or diagnosis, for the daily loop'
 	@echo 'make check      format, lint and types'
+	@echo 'make fuzz       spoil ten thousand machine files; each has to be refused in a line or designed for'
 	@echo 'make benchmark  time and error of the simulator beside what one would use instead, times of designs and diagnosis'
 	@echo 'make baseline   keep the quick runs that the tests compare with'
 	@echo 'make lock       pin the newest dependencies of requirements.in in requirements.lock'
@@ -30,6 +31,10 @@ check: $(ENVIRONMENT)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+# Ten thousand spoiled machine files, of which the tests try five hundred; about half an hour.
+fuzz: $(ENVIRONMENT)
+	$(BIN)/python -m tests.studies.fuzz
 
 benchmark: $(ENVIRONMENT)
 	$(BIN)/python -m tests.benchmark

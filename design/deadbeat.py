@@ -38,7 +38,9 @@ MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # "mode_robustness" looks at 
 ROUGHNESS: Final = 1e-6  # The weight of the thrust's differences beside the vibration left keeps the thrust smooth.
 # A constraint is met with equality if it is this near its bound, as a share of the stroke or of the thrust's scale.
 ACTIVE: Final = 1e-10
-LONGEST: Final = 4096  # A search for the shortest settling time gives up beyond so many samples.
+LONGEST: Final = (
+    1024  # Samples up to which the shortest settling time is sought: no machine may ask for more than 1000.
+)
 
 
 class DesignError(ValueError):
@@ -349,7 +351,9 @@ def _why_not(plant: Plant, sample_time: float, settling_time: float, stroke: flo
     needed = least_peak_thrust(plant, sample_time, settling_time, stroke, monotone=constraints.monotone)
     need = f"it takes {show(needed, 'N', 3)}" if math.isfinite(needed) else "no thrust does it"
     advice = (
-        f"the shortest that can is {show(shortest, 's')}" if math.isfinite(shortest) else "no longer time helps either"
+        f"the shortest that can is {show(shortest, 's')}"
+        if math.isfinite(shortest)
+        else f"none up to {LONGEST} samples can"
     )
     return (
         f"a stroke of {show(stroke, 'm')} cannot settle in {show(settling_time, 's')}{limit}{shape} ({need}); {advice}"
