@@ -298,6 +298,8 @@ def _least_squares(problem: _Problem, objective: Objective, constraints: Constra
         verbose=False,
     )
     result = solver.solve(raise_error=False)
+    if result.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
+        raise KeyboardInterrupt  # OSQP took the signal for itself
     return _refined(np.asarray(result.x), a, lower, upper) if result.info.status == "solved" else None
 
 

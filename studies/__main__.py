@@ -1,5 +1,10 @@
 """`python -m studies`: the studies and their questions; with --names the names alone of those that write results."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 from importlib import import_module
 

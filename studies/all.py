@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import json
 import sys
 from collections.abc import Sequence
@@ -11,6 +16,7 @@ from typing import TYPE_CHECKING
 from studies.catalogue import every
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, guarded, main
 from studies.folder import require_writable
+from studies.interrupt import INTERRUPTED, finish_first, heed_interruptions
 from studies.options import Parser
 from studies.study import Study
 
@@ -44,8 +50,12 @@ def _run(arguments: Sequence[str] | None) -> int:
         print(f"== {name}", flush=True)
         output = options.output / name
         status = main(study, ["--output", str(output), "--seed", options.seed, *quick])
+        if status == INTERRUPTED:
+            return INTERRUPTED
+        heed_interruptions()  # which the study did not any more while it put its results in place
         entries.append(_entry(study, output, status))
         worst = max(worst, status)
+    finish_first()
     write_index(
         entries, options.output / "index.html", "Quick runs: coarser than the full reports." if options.quick else ""
     )

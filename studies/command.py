@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from studies.folder import EVERY, Place, atomic_folder, is_full, require_free
+from studies.interrupt import INTERRUPTED
 from studies.options import BadInputError, Parser, add_options
 from studies.study import Answer, Progress, Study, machine_for, machine_of
 
@@ -40,6 +41,9 @@ def guarded(work: Callable[[], int]) -> int:
     except BadInputError as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
     except Exception as error:
         if is_full(error):
             print("error: the disk is full, nothing was written; make room and run it again", file=sys.stderr)
@@ -55,7 +59,7 @@ def parser_of(study: Study) -> argparse.ArgumentParser:
         prog=f"studies.{study.name}",
         usage=f"python -m studies.{study.name} [options]",
         description=study.question,
-        epilog="Exit status: 0 done; 1 done, but a check of the study does not hold; 2 bad input.",
+        epilog="Exit status: 0 done; 1 done, but a check of the study does not hold; 2 bad input; 130 interrupted.",
     )
     add_options(parser, study.options, study.name)
     return parser

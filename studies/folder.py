@@ -14,11 +14,12 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
+from studies.interrupt import finish_first, remove_if_interrupted, uninterrupted
 from studies.manifest import FORMAT, sha256
 from studies.options import BadInputError
 
@@ -78,9 +79,12 @@ def atomic_folder(place: Place) -> Iterator[Path]:
     the disk is full or somebody else's file is in the way.
     """
     output = place.folder
+    made = [one for one in (output, *output.absolute().parents) if not one.exists()]
+    folder = output / f".writing-{os.urandom(8).hex()}"
+    remove_if_interrupted(folder, made)
     try:
         output.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=".writing-", dir=output))
+        folder.mkdir(mode=0o700)
     except OSError as error:
         raise BadInputError(
             f"--output {output}: can't be written to ({error.strerror}); give another folder"
@@ -89,7 +93,9 @@ def atomic_folder(place: Place) -> Iterator[Path]:
         yield folder
         names = [file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()]
         _refuse(place, names)
-        _put(folder, output, earlier(place), names)
+        old = earlier(place)
+        finish_first()
+        _put(folder, output, old, names)
     except BadInputError:
         raise
     except Exception as error:
@@ -100,6 +106,24 @@ def atomic_folder(place: Place) -> Iterator[Path]:
         raise
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        with suppress(OSError):  # they hold something, as they should
+            for one in made:
+                one.rmdir()
+
+
+def write_at_once(file: Path, text: str) -> None:
+    """Puts the text in place in one step: whenever this is killed, the file holds what it held or the text."""
+    with uninterrupted():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{file.stem}-", dir=file.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            Path(name).replace(file)
+        finally:
+            Path(name).unlink(missing_ok=True)
 
 
 def is_full(error: BaseException | None) -> bool:

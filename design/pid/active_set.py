@@ -26,6 +26,7 @@ from design.pid.goal import achieved
 from design.pid.problem import Array, Bounds, Problem, Slot, Tuning
 from design.pid.program import SLOTS
 from models.controller import PID
+from models.identification.solving import interruptible
 
 ROUNDS: Final = 40  # A start is given up after so many rounds in which frequencies join.
 NEAR: Final = 0.05  # The exact bounds come in once a round moves the gains by less than this share of the largest gain.
@@ -197,14 +198,15 @@ def _solve(
     p = response * problem.scale.kp
     data = np.vstack([p.real, p.imag, omega * problem.sample_time, towards.real, towards.imag])
     limits = [min(bounds.ms, 1e6), min(bounds.mt, 1e6), min(bounds.mcs / problem.scale.kp, 1e9), float(exact)]
-    found = problem.solver(
-        x0=np.clip(guess, lower, upper),
-        p=np.concatenate([limits, data.ravel(order="F")]),
-        lbx=lower,
-        ubx=upper,
-        lbg=-np.inf,
-        ubg=0.0,
-    )
+    with interruptible():
+        found = problem.solver(
+            x0=np.clip(guess, lower, upper),
+            p=np.concatenate([limits, data.ravel(order="F")]),
+            lbx=lower,
+            ubx=upper,
+            lbg=-np.inf,
+            ubg=0.0,
+        )
     status = problem.solver.stats()["return_status"]
     return np.array(found["x"]).ravel() if status in {"Solve_Succeeded", "Solved_To_Acceptable_Level"} else None
 

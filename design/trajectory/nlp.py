@@ -14,6 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from models.identification.solving import interruptible
+
 Array = NDArray[np.float64]
 
 OPTIONS: Final[dict[str, Any]] = {
@@ -137,7 +139,8 @@ class Solver:
         solver, duals = self.cold, {}
         if isinstance(start, Solution):
             solver, duals = self.warm, dict(zip(("lam_x0", "lam_g0"), start.multipliers, strict=True))
-        found = solver(x0=guess, p=p, **limits, **duals)
+        with interruptible():
+            found = solver(x0=guess, p=p, **limits, **duals)
         return self._solution(found, solver.stats(), limits)
 
     def _solution(self, found: Mapping[str, Any], stats: Mapping[str, Any], limits: Mapping[str, Any]) -> Solution:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
 from models.friction import Friction, deflections, elements
+from models.identification.solving import interruptible
 
 Array = NDArray[np.float64]
 GRID = 80  # limits of the convex stage
@@ -152,11 +153,12 @@ def _refined(
         "print_time": False,
     }
     top = 1.0 if damped else 0.0
-    solution = ca.nlpsol("elements", "ipopt", problem, options)(
-        x0=ca.DM.zeros(3 * count),
-        lbx=ca.DM(np.concatenate([np.full(2 * count, -6.0), np.zeros(count)])),
-        ubx=ca.DM(np.concatenate([np.full(2 * count, 6.0), np.full(count, top)])),
-    )
+    with interruptible():
+        solution = ca.nlpsol("elements", "ipopt", problem, options)(
+            x0=ca.DM.zeros(3 * count),
+            lbx=ca.DM(np.concatenate([np.full(2 * count, -6.0), np.zeros(count)])),
+            ubx=ca.DM(np.concatenate([np.full(2 * count, 6.0), np.full(count, top)])),
+        )
     best = np.asarray(solution["x"]).ravel()
     jacobian = ca.Function("jacobian", [theta], [ca.jacobian(residual, theta), residual])
     slopes, left = (np.asarray(part) for part in jacobian(best))

@@ -1,5 +1,10 @@
 """`python -m studies.blind_trial`: a blind test: sealed cases are diagnosed without their key, then scored."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.blind_trial.options import TrialOptions

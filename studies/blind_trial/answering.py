@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from studies.blind_trial.cluster import Cluster, connect
 from studies.blind_trial.guard import SEALER_FOLDER
 from studies.blind_trial.packs import Case, Pack
 from studies.command import plain
+from studies.folder import write_at_once
 from studies.options import BadInputError
 
 ROOT: Final = Path(__file__).parents[2]
@@ -153,14 +153,5 @@ def require_answers(file: Path, *, overwrite: bool) -> None:
 
 def write_answers(file: Path, answers: Mapping[str, Any]) -> None:
     """Writes the answers atomically: whenever this is killed, the file holds either the old ones or the new."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=".answers-", dir=file.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            json.dump(plain({key: answers[key] for key in sorted(answers)}), stream, indent=1, sort_keys=True)
-            stream.write("\n")
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(name).replace(file)
-    finally:
-        Path(name).unlink(missing_ok=True)
+    text = json.dumps(plain({key: answers[key] for key in sorted(answers)}), indent=1, sort_keys=True) + "\n"
+    write_at_once(file, text)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from studies.blind_trial.guard import SEALER, SEALER_FOLDER
+from studies.folder import write_at_once
 from studies.options import BadInputError
 
 ROOT: Final = Path(__file__).parents[2]
@@ -61,7 +62,7 @@ def seal(cases: int, seed: int, output: Path, progress: Callable[[float, str], N
         raise BadInputError(
             f"the sealer ended with status {process.returncode}: {' '.join(''.join(said[-3:]).split())}"
         )
-    mark.write_text(json.dumps(made_by) + "\n", encoding="utf-8")
+    write_at_once(mark, json.dumps(made_by) + "\n")
     return place
 
 

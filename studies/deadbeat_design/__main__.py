@@ -1,5 +1,10 @@
 """`python -m studies.deadbeat_design`: from a machine file to a validated feedforward and its report."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.command import main

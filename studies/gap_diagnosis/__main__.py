@@ -1,5 +1,10 @@
 """`python -m studies.gap_diagnosis RECORD...`: where a machine deviates from its model, and why."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.command import main

@@ -1,5 +1,10 @@
 """`python -m studies.identify_machine RECORD...`: from measured records to a machine file with uncertainties."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.command import main

@@ -1,5 +1,10 @@
 """`python -m studies.paper_gap`: possible causes of the 2.4 um and the late inching motions on the paper's table."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.command import main

@@ -1,5 +1,10 @@
 """`python -m studies.pid_tradeoff`: certified PIDs along the bound on |S|, and the limits of every PID."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.command import main

@@ -1,5 +1,10 @@
 """`python -m studies.response_variation`: the paper's figures and numbers from the model, and the set that fits."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.command import main

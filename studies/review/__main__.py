@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from studies.interrupt import remove_if_interrupted, supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import argparse
 import math
 import shutil
@@ -115,6 +120,7 @@ def _compare(before: Path, after: Path, place: Place, limits: Limits) -> int:
 
     require_free(place)
     with tempfile.TemporaryDirectory() as name, atomic_folder(place) as folder:
+        remove_if_interrupted(Path(name))
         made, content = compared(before, after, Path(name), Progress(), limits)
         shutil.copytree(made, folder, dirs_exist_ok=True)
         inputs = {"before": before.name, "after": after.name}

@@ -24,6 +24,7 @@ from typing import Any
 from studies.catalogue import find
 from studies.command import guarded, parser_of, run, to_text
 from studies.folder import is_inside
+from studies.interrupt import end_with
 from studies.options import BadInputError
 from studies.study import Study
 
@@ -31,6 +32,7 @@ from studies.study import Study
 def main() -> int:
     """Does the task and returns the exit status of a study."""
     task = json.load(sys.stdin)
+    end_with(task.pop("alive"))
     _bound(**task.pop("bounds"))
     sys.addaudithook(no_network)
     return guarded(lambda: {"run": _run, "render": _render, "compare": _compare}[task["do"]](task))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final
 
+from studies.interrupt import ended_if_interrupted
 from studies.manifest import ROOT
 from studies.review.copying import visible
 
@@ -47,8 +48,9 @@ def run(task: Mapping[str, Any], place: Path, limits: Limits, tell: Callable[[st
     environment = {name: value for name, value in os.environ.items() if not name.startswith(NOT_PASSED)}
     environment |= {"PYTHONPATH": str(ROOT), "TMPDIR": str(place), "PYTHONDONTWRITEBYTECODE": "1"}
     bounds = {"seconds": limits.seconds, "memory": limits.memory, "file": limits.file}
+    alive = os.pipe()  # the other end is closed with this process, however that ends
     with tempfile.TemporaryFile() as given:
-        given.write(json.dumps({**task, "bounds": bounds}).encode())
+        given.write(json.dumps({**task, "bounds": bounds, "alive": alive[0]}).encode())
         given.seek(0)
         process = subprocess.Popen(
             [sys.executable, "-m", "studies.review.again"],
@@ -60,19 +62,23 @@ def run(task: Mapping[str, Any], place: Path, limits: Limits, tell: Callable[[st
             cwd=place,
             env=environment,
             start_new_session=True,
+            pass_fds=(alive[0],),
         )
         assert process.stderr is not None
         last: list[str] = [""]
         reader = threading.Thread(target=_relay, args=(process.stderr, last, tell), daemon=True)
         reader.start()
         try:
-            status: int | None = process.wait(limits.seconds)
+            with ended_if_interrupted(process.pid):
+                status: int | None = process.wait(limits.seconds)
         except subprocess.TimeoutExpired:
             status = None
         finally:
             _end(process)
             reader.join(5.0)
             process.stderr.close()
+            for end in alive:
+                os.close(end)
     return Ended(status, last[0])
 
 

@@ -21,6 +21,7 @@ from typing import Any, Final
 from models.machine import DEFAULT
 from studies.catalogue import every
 from studies.command import CHECK_MISSED, DONE, to_text
+from studies.interrupt import remove_if_interrupted
 from studies.manifest import ROOT, SOURCES, hashes, lock_hash, sha256, source_files, tree_hash, versions
 from studies.options import BadInputError
 from studies.review.bounded import Limits, run
@@ -84,6 +85,7 @@ def review(
     limits = limits or Limits()
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
+        remove_if_interrupted(place)
         taken = _taken(folder, place / "folder")
         files = _staged(taken, given, place / "inputs")
         progress(0.05, f"will run {taken.claim.command()} (at most {limits.seconds:g} s, {limits.memory >> 20} MB)")

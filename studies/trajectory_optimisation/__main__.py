@@ -1,5 +1,10 @@
 """`python -m studies.trajectory_optimisation`: x_T* by optimal control, validated on the nonsmooth machine."""
 
+from studies.interrupt import supervise
+
+if __name__ == "__main__":
+    supervise()  # before anything that takes time is imported
+
 import sys
 
 from studies.command import main
