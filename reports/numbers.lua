@@ -66,7 +66,7 @@ end
 local function measure(cell)
   local shown = pandoc.utils.stringify(cell.contents):gsub('\\%a+', 'm'):gsub('[{}^_$]', '')
   local longest = 0
-  for word in shown:gmatch('%S+') do longest = math.max(longest, utf8.len(word) or #word) end
+  for word in shown:gsub('\u{200b}', ' '):gmatch('%S+') do longest = math.max(longest, utf8.len(word) or #word) end
   -- Bold capitals in a box are wider than letters.
   if shown:find('MISSED') then longest = math.max(longest, 13) end
   return utf8.len(shown) or #shown, longest
@@ -74,7 +74,7 @@ end
 
 -- For each column the letters that it likes to have and the least that it can do with: its longest word, and some
 -- more where there is prose. Headings are broken before cells are.
-local function demands(element)
+local function demands(element, least)
   local likes, needs = {}, {}
   local function rows(list, prose)
     for _, row in ipairs(list) do
@@ -86,7 +86,7 @@ local function demands(element)
     end
   end
   rows(element.head.rows, 0)
-  for _, body in ipairs(element.bodies) do rows(body.body, 16) end
+  for _, body in ipairs(element.bodies) do rows(body.body, least or 16) end
   return likes, needs
 end
 
@@ -96,10 +96,25 @@ local function sum(list)
   return total
 end
 
+-- Words of a name can be as long as a line; in a table that is too wide they are parted where nobody sees it.
+local function part_words(element)
+  local function parted(str)
+    local letters = {}
+    for _, code in utf8.codes(str.text) do
+      letters[#letters + 1] = utf8.char(code)
+      if #letters % 7 == 6 then letters[#letters + 1] = '\u{200b}' end
+    end
+    return pandoc.Str(table.concat(letters))
+  end
+  local function wide(str) return utf8.len(str.text) > 12 and parted(str) or nil end
+  return element:walk { Str = wide }
+end
+
 -- Sets the size of the letters and, where the table is wider than the page, the widths of its columns.
-local function fit(element)
+local fit
+function fit(element, parted)
   local LETTER, INSET, PAGE = 0.5, 0.9, 453  -- em, em per column, pt
-  local likes, needs = demands(element)
+  local likes, needs = demands(element, parted and 6)
   local columns = #element.colspecs
   for _, size in ipairs { 9, 8.5, 8, 7.5, 7, 6.5, 6 } do
     local room = (PAGE / size - INSET * columns) / LETTER
@@ -112,9 +127,10 @@ local function fit(element)
           element.colspecs[i] = { spec[1], (letters * LETTER + INSET) * size / PAGE }
         end
       end
-      return
+      return element
     end
   end
+  if not parted then return fit(part_words(element), true) end
   fail('a table of ' .. columns .. ' columns is too wide for the page: ' .. pandoc.utils.stringify(element.caption.long))
 end
 
@@ -151,8 +167,7 @@ local function tabled(element, in_summary)
     numbered(element.caption.long, number('Table', element.identifier))
   end
   if TYPST then
-    fit(element)
-    return element
+    return fit(element)
   end
   ease(element)
   return scrolling(element)
@@ -186,6 +201,26 @@ local function linked(link)
   return link
 end
 
+-- What Typst reads as more than its letters and pandoc does not escape everywhere: the marks of lists and headings,
+-- dots in a row, and '-?', where a word may be parted.
+local function literal(str)
+  if not TYPST then return nil end
+  local number = str.text:match('^(%d+)%.$')
+  if number then return { pandoc.Str(number), pandoc.RawInline('typst', '\\.') } end
+  if str.text:match('^[-+/]$') or str.text:match('^=+$') then
+    return pandoc.RawInline('typst', (str.text:gsub('.', '\\%0')))
+  end
+  if not str.text:find('%-%?') and not str.text:find('..', 1, true) then return nil end
+  local out, from = pandoc.Inlines {}, 1
+  while true do
+    local at = str.text:find('[-.][?.]', from)
+    out:insert(pandoc.Str(str.text:sub(from, at)))
+    if not at then return out end
+    out:insert(pandoc.RawInline('typst', '\\'))
+    from = at + 1
+  end
+end
+
 -- A caption with a bracket too many leaves words where the figure should be.
 local function check_figures(names)
   for _, name in ipairs(names) do
@@ -203,8 +238,10 @@ function Pandoc(doc)
   local summary = count(first.content, true)
   doc.blocks = count(doc.blocks, false)
   check_figures(doc.meta.figures or {})
-  doc.meta.summary = pandoc.MetaBlocks(summary:walk { Link = linked, Span = marked })
-  doc.blocks = doc.blocks:walk { Link = linked, Span = marked }
   doc.meta.pagetitle = pandoc.MetaString(pandoc.utils.stringify(doc.meta.title))
+  doc.meta.summary = pandoc.MetaBlocks(summary:walk { Link = linked, Span = marked, Str = literal })
+  doc.blocks = doc.blocks:walk { Link = linked, Span = marked, Str = literal }
+  doc.meta.title = pandoc.Inlines(doc.meta.title):walk { Str = literal }
+  doc.meta.question = pandoc.Inlines(doc.meta.question):walk { Str = literal }
   return doc
 end

@@ -33,6 +33,7 @@ MARKDOWN = "-".join(
 COMMON = (
     "--sandbox",
     "--standalone",
+    "--wrap=none",
     "--fail-if-warnings",
     "--toc",
     "--number-sections",
@@ -61,7 +62,6 @@ def write_html(markdown: str, folder: Path) -> Path:
         f"--template={LAYOUT / 'page.html'}",
         f"--variable=style:{style}",
         "--mathml",
-        "--wrap=none",
         "--shift-heading-level-by=1",
         "--toc-depth=3",
     )
