@@ -135,9 +135,7 @@ def test_numbers_within_the_tolerance_are_equal_and_beyond_it_different() -> Non
 
 
 def test_two_designs_side_by_side(written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = DEFAULT.read_text(encoding="utf-8").replace(
-        'tolerance = { value = "2 um"', 'tolerance = { value = "0.02 um"'
-    )
+    text = DEFAULT.read_text(encoding="utf-8").replace('tolerance = { value = "2 um"', 'tolerance = { value = "0.1 um"')
     (tmp_path / "strict.toml").write_text(text, encoding="utf-8")
     arguments = [
         "--quick",
