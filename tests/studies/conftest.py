@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -15,14 +17,20 @@ from studies.pid_tradeoff.published import compare
 
 @pytest.fixture(scope="session")
 def quick_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, int]]:
-    """The folder that `python -m studies.NAME --quick` wrote, and its exit status; run once, not to be changed."""
-    done: dict[str, tuple[Path, int]] = {}
+    """The folder that `python -m studies.NAME --quick` wrote, and its exit status; not to be changed. Run once, by
+    whichever of the processes that share these tests asks first."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder = shared / "quick_runs"
+    folder.mkdir(exist_ok=True)
 
     def run(name: str) -> tuple[Path, int]:
-        if name not in done:
-            output = tmp_path_factory.mktemp(name) / "out"
-            done[name] = output, main(every()[name], ["--quick", "--output", str(output)])
-        return done[name]
+        output, status = folder / name / "out", folder / f"{name}.status"
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # another process of these tests may be at it
+            if not status.exists():
+                status.write_text(str(main(every()[name], ["--quick", "--output", str(output)])), encoding="utf-8")
+        return output, int(status.read_text(encoding="utf-8"))
 
     return run
 

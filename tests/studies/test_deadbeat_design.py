@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -192,11 +193,12 @@ def test_files_of_an_earlier_run_make_way_and_those_of_others_stay(tmp_path: Pat
     (tmp_path / "notes.txt").write_text("mine")
     assert main(STUDY, arguments) == DONE
     manifest = read(tmp_path, "manifest.json")
-    (tmp_path / "stale.svg").write_text("old")
-    manifest["outputs"]["stale.svg"] = "0" * 64
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "stale.svg").write_text("old")
+    manifest["outputs"]["figures/stale.svg"] = hashlib.sha256(b"old").hexdigest()
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     assert main(STUDY, arguments) == DONE
-    assert not (tmp_path / "stale.svg").exists()
+    assert not (tmp_path / "figures" / "stale.svg").exists()
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 

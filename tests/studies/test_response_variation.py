@@ -46,7 +46,6 @@ def test_every_published_outcome_is_met_within_three_per_cent(folder: Path) -> N
     assert len(outcomes) == 9
     for row in outcomes.values():
         assert abs(row["here"] / row["paper"] - 1) <= 0.03, row["name"]
-    assert all(check["holds"] for check in whole["checks"])
 
 
 def test_the_history_makes_the_variation(folder: Path) -> None:

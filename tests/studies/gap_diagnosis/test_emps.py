@@ -193,7 +193,7 @@ def test_its_floor_is_what_does_not_repeat(results: dict[str, Any]) -> None:
     far = results["how_far"]
     assert far["floor_source"] == "repeats"
     assert 0.05 < far["floor"]["force_N"] < far["gap_after"]["force_N"]
-    assert "does not repeat between equal motions" in results["answer"]["how_far"]
+    assert "the scatter between equal motions" in results["answer"]["how_far"]
 
 
 def test_the_closure_is_stated(results: dict[str, Any]) -> None:
