@@ -93,10 +93,13 @@ def test_a_killed_run_goes_on_without_losing_or_redoing_a_case(
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks processes up in /proc")
-def test_workers_and_answerers_end_when_their_parent_is_killed(
+def test_all_processes_end_when_their_parent_is_killed(
     small_pack: Packer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Workers and answering processes end by themselves when it does."""
+    """Workers and answering processes end by themselves when it does.
+
+    The test's name stands in the parent's command, as part of a path: it must not hold the word that is counted.
+    """
     folder, file = small_pack(*({"name": []} for _ in range(4))), tmp_path / "answers.json"
     program = (
         "from pathlib import Path; from tests.studies.blind_trial import test_answering as t;"
