@@ -25,7 +25,7 @@ from tests.diagnosis.tables import asking, recorded, short, table
 from tests.models.effects.laws import laws
 
 CRITERIA = Criteria()
-SEVERITIES = (0.5, 2.0)  # of the typical amplitude or width
+SEVERITIES = (0.5, 1.0, 2.0)  # of the typical amplitude or width
 ALIKE = {  # Effects that a record as short as this cannot discriminate, with the reason.
     "cogging": {"thrust_ripple", "cable_spring"},  # hardly a period, and thrust in proportion to place
     "thrust_ripple": {"cogging"},
