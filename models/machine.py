@@ -64,7 +64,7 @@ EFFECTS: Final = 50  # Each is asked for its force ten times a sample.
 SLOWEST: Final = 0.1  # Hz. What vibrates more slowly does not come back within any motion.
 NAME: Final = 200  # characters
 PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.
-MODE_SHARES: Final = (1e-7, 1e4)  # of a mode's gain in the rigid body's: others are neither seen nor of the same axis
+MODE_SHARES: Final = (1e-7, 1e4)  # of the size of a mode's gain in the rigid body's: others are neither seen nor its
 MASSES: Final = (1e-6, 1e9)  # kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
@@ -279,6 +279,8 @@ class Machine:
         except QuantityError as error:
             raise MachineError(f"{name}: {error}") from error
         changed: Machine = _with_part_at(self, parents, dataclasses.replace(part, **{last: number}))
+        if name.startswith("plant.modes."):
+            _check_rigid_gain(changed.plant)
         return dataclasses.replace(changed, sources={**self.sources, name: provenance})
 
     def sources_of(self, name: str) -> Mapping[str, Provenance]:
@@ -424,6 +426,7 @@ def _check_modes(machine: Machine) -> None:
     rigid = sum(mode.frequency == 0 for mode in plant.modes)
     if rigid != 1:
         raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"')
+    _check_rigid_gain(plant)
     if len(plant.modes) > MODES:
         raise MachineError(
             f"plant.modes: {len(plant.modes)} are more than {MODES}, which would take designs hours; keep "
@@ -436,10 +439,20 @@ def _check_modes(machine: Machine) -> None:
         )
     for where, mode in modes.items():
         share = mode.gain * plant.mass * plant.thrust_constant
-        if not MODE_SHARES[0] <= share <= MODE_SHARES[1]:
+        if not MODE_SHARES[0] <= abs(share) <= MODE_SHARES[1]:
             raise MachineError(
                 f"{where}.gain: {mode.gain:.4g} 1/kg is {share:.3g} times the rigid body's; a mode of one axis has "
-                f"{MODE_SHARES[0]:g} to {MODE_SHARES[1]:g} times: correct it or leave the mode out"
+                f"{MODE_SHARES[0]:g} to {MODE_SHARES[1]:g} times, of either sign: correct it or leave the mode out"
+            )
+
+
+def _check_rigid_gain(plant: Plant) -> None:
+    """That a rigid body moves with the thrust."""
+    for i, mode in enumerate(plant.modes):
+        if mode.frequency == 0 and not mode.gain > 0:
+            raise MachineError(
+                f"plant.modes.{i + 1}.gain: {mode.gain:g} 1/kg must be above 0, as it is 1/M of the rigid body; only "
+                "vibration modes may have a negative gain"
             )
 
 

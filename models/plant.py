@@ -4,8 +4,10 @@
 
     P_e(s) = exp(-L s) P'(s) / (1 + K_e P'(s))                                                            (2)
 
-The rigid body is the mode with w = 0. States: (q_1, q_1', q_2, q_2', ...), with x = sum q_i [m]; input: the thrust
-less the friction [N of thrust reference], because friction acts at the thrust's input, as K_e does in eq. (2).
+The rigid body is the mode with w = 0; its gain is positive. A vibration mode's gain has either sign: negative where the
+scale moves against the thrust in it, as on the far side of a compliance. States: (q_1, q_1', q_2, q_2', ...), with
+x = sum q_i [m]; input: the thrust less the friction [N of thrust reference], because friction acts at the thrust's
+input, as K_e does in eq. (2).
 """
 
 from __future__ import annotations
@@ -38,7 +40,13 @@ class Mode:
     Mode(gain=0.0222..., frequency=0, damping=0)
     """
 
-    gain: float = value("1/kg", "modal gain k_t", above=1e-12, below=1e12, because="no mass is that large or small")
+    gain: float = value(
+        "1/kg",
+        "modal gain k_t (negative: against the thrust)",
+        above=-1e12,
+        below=1e12,
+        because="no mass is that small",
+    )
     frequency: float = value(
         "Hz",
         "natural frequency w / 2 pi (0: rigid body)",
@@ -134,7 +142,8 @@ def bode(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> tuple[Array,
     """(magnitude [m/N], phase [rad]), each (n,), of P_l or P_e at omega (n,) [rad/s], dead time included.
 
     The phase is that of the delay-free part, taken between -350 and 10 degrees, less omega L. So it falls at an
-    undamped resonance, where unwrapping from one frequency to the next could not tell +180 from -180 degrees.
+    undamped resonance, where unwrapping from one frequency to the next could not tell +180 from -180 degrees. Beyond
+    two modes of negative gain it starts again at 10 degrees.
     """
     w = np.asarray(omega, float)
     rational = _rational(plant, 1j * w, stiffness)

@@ -12,19 +12,19 @@ from models.plant import Mode
 
 @dataclass(frozen=True)
 class AdditionalMode(Effect):
-    """One more vibration mode beside the plant's."""
+    """One more vibration mode beside the plant's; with a negative gain it moves against the thrust."""
 
     name: ClassVar = "additional_mode"
     family: ClassVar = "structure"
     equation: ClassVar = r"P'(s)+K_t\frac{k}{s^2+2\zeta\omega s+\omega^2}"
     source: ClassVar = "Ewins 2000, Modal testing; sizes assumed: 1 to 10 % of 1/M for M of 15 to 50 kg"
-    gain: float = parameter("1/kg", "modal gain k", 2e-4, 7e-3, "amplitude", at_least=0)
+    gain: float = parameter("1/kg", "modal gain k", 2e-4, 7e-3, "amplitude")
     frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", points=22, above=0)
     damping: float = parameter("1", "damping ratio", 5e-3, 5e-2, "shape", points=2, at_least=0, below=1)
 
     def modes(self) -> tuple[Mode, ...]:
         """The mode, unless its gain is 0."""
-        return (Mode(self.gain, self.frequency, self.damping),) if self.gain > 0 else ()
+        return (Mode(self.gain, self.frequency, self.damping),) if self.gain != 0 else ()
 
 
 @hook

@@ -214,6 +214,19 @@ def test_a_mistake_is_said_with_its_place(tmp_path: Path, old: str, new: str, sa
     assert "machine.toml" in str(error.value)
 
 
+def test_only_a_vibration_modes_gain_may_be_negative(tmp_path: Path) -> None:
+    path = changed(tmp_path, '"0.00053517 1/kg"', '"-0.00053517 1/kg"')
+    machine = load(path)
+    assert machine.plant.modes[2].gain == -0.00053517
+    path.write_text(to_toml(machine), encoding="utf-8")
+    assert load(path) == machine
+    rigid = r'(# the rigid body\ngain = { value =) "'
+    with pytest.raises(MachineError, match=r"plant\.modes\.1\.gain: -0\.\d+ 1/kg must be above 0"):
+        load(changed(tmp_path, rigid, r'\1 "-'))
+    with pytest.raises(MachineError, match=r"plant\.modes\.1\.gain: -0\.02 1/kg must be above 0"):
+        machine.with_value("plant.modes.1.gain", -0.02, Provenance("assumed", ""))
+
+
 def test_a_missing_value_is_said_with_its_meaning_and_unit(tmp_path: Path) -> None:
     line = next(line for line in TEXT.splitlines() if line.startswith("dead_time"))
     with pytest.raises(MachineError, match=r"plant\.dead_time: missing; add it, equivalent dead time L, in s"):

@@ -20,7 +20,8 @@ from models.plant import Mode, Plant, bode, delay_split, equations, frequency_re
 PLANT = load().plant
 TS = 5e-4
 
-vibrating = st.builds(Mode, gain=st.floats(1e-4, 1.0), frequency=st.floats(5.0, 900.0), damping=st.floats(1e-3, 0.5))
+gains = st.builds(lambda size, sign: size * sign, st.floats(1e-4, 1.0), st.sampled_from([1, -1]))
+vibrating = st.builds(Mode, gain=gains, frequency=st.floats(5.0, 900.0), damping=st.floats(1e-3, 0.5))
 plants = st.builds(
     Plant,
     dead_time=st.floats(0.0, 3e-3),

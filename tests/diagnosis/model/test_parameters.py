@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,6 +13,18 @@ from diagnosis.model.parameters import FURTHER, applied, bounded, parameters
 from tests.diagnosis.tables import table
 
 MACHINE = table()
+
+
+def test_a_negative_gain_keeps_its_sign_whatever_the_fit_does() -> None:
+    """The parameters are logarithms of a factor, which no step turns round."""
+    *others, last = MACHINE.plant.modes
+    machine = replace(MACHINE, plant=replace(MACHINE.plant, modes=(*others, replace(last, gain=-last.gain))))
+    layout = parameters(machine, 1)
+    for theta in (layout.low, layout.high):
+        moved = applied(layout, theta).plant.modes
+        assert moved[-1].gain < 0 < moved[0].gain
+    theta = np.where(layout.of("mode_gain")[-1] == np.arange(layout.count), 0.1, 0.0)
+    assert applied(layout, theta).plant.modes[-1].gain == pytest.approx(-np.exp(0.1) * last.gain, rel=1e-14)
 
 
 @given(st.floats(0, 1e-4), st.floats(-1, 1))

@@ -33,11 +33,14 @@ def test_the_modes_closed_form_is_the_sampled_plant(dead_time: float) -> None:
     assert np.max(np.abs(modes.model(plant, f, 0.0) / frequency_response(plant, 2 * np.pi * f) - 1)) < 1e-12
 
 
-def test_a_clean_response_gives_back_the_plant() -> None:
+@pytest.mark.parametrize("sign", [1, -1], ids=["in phase", "anti-phase"])
+def test_a_clean_response_gives_back_the_plant(sign: int) -> None:
+    *others, last = MACHINE.plant.modes
+    machine = replace(MACHINE, plant=replace(MACHINE.plant, modes=(*others, replace(last, gain=sign * last.gain))))
     f = np.geomspace(5, 400, 120)
-    p = modes.model(MACHINE.plant, f, 0.0)
+    p = modes.model(machine.plant, f, 0.0)
     found = modes.fit(FrequencyResponse(f, p, (1e-6 * np.abs(p)) ** 2, np.ones(f.size), 0.0))
-    assert found.estimate.values == pytest.approx(true_modes(MACHINE), rel=1e-4)
+    assert found.estimate.values == pytest.approx(true_modes(machine), rel=1e-4)
     assert np.all(found.used)
 
 

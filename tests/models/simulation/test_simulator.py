@@ -57,15 +57,18 @@ TARGET = feeding_sequence(20e-6, 2, 0.025, TS, repeats=2)
 
 
 @pytest.mark.parametrize(
-    ("dead_time", "damping", "offset"),
-    [(1e-3, 0.0, 0.0), (1.13e-3, 0.0, 0.0), (1e-3, 150.0, 0.0), (1e-3, 0.0, -4.0)],
-    ids=["whole", "within a sample", "damped", "offset"],
+    ("dead_time", "damping", "offset", "sign"),
+    [(1e-3, 0.0, 0.0, 1), (1.13e-3, 0.0, 0.0, 1), (1e-3, 150.0, 0.0, 1), (1e-3, 0.0, -4.0, 1), (1e-3, 0.0, 0.0, -1)],
+    ids=["whole", "within a sample", "damped", "offset", "anti-phase"],
 )
-def test_second_order_against_the_oracle(dead_time: float, damping: float, offset: float) -> None:
+def test_second_order_against_the_oracle(dead_time: float, damping: float, offset: float, sign: int) -> None:
+    """`sign` is that of the last mode's gain: a table that moves against the thrust in it."""
     table = exact_scale(load())
+    *others, last = table.plant.modes
+    plant = replace(table.plant, dead_time=dead_time, modes=(*others, replace(last, gain=sign * last.gain)))
     friction = replace(table.friction, damping=(damping,) * 10)
     drive = replace(table.drive, offset=offset)
-    machine = replace(table, drive=drive, plant=replace(table.plant, dead_time=dead_time), friction=friction)
+    machine = replace(table, drive=drive, plant=plant, friction=friction)
     controller = controlled(machine)
     truth, friction_force = respond(machine, controller, TARGET)
     substeps = np.array([4, 8, 16, 32, 64])
