@@ -79,7 +79,8 @@ def sha256(file: Path) -> str:
     if file.is_dir():
         below = sorted(one for one in file.rglob("*") if one.is_file())
         return _of_lines(f"{one.relative_to(file).as_posix()} {sha256(one)}\n" for one in below)
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def _of_lines(lines: Iterable[str]) -> str:

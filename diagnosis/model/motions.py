@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.quantity import show
-from models.records.checks import RecordError
 from models.records.record import Record, cut
+from models.records.sizes import RecordError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -37,10 +37,10 @@ from models.identification.into_machine import (
 from models.identification.recognise import read, recognised
 from models.identification.response import FrequencyResponse
 from models.machine import Machine
-from models.records.checks import RecordError
 from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.record import Record
+from models.records.sizes import RecordError
 
 Array = NDArray[np.float64]
 

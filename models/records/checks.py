@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 from models.controller import PID
 from models.quantity import show
 from models.records.record import Record
+from models.records.sizes import RecordError
 
 Array = NDArray[np.float64]
 
@@ -30,10 +31,6 @@ SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which
 ROLLING: Final = 5e-3  # m/s: above this speed an axis has left the presliding region
 FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
 INERTIA: Final = 0.8  # share of the smoothed command's variance that inertia must explain for a mass to be read off
-
-
-class RecordError(ValueError):
-    """A record that can't be used; the message is one sentence: what, where, what to do."""
 
 
 def check_samples(signals: Mapping[str, Array], names: Mapping[str, str]) -> float:

@@ -6,12 +6,10 @@ Record or a measured FrequencyResponse, whichever the file is. Every fault is on
 
 from __future__ import annotations
 
-import csv
 import difflib
-import gzip
 import hashlib
-import io
-from collections.abc import Mapping
+import stat
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,9 +19,13 @@ from numpy.typing import NDArray
 
 from models.controller import PID
 from models.identification.response import FrequencyResponse
-from models.records.checks import RecordError, check_samples, derivative_of_error, findings
+from models.records.checks import check_samples, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
+from models.records.delimited import columns_of_csv
+from models.records.matlab import columns_of_mat
+from models.records.parquet_table import columns_of_parquet
 from models.records.record import Record
+from models.records.sizes import LIMITS, Limits, RecordError
 
 Array = NDArray[np.float64]
 NEEDED: Final = ("time", "command", "position")
@@ -41,7 +43,7 @@ class Loaded:
     findings: tuple[str, ...]
 
 
-def load(path: Path, columns: Columns | None = None, **facts: Any) -> Loaded:
+def load(path: Path, columns: Columns | None = None, *, limits: Limits = LIMITS, **facts: Any) -> Loaded:
     """The record or frequency response in a file. `facts` go to `record_check.findings`: pid, sample_time [s], ...
 
     A file with a column for `frequency` and none for `position` is a frequency response. Signals that the file leaves
@@ -49,11 +51,12 @@ def load(path: Path, columns: Columns | None = None, **facts: Any) -> Loaded:
     Raises RecordError.
     """
     columns = columns or Columns()
-    table = read(path)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
     names = {signal: columns.source(signal).name for signal in UNITS}
+    table = _table(path, set(names.values()), limits)
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     try:
-        if names["frequency"] in table and names["position"] not in table:
+        if names["frequency"] in table.names and names["position"] not in table.names:
             return Loaded(path.name, digest, _response(table, columns), (), ())
         record, given = _record(table, columns)
         said = findings(_as_it_ran(record, columns, **facts), given, **facts)
@@ -85,124 +88,57 @@ def _as_it_ran(
     return record if pid is None or columns.derivative == "error" else derivative_of_error(record, pid, reference_delay)
 
 
-def read(path: Path) -> dict[str, Array]:
+def read(path: Path, limits: Limits = LIMITS) -> dict[str, Array]:
     """Every numeric column (n,) of a file, under its own name and in its own unit [as the file has it].
 
-    Raises RecordError for what can't be read.
+    Raises RecordError for what can't be read, or holds more than `limits` says.
     """
-    readers = {".csv": _csv, ".gz": _csv, ".mat": _mat, ".parquet": _parquet}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise RecordError(f"{path}: ends in {path.suffix or 'nothing'}; give a .csv, .csv.gz, .mat or .parquet file")
+    return dict(_table(path, None, limits).columns)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Columns (n,) of a file that were read, and the names of all that it has."""
+
+    columns: Mapping[str, Array]
+    names: Sequence[str]
+
+
+def _table(path: Path, wanted: Collection[str] | None, limits: Limits) -> _Table:
+    """The wanted columns of a file, or all for None. Raises RecordError."""
     try:
-        found = reader(path)
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise RecordError("is not a plain file; give the file that holds the record")
+        columns, names = _columns(path, wanted, limits)
     except OSError as error:
         raise RecordError(f"{path}: can't be read ({error.strerror or error}); give an existing record") from error
-    except RecordError:
-        raise
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from error
     except Exception as error:  # the readers of three formats raise what they like
         text = " ".join(str(error).split())[:200]
         raise RecordError(f"{path}: can't be read as a {path.suffix} file ({text}); export it again") from error
-    return {name: column for name, column in found.items() if column.ndim == 1 and column.size > 1}
+    return _Table({name: column for name, column in columns.items() if column.ndim == 1 and column.size > 1}, names)
 
 
-def _csv(path: Path) -> dict[str, Array]:
-    raw = path.read_bytes()
-    text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode("utf-8-sig").replace("\r\n", "\n")
-    first, _, body = text.partition("\n")
-    delimiter = next((mark for mark in (";", "\t", ",") if mark in first), ",")
-    names = [name.strip() for name in next(csv.reader([first], delimiter=delimiter), [])]
-    if delimiter == ";":
-        body = body.replace(",", ".")  # where columns end in semicolons, decimals may have commas
-    if len(set(names)) != len(names):
-        raise RecordError(f"{path}: two columns have one name; name each column once in the first line")
-    if not body.strip():
-        raise RecordError(f"{path}: has no rows below its first line; export the samples too")
-    try:
-        rows = np.loadtxt(io.StringIO(body), delimiter=delimiter, ndmin=2)
-    except ValueError:
-        rows = _rows(path, body, delimiter, len(names))
-    if rows.shape[1] != len(names):
-        raise RecordError(
-            f"{path}: {rows.shape[1]} columns but {len(names)} names in the first line; name every column"
-        )
-    return {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(names)}
+def _columns(path: Path, wanted: Collection[str] | None, limits: Limits) -> tuple[dict[str, Array], Sequence[str]]:
+    kind = path.suffix.lower()
+    if kind in {".csv", ".gz"}:
+        return columns_of_csv(path, limits, wanted)
+    if kind == ".parquet":
+        return columns_of_parquet(path, limits, wanted)
+    if kind != ".mat":
+        raise RecordError(f"ends in {path.suffix or 'nothing'}; give a .csv, .csv.gz, .mat or .parquet file")
+    found = columns_of_mat(path, limits)
+    limits.check_samples(max((column.size for column in found.values()), default=0))
+    return found, list(found)
 
 
-def _rows(path: Path, body: str, delimiter: str, count: int) -> Array:
-    """The rows of a CSV that has empty cells (they become NaN); what is no number is said with its line."""
-    rows = []
-    for number, row in enumerate(csv.reader(io.StringIO(body), delimiter=delimiter), start=2):
-        if not row:
-            continue
-        if len(row) != count:
-            raise RecordError(
-                f"{path}: line {number} has {len(row)} cells and the first line {count}; correct that line"
-            )
-        try:
-            rows.append([float(cell) if cell.strip() else np.nan for cell in row])
-        except ValueError as error:
-            raise RecordError(f"{path}: line {number}: {error}; write numbers only below the first line") from error
-    if not rows:
-        raise RecordError(f"{path}: has no rows below its first line; export the samples too")
-    return np.array(rows)
-
-
-def _mat(path: Path) -> dict[str, Array]:
-    from scipy.io import loadmat  # noqa: PLC0415
-
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except NotImplementedError:  # v7.3 is HDF5
-        return _mat73(path)
-    return _flat({name: item for name, item in content.items() if not name.startswith("__")}, "")
-
-
-def _flat(content: Mapping[str, Any], where: str) -> dict[str, Array]:
-    """Structures as dotted names: data.t, data.x."""
-    found: dict[str, Array] = {}
-    for name, item in content.items():
-        if isinstance(item, Mapping):
-            found |= _flat(item, f"{where}{name}.")
-        elif isinstance(item, np.ndarray) and item.dtype.kind in "fiub":
-            found[f"{where}{name}"] = np.squeeze(item).astype(float)
-    return found
-
-
-def _mat73(path: Path) -> dict[str, Array]:
-    try:
-        import h5py  # noqa: PLC0415
-    except ImportError as error:
-        raise RecordError(f"{path}: MAT v7.3 needs the package h5py; install it, or save with -v7") from error
-    found: dict[str, Array] = {}
-
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and not name.startswith("#"):
-            if item.external or item.is_virtual:
-                raise RecordError(f"{path}: {name} keeps its samples in another file; save them in this one")
-            found[name.replace("/", ".")] = np.squeeze(np.asarray(item, float))
-
-    with h5py.File(path, "r") as file:
-        file.visititems(visit)
-    return found
-
-
-def _parquet(path: Path) -> dict[str, Array]:
-    try:
-        from pyarrow import parquet  # noqa: PLC0415
-    except ImportError as error:
-        raise RecordError(f"{path}: Parquet needs the package pyarrow; install it, or save as CSV") from error
-    table = parquet.ParquetFile(path).read()
-    columns = zip(table.column_names, table.columns, strict=True)
-    return {name: np.asarray(column.to_numpy(), float) for name, column in columns if "string" not in str(column.type)}
-
-
-def _record(table: Mapping[str, Array], columns: Columns) -> tuple[Record, tuple[str, ...]]:
+def _record(table: _Table, columns: Columns) -> tuple[Record, tuple[str, ...]]:
     """The record in SI units and the signals that the file has. Raises RecordError."""
     signals = {signal: _signal(table, columns, signal) for signal in NEEDED}
     for signal in OPTIONAL:
         own = getattr(columns, signal) != getattr(Columns(), signal)  # what was mapped must be there
-        if own or columns.source(signal).name in table:
+        if own or columns.source(signal).name in table.columns:
             signals[signal] = _signal(table, columns, signal)
     lengths = {signal: column.size for signal, column in signals.items()}
     if len(set(lengths.values())) > 1:
@@ -219,7 +155,7 @@ def _record(table: Mapping[str, Array], columns: Columns) -> tuple[Record, tuple
     return record, tuple(signals)
 
 
-def _response(table: Mapping[str, Array], columns: Columns) -> FrequencyResponse:
+def _response(table: _Table, columns: Columns) -> FrequencyResponse:
     """A measured frequency response, sorted; phase in degrees or radians, magnitude plain or in decibels."""
     frequency, magnitude = _signal(table, columns, "frequency"), _signal(table, columns, "magnitude")
     phase = np.deg2rad(_signal(table, columns, "phase"))
@@ -230,21 +166,21 @@ def _response(table: Mapping[str, Array], columns: Columns) -> FrequencyResponse
             "frequencies and magnitudes must be above 0; leave the other lines out, or mark decibels [dB]"
         )
     relative = columns.source("deviation").name
-    deviation = table[relative] if relative in table else np.full(frequency.size, np.nan)
+    deviation = table.columns[relative] if relative in table.columns else np.full(frequency.size, np.nan)
     order = np.argsort(frequency)
     response = np.asarray(magnitude * np.exp(1j * phase), complex)
     variance = (np.abs(response) * deviation) ** 2
     return FrequencyResponse(frequency[order], response[order], variance[order], np.full(frequency.size, np.nan), 0.0)
 
 
-def _signal(table: Mapping[str, Array], columns: Columns, signal: str) -> Array:
+def _signal(table: _Table, columns: Columns, signal: str) -> Array:
     source = columns.source(signal)
-    if source.name not in table:
-        close = difflib.get_close_matches(source.name, list(table), n=1, cutoff=0.0)
+    if source.name not in table.columns:
+        close = difflib.get_close_matches(source.name, table.names, n=1, cutoff=0.0)
         nearest = f"the nearest that the file has is {close[0]!r}" if close else "the file has no columns"
         raise RecordError(
             f"column {source.name!r} for the {signal} is missing; {nearest}; rename it, or map it by "
             f'{signal} = "NAME [unit] * factor" in the machine file\'s [record] or by --column'
         )
-    column = table[source.name] * source.factor
-    return source.factor * 10.0 ** (table[source.name] / 20) if source.decibels else column
+    column = table.columns[source.name]
+    return source.factor * 10.0 ** (column / 20) if source.decibels else column * source.factor

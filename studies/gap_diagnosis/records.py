@@ -11,7 +11,6 @@ from pathlib import Path
 from diagnosis.model.motions import check_count
 from models.machine import Machine
 from models.records.checks import (
-    RecordError,
     check_movement,
     check_one_machine,
     check_sample_time,
@@ -19,6 +18,7 @@ from models.records.checks import (
 )
 from models.records.files import Loaded, load
 from models.records.record import Record
+from models.records.sizes import RecordError
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.options import BadInputError
 from studies.record_columns import columns_of

@@ -15,10 +15,10 @@ from models.identification.recognise import read, recognised
 from models.machine import Machine, Parameter, parameters
 from models.machine_file import to_toml
 from models.quantity import show
-from models.records.checks import RecordError
 from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.record import Record, cut
+from models.records.sizes import RecordError
 from studies.identify_machine import own_records, round_trip
 from studies.identify_machine.options import IdentificationOptions
 from studies.identify_machine.shown import checks_of, results_of

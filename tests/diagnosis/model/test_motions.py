@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from diagnosis.model.motions import FEWEST, MotionKind, check_count, pieces, repeated
-from models.records.checks import RecordError
 from models.records.record import Record
+from models.records.sizes import RecordError
 
 TS = 1e-3
 

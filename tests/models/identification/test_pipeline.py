@@ -13,8 +13,8 @@ from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.machine import Machine, Provenance, Tolerance, load
 from models.plant import frequency_response
-from models.records.checks import RecordError
 from models.records.files import Loaded
+from models.records.sizes import RecordError
 
 MACHINE = load()
 FREQUENCY = np.geomspace(5, 400, 120)

@@ -18,10 +18,11 @@ from scipy.io import savemat
 
 from models.controller import PID, Controller
 from models.machine import load as load_machine
-from models.records.checks import RecordError, derivative_of_error, quantisation, replay
+from models.records.checks import derivative_of_error, quantisation, replay
 from models.records.columns import Columns
 from models.records.files import Loaded, load, read
 from models.records.record import Record, cut, feeding_sequence
+from models.records.sizes import RecordError
 from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
