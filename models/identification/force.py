@@ -42,6 +42,7 @@ SPACING: Final = 1.25  # least ratio of two neighbouring limits
 # Samples kept over which errors hang together: a turning point that the scale misses by part of a step is an error of
 # every element until it slips. With 4 the longest limit came out a quarter too sure; 32 changes nothing.
 TOGETHER: Final = 16
+AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
 LAGS: Final = ("delay", DAMPING)  # parameters beside the limits [s]
 LAG_RANGE: Final = (np.array([-5.0, -5.0]), np.array([5.0, 100.0]))  # sample times
 LAG_ORIGIN: Final = 10.0  # sample times; steps of 1e-3 from there on are as long near no lag as elsewhere
@@ -217,13 +218,16 @@ def _columns(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array]:
     """(columns (n, p), force (n,)) at the samples kept, filtered; the elements' columns are the last."""
     known = data.beside if lags[0] == 0 else None
     path, fixed = known or _beside(data, float(lags[0]))
-    states = _filtered(data, _states(limits, path, lags[1] / data.sample_time))
-    return np.hstack([fixed[:, :-1], states]), fixed[:, -1]
+    lead, width = lags[1] / data.sample_time, max(AT_A_TIME // path.size, 1)
+    states = [_filtered(data, _states(limits[i : i + width], path, lead)) for i in range(0, max(limits.size, 1), width)]
+    return np.hstack([fixed[:, :-1], *states]), fixed[:, -1]
 
 
 def _filtered(data: _Data, columns: Array) -> Array:
     """Columns (samples, c) through the pass band, at the samples kept (n, c)."""
-    return np.asarray(sosfiltfilt(data.pass_band, columns, axis=0)[data.keep])
+    width = max(AT_A_TIME // len(columns), 1)
+    parts = [columns[:, i : i + width] for i in range(0, max(columns.shape[1], 1), width)]
+    return np.hstack([sosfiltfilt(data.pass_band, part, axis=0)[data.keep] for part in parts])
 
 
 def _solved(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array, float]:

@@ -12,24 +12,32 @@ from models.machine import Machine
 from models.records.columns import Columns
 from models.records.files import Loaded, load
 from models.records.record import Record
+from models.records.sizes import LIMITS, Limits
 
 SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
 STRAIGHT: Final = 0.01  # of the way: by so much a reference of one speed may depart from a straight line
 
 
-def read(machine: Machine, path: Path, columns: Columns | None = None) -> Loaded:
+def read(
+    machine: Machine, path: Path, columns: Columns | None = None, *, trusted: bool = False, limits: Limits = LIMITS
+) -> Loaded:
     """The record or frequency response in a file [SI], checked against the machine that it is said to be of.
 
-    columns: how the file calls its signals; by default as the machine file maps them. Raises RecordError.
+    columns: how the file calls its signals; by default as the machine file maps them. trusted: what makes a record
+    implausible is said among the findings, instead of refusing it. limits: of the file's size. Raises RecordError.
     """
     return load(
         path,
         columns or machine.record,
+        trusted=trusted,
+        limits=limits,
         pid=machine.control.pid,
         reference_delay=machine.control.reference_delay,
         sample_time=machine.sample_time,
         mass=machine.plant.mass,
         limit=machine.drive.rated_thrust,
+        resolution=machine.scale.resolution,
+        stiffness=float(sum(machine.friction.stiffness)),
     )
 
 

@@ -6,7 +6,7 @@ Symbols: n samples; T_s the sample time [s]; u the command [N], x the position [
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,7 +21,7 @@ from models.records.sizes import RecordError
 Array = NDArray[np.float64]
 
 UNEVEN: Final = 0.01  # of the sample time: rounding of a time column is below, a wandering clock above
-THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its inverse
+THOUSAND: Final = (300.0, 3000.0)  # a ratio of sample times in here is a factor of 1000, or its inverse
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
 SATURATED: Final = 3  # samples in a row at the extreme of the command
 SHORTEST: Final = 1000  # samples that a diagnosis needs, of all records together
@@ -78,30 +78,31 @@ def _backward(signals: Mapping[str, Array], names: Mapping[str, str], step: Arra
     return f"column {names['time']!r} does not rise in row {row}; sort the rows, or map the right column to time"
 
 
-def findings(
-    record: Record,
-    given: Iterable[str],
-    *,
-    pid: PID | None = None,
-    reference_delay: int = 0,
-    sample_time: float | None = None,
-    mass: float | None = None,
-    limit: float | None = None,
-) -> tuple[str, ...]:
-    """Sentences on a record that can be used [SI]; raises RecordError for one that can't.
+@dataclass(frozen=True)
+class Facts:
+    """What is nominally known of a machine [SI], to see more in its records; None: not known.
 
-    What is nominally known helps to see more: the PID that ran and its reference's delay [samples], the machine's
-    sample time [s], its mass [kg], the thrust limit [N].
+    The PID that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N], the
+    resolution of the scale [m] and the stiffness of the friction at rest [N/m].
     """
-    given = set(given)
+
+    pid: PID | None = None
+    reference_delay: int = 0
+    sample_time: float | None = None
+    mass: float | None = None
+    limit: float | None = None
+    resolution: float | None = None
+    stiffness: float | None = None
+
+
+def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, ...]:
+    """Sentences on a record that can be used; raises RecordError for one that can't. given: signals of the file."""
     _constant(record)
-    if sample_time is not None:
-        _sample_time(record, sample_time)
-    _swapped(record, given)
-    _scale(record, given, mass)
-    sentences = [*_saturation(record, limit), *_step(record)]
-    if pid is not None and {"reference", "command"} <= given:
-        sentences += _shift(record, pid, reference_delay)
+    if facts.sample_time is not None:
+        _sample_time(record, facts.sample_time)
+    sentences = [*_saturation(record, facts.limit), *_step(record)]
+    if facts.pid is not None and {"reference", "command"} <= set(given):
+        sentences += _shift(record, facts.pid, facts.reference_delay)
     return tuple(sentences)
 
 
@@ -217,79 +218,18 @@ def _thousand(ratio: float) -> bool:
     return THOUSAND[0] < size < THOUSAND[1] or 1 / THOUSAND[1] < size < 1 / THOUSAND[0]
 
 
-def _correlation(one: Array, other: Array) -> float:
-    if np.ptp(one) == 0 or np.ptp(other) == 0:
-        return 0.0
-    return float(np.corrcoef(one, other)[0, 1])
-
-
-def _roughness(signal: Array) -> float:
-    """Second differences against the whole: a position is smooth, the force that drives it is not."""
-    return float(np.std(np.diff(signal, 2)) / np.std(signal))
-
-
-def _swapped(record: Record, given: set[str]) -> None:
-    moved = "reference" in given and np.ptp(record.reference) > 0
-    if moved:
-        position, command = (abs(_correlation(s, record.reference)) for s in (record.position, record.command))
-        swapped = command > 0.9 and command > position + 0.2
-    else:
-        swapped = _roughness(record.position) > 30 * _roughness(record.command)
-    if swapped:
-        raise RecordError(
-            "position and command look swapped: the command is what follows the reference, or is the smoother one; "
-            "map each to its column"
-        )
-    if moved and quantisation(record.reference) > 0 and quantisation(record.position) == 0 and len(given) > 3:
-        raise RecordError(
-            "reference and position look swapped: the reference has the steps of a scale and the position none; "
-            "map each to its column"
-        )
-
-
-def _scale(record: Record, given: set[str], mass: float | None) -> None:
-    """A factor of 1000 or a turned sign between position and reference, else between command and inertia."""
-    if "reference" in given and np.ptp(record.reference) > 0:
-        slope = float(np.polyfit(record.reference, record.position, 1)[0])
-        if abs(_correlation(record.reference, record.position)) > 0.9:
-            if _thousand(slope):
-                raise RecordError(
-                    f"the position moves {abs(slope):.4g} times as far as the reference, a factor of 1000: the unit of "
-                    "one of them is wrong; mark it, as in [mm]"
-                )
-            if slope < 0:
-                raise RecordError('the position moves against the reference: a sign is wrong; turn it by "NAME * -1"')
-    if mass is not None:
-        ratio, explained = _apparent_mass(record)
-        if explained > 0.5 and _thousand(ratio / mass):
-            raise RecordError(
-                f"the command moves a mass of {show(ratio, 'kg')} where {show(mass, 'kg')} are known, "
-                "a factor of 1000: the unit of command or position is wrong; mark it"
-            )
-
-
-def _apparent_mass(record: Record) -> tuple[float, float]:
-    """(mass [kg], share of the command's variance explained [1]) by inertia and friction, smoothed over 20 samples."""
-    speed, acceleration, force = _smoothed(record, 20)
-    inside = slice(20, -20)
-    if force[inside].size < 20 or np.std(force[inside]) == 0:
-        return 0.0, 0.0
-    mass, left = _fitted_mass(speed[inside], acceleration[inside], force[inside])
-    return mass, 1 - float(np.var(left) / np.var(force[inside]))
-
-
 def rolling_mass(record: Record) -> float | None:
     """The mass [kg] that a record shows while the axis rolls, smoothed over 40 samples; None if friction hides it."""
-    speed, acceleration, force = _smoothed(record, 40)
+    speed, acceleration, force = smoothed(record, 40)
     rolls = np.abs(speed) > max(ROLLING, 0.05 * float(np.max(np.abs(speed))))
     if np.count_nonzero(rolls) < FEWEST_ROLLING:
         return None
-    mass, left = _fitted_mass(speed[rolls], acceleration[rolls], force[rolls])
+    mass, left = fitted_mass(speed[rolls], acceleration[rolls], force[rolls])
     inertia, rest = float(np.var(mass * acceleration[rolls])), float(np.var(left))
     return mass if inertia > INERTIA * (inertia + rest) else None
 
 
-def _smoothed(record: Record, samples: int) -> tuple[Array, Array, Array]:
+def smoothed(record: Record, samples: int) -> tuple[Array, Array, Array]:
     """(speed [m/s], acceleration [m/s2], command [N]) of a record, smoothed by a Hann window of so many samples."""
     window = np.hanning(samples + 2)[1:-1]
     x, u = (np.convolve(signal, window / window.sum(), "valid") for signal in (record.position, record.command))
@@ -297,7 +237,7 @@ def _smoothed(record: Record, samples: int) -> tuple[Array, Array, Array]:
     return speed, np.gradient(speed, record.sample_time), u
 
 
-def _fitted_mass(speed: Array, acceleration: Array, force: Array) -> tuple[float, Array]:
+def fitted_mass(speed: Array, acceleration: Array, force: Array) -> tuple[float, Array]:
     """(m [kg], residual (n,) [N]) of u = m a + c sign(v) + b by least squares."""
     columns = np.column_stack([acceleration, np.sign(speed), np.ones(force.size)])
     scale = np.maximum(np.max(np.abs(columns), axis=0), 1e-300)

@@ -17,13 +17,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.controller import PID
 from models.identification.response import FrequencyResponse
-from models.records.checks import check_samples, derivative_of_error, findings
+from models.records.checks import Facts, check_samples, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
 from models.records.delimited import columns_of_csv
 from models.records.matlab import columns_of_mat
 from models.records.parquet_table import columns_of_parquet
+from models.records.plausible import TRUST, doubts
 from models.records.record import Record
 from models.records.sizes import LIMITS, Limits, RecordError
 
@@ -43,14 +43,16 @@ class Loaded:
     findings: tuple[str, ...]
 
 
-def load(path: Path, columns: Columns | None = None, *, limits: Limits = LIMITS, **facts: Any) -> Loaded:
-    """The record or frequency response in a file. `facts` go to `record_check.findings`: pid, sample_time [s], ...
+def load(
+    path: Path, columns: Columns | None = None, *, trusted: bool = False, limits: Limits = LIMITS, **known: Any
+) -> Loaded:
+    """The record or frequency response in a file. `known`: the fields of `checks.Facts`, as far as they are known [SI].
 
     A file with a column for `frequency` and none for `position` is a frequency response. Signals that the file leaves
-    out: the reference is then the target (or it the reference, or both zero) and the feedforward zero.
-    Raises RecordError.
+    out: the reference is then the target (or it the reference, or both zero) and the feedforward zero. trusted: what
+    makes a record implausible is said among the findings, instead of refusing it. Raises RecordError.
     """
-    columns = columns or Columns()
+    columns, facts = columns or Columns(), Facts(**known)
     names = {signal: columns.source(signal).name for signal in UNITS}
     table = _table(path, set(names.values()), limits)
     with path.open("rb") as file:
@@ -59,7 +61,12 @@ def load(path: Path, columns: Columns | None = None, *, limits: Limits = LIMITS,
         if names["frequency"] in table.names and names["position"] not in table.names:
             return Loaded(path.name, digest, _response(table, columns), (), ())
         record, given = _record(table, columns)
-        said = findings(_as_it_ran(record, columns, **facts), given, **facts)
+        said = findings(_as_it_ran(record, columns, facts), given, facts)
+        doubted = doubts(record, set(given), facts)
+        if trusted:
+            said = (*(f"{one[0].upper()}{one[1:]}." for one in doubted), *said)
+        elif (one := next(doubted, None)) is not None:
+            raise RecordError(f"{one}; {TRUST}")
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     return Loaded(path.name, digest, record, given, said)
@@ -81,11 +88,11 @@ def read_record(path: str | Path, columns: Columns | None = None) -> Record:
     return content
 
 
-def _as_it_ran(
-    record: Record, columns: Columns, *, pid: PID | None = None, reference_delay: int = 0, **_: Any
-) -> Record:
+def _as_it_ran(record: Record, columns: Columns, facts: Facts) -> Record:
     """The record for a replay of the PID, whatever its derivative was taken of."""
-    return record if pid is None or columns.derivative == "error" else derivative_of_error(record, pid, reference_delay)
+    if facts.pid is None or columns.derivative == "error":
+        return record
+    return derivative_of_error(record, facts.pid, facts.reference_delay)
 
 
 def read(path: Path, limits: Limits = LIMITS) -> dict[str, Array]:

@@ -21,7 +21,7 @@ class Limits:
     together, 0.8 GB as they are held. text: of a CSV, that many samples of 14 columns of 20 characters. line: of a CSV,
     a thousand columns with long names (a line that ends within a chunk may be longer). columns: of a table, and of
     variables and fields in a MAT file, of which each takes some effort, however small it is. depth: of structures
-    within structures.
+    within structures. remedy: what to do with more samples.
     """
 
     samples: int = 7_000_000
@@ -30,11 +30,12 @@ class Limits:
     line: int = 1_000_000
     columns: int = 1_000
     depth: int = 16
+    remedy: str = WAY_OUT
 
     def check_samples(self, count: int, what: str = "samples") -> None:
         """Raises RecordError for a file with more samples."""
         if count > self.samples:
-            raise RecordError(f"holds more than {self.samples:,} {what}, the most that is read; {WAY_OUT}")
+            raise RecordError(f"holds more than {self.samples:,} {what}, the most that is read; {self.remedy}")
 
     def check_numbers(self, count: int) -> None:
         """Raises RecordError for a file with more numbers."""

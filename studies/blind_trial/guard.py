@@ -38,6 +38,8 @@ SPAWNS: Final = (
     "pty.spawn",
     "socket.connect",
 )
+CHUNK: Final = 1 << 20  # Bytes of a file that are searched at a time.
+LARGEST: Final = 2_000_000_000  # Bytes of a file after decompression, up to which it is searched.
 WORTH_COMPARING: Final = 60  # Syntax-tree nodes of a function; shorter functions may coincide by chance.
 
 
@@ -81,17 +83,34 @@ def _within(path: str, places: Sequence[str], names: Iterable[str]) -> bool:
     return not os.path.isabs(path) and os.path.basename(path) in names  # noqa: PTH117, PTH119
 
 
-def leaks(pack: Path, names: Iterable[str]) -> list[str]:
-    """Where a pack reveals a label: names of effects in its files' names or contents, except in disabled.json."""
+def leaks(pack: Path, names: Iterable[str], largest: int = LARGEST) -> list[str]:
+    """Where a pack reveals a label: names of effects in its files' names or contents, except in disabled.json.
+
+    A file is searched up to so many bytes after decompression; that it has more is said, as it hides what follows.
+    """
     found = []
     words = [name.encode() for name in names]
     for file in sorted(one for one in pack.rglob("*") if one.is_file() and one.name != "disabled.json"):
-        raw = file.read_bytes()
-        text = (
-            file.relative_to(pack).as_posix().encode() + b"\n" + (gzip.decompress(raw) if file.suffix == ".gz" else raw)
-        )
-        found += [f"{file.relative_to(pack)} holds {word.decode()!r}" for word in words if word in text]
+        place = str(file.relative_to(pack))
+        held, whole = _held(file, words, largest)
+        found += [f"{place} holds {word.decode()!r}" for word in words if word in held or word in place.encode()]
+        if not whole:
+            found.append(f"{place} expands to more than {largest / 1e9:g} GB, and so was not searched to its end")
     return found
+
+
+def _held(file: Path, words: Sequence[bytes], largest: int) -> tuple[set[bytes], bool]:
+    """Which words a file holds, read chunk by chunk, and whether it was read to its end."""
+    held, longest, size, last = set[bytes](), max(map(len, words), default=1), 0, b""
+    with gzip.open(file) if file.suffix == ".gz" else file.open("rb") as content:
+        while part := content.read(CHUNK):
+            size += len(part)
+            if size > largest:
+                return held, False
+            text = last + part
+            held.update(word for word in words if word in text)
+            last = text[1 - longest :] if longest > 1 else b""
+    return held, True
 
 
 def shared_code(one: Path, others: Iterable[Path], packages: Sequence[str]) -> list[str]:

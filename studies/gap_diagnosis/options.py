@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
-from studies.options import Options, paths, texts
+from studies.options import Options, flag, paths, texts, whole
+
+# Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
+# sample, and what two threads compute of them at a time the rest.
+MOST_SAMPLES: Final = 120_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +25,16 @@ class DiagnosisOptions(Options):
     )
     disable: tuple[str, ...] = texts(
         "NAME", "an effect of the catalogue to exclude, such as cogging; may be repeated", reviewable=True
+    )
+    most_samples: int = whole(
+        "N",
+        "of all records together; more are refused, as each takes about 14 kB of memory "
+        f"(default: {MOST_SAMPLES:,}, which take 2 GB)",
+        1,
+        default=MOST_SAMPLES,
+    )
+    trust_records: bool = flag(
+        "use records whose columns, units or jumps look wrong for this machine; the report says what looks wrong"
     )
     column: tuple[str, ...] = texts(
         "SIGNAL=ENTRY",

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from diagnosis.model.motions import check_count
+from models.identification.recognise import read
 from models.machine import Machine
 from models.records.checks import (
     check_movement,
@@ -16,9 +17,9 @@ from models.records.checks import (
     check_sample_time,
     derivative_of_error,
 )
-from models.records.files import Loaded, load
+from models.records.files import Loaded
 from models.records.record import Record
-from models.records.sizes import RecordError
+from models.records.sizes import LIMITS, WAY_OUT, RecordError
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.options import BadInputError
 from studies.record_columns import columns_of
@@ -27,18 +28,13 @@ from studies.record_columns import columns_of
 def loaded(machine: Machine, options: DiagnosisOptions) -> tuple[Loaded, ...]:
     """The records that were given. Raises BadInputError for one that can't be read or diagnosed."""
     columns, control = columns_of(machine, options.column), machine.control
-    found = []
+    found, most = list[Loaded](), options.most_samples
+    limits = replace(
+        LIMITS, samples=most, remedy=f"{WAY_OUT}, or give --most-samples where there are 14 kB of memory for each"
+    )
     for path in options.record:
         with _refused():
-            one = load(
-                path,
-                columns,
-                sample_time=machine.sample_time,
-                mass=machine.plant.mass,
-                pid=control.pid,
-                reference_delay=control.reference_delay,
-                limit=machine.drive.rated_thrust,
-            )
+            one = read(machine, path, columns, trusted=options.trust_records, limits=limits)
         if not isinstance(one.content, Record):
             raise BadInputError(
                 f"{path}: is a frequency response; a diagnosis needs records over time (identify_machine takes it)"
@@ -48,8 +44,15 @@ def loaded(machine: Machine, options: DiagnosisOptions) -> tuple[Loaded, ...]:
         if columns.derivative == "position":
             one = replace(one, content=derivative_of_error(one.content, control.pid, control.reference_delay))
         found.append(one)
+        if sum(map(_samples, found)) > most:
+            names = ", ".join(map(str, options.record))
+            raise BadInputError(f"{names}: hold more than {most:,} samples together; {limits.remedy}")
     check([one.content for one in found if isinstance(one.content, Record)], options.record)
     return tuple(found)
+
+
+def _samples(one: Loaded) -> int:
+    return one.content.position.size if isinstance(one.content, Record) else 0
 
 
 def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:

@@ -77,7 +77,7 @@ def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress
     for kind, path in zip(kinds, options.record, strict=True):
         progress(0.02, f"reading {path}")
         try:
-            loaded = read(machine, path, columns)
+            loaded = read(machine, path, columns, trusted=options.trust_records)
         except RecordError as error:
             raise BadInputError(str(error)) from error
         found.append((recognised(machine, loaded) if kind == "auto" else kind, loaded))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from models.records.kinds import KINDS
-from studies.options import Options, paths, quantity, text, texts, whole
+from models.records.sizes import LIMITS
+from studies.options import Options, flag, paths, quantity, text, texts, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,14 +16,18 @@ class IdentificationOptions(Options):
 
     record: tuple[Path, ...] = paths(
         "RECORD",
-        ".csv, .csv.gz, .mat or .parquet; the kind of each is recognised. Without any, records of simulated tables "
-        "are identified, to verify the stated uncertainties (round trip)",
+        f".csv, .csv.gz, .mat or .parquet, each with {LIMITS.samples:,} samples at most; decimate longer ones or cut them. "
+        "The kind of each is recognised. Without any, records of simulated tables are identified, to verify the stated "
+        "uncertainties (round trip)",
         reviewable=True,
     )
     kinds: str | None = text(
         "KIND,...",
         f"the kinds of the records, in their order, instead of recognising them: auto, {', '.join(KINDS)}",
         reviewable=True,
+    )
+    trust_records: bool = flag(
+        "use records whose columns, units or jumps look wrong for this machine; the report says what looks wrong"
     )
     column: tuple[str, ...] = texts(
         "SIGNAL=ENTRY",

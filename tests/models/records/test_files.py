@@ -208,6 +208,17 @@ def test_a_wrong_file_gets_its_sentence(kind: str, tmp_path: Path, table: Table)
     assert str(path) in str(error.value)
 
 
+def test_a_record_that_is_trusted_is_read_and_its_doubts_are_said(tmp_path: Path, table: Table, record: Record) -> None:
+    path = csv(tmp_path / "a.csv", WRONG["thousand"][0](table))
+    with pytest.raises(RecordError, match="if the record is right as it is, give --trust-records"):
+        load(path)
+    loaded = load(path, trusted=True)
+    assert isinstance(loaded.content, Record)
+    np.testing.assert_array_equal(loaded.content.position, 1e3 * record.position)
+    assert loaded.findings[0].startswith("The position moves ")
+    assert loaded.findings[0].endswith("as in [mm].")
+
+
 def said(path: Path, table: Table) -> str:
     control = MACHINE.control
     loaded = load(csv(path, table), pid=control.pid, reference_delay=control.reference_delay, limit=150.0)

@@ -50,10 +50,13 @@ def test_a_leaked_label_is_found_by_name_and_by_content(tmp_path: Path) -> None:
     assert guard.leaks(tmp_path, names) == []
     record.write_bytes(gzip.compress(b"time_s\n0\n# cogging\n"))
     (tmp_path / "case-01" / "stribeck.txt").touch()
-    assert guard.leaks(tmp_path, names) == [
-        "case-01/stribeck.txt holds 'stribeck'",
-        "case-01/suite.csv.gz holds 'cogging'",
-    ]
+    expected = ["case-01/stribeck.txt holds 'stribeck'", "case-01/suite.csv.gz holds 'cogging'"]
+    assert guard.leaks(tmp_path, names) == expected
+    record.write_bytes(gzip.compress(b"0" * (guard.CHUNK - 3) + b"cogging"))  # across the ends of two chunks
+    assert guard.leaks(tmp_path, names) == expected
+    record.write_bytes(gzip.compress(bytes(10_000_000)))
+    hidden = "case-01/suite.csv.gz expands to more than 0.002 GB, and so was not searched to its end"
+    assert guard.leaks(tmp_path, names, largest=2_000_000) == [expected[0], hidden]
 
 
 FUNCTION = '''

@@ -335,6 +335,29 @@ def test_what_can_not_be_diagnosed_is_one_line(own: Made, tmp_path: Path, capsys
         assert not (folder / "out").exists()
 
 
+def test_what_is_too_long_or_jumps_is_refused_with_the_way_out(
+    own: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = own.records[0]
+    count = whole.position.size
+    jumping = replace(whole, position=whole.position + np.where(np.arange(count) < 400, 0.0, 0.1))
+    for records, options, says in (
+        (
+            [whole],
+            ["--most-samples", f"{count - 1}"],
+            f"holds more than {count - 1:,} samples, .* decimate it, or give",
+        ),
+        (
+            [whole, whole],
+            ["--most-samples", f"{count}"],
+            f"hold more than {count:,} samples together; cut it .* or give",
+        ),
+        ([jumping], [], r"jumps by 100 mm at 200 ms .* line 402 of a CSV.* if the record is right .* --trust-records"),
+    ):
+        assert run(tmp_path, records, own.machine, *options) == BAD_INPUT
+        assert re.search(says, error_of(capsys))
+
+
 def test_a_frequency_response_is_no_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "response.csv"
     rows = [f"{f},{1e-6 / f**2},-180" for f in range(1, 50)]

@@ -1,0 +1,176 @@
+"""Whether a record can be what it says: its scale, signs and columns, judged by the machine's own quantities.
+
+Each doubt is a sentence. A record with one is refused, unless it is said to be right as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.quantity import show
+from models.records.checks import INERTIA, Facts, fitted_mass, quantisation, smoothed
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its inverse
+PEAK: Final = 100.0  # times the rated thrust, which no drive gives
+FASTER: Final = (
+    10.0  # times the speed that the rated thrust gives over the whole way: a hundredfold force, or so small a mass
+)
+FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
+SMOOTHED: Final = 20  # samples over which accelerations are taken
+FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit
+TRUST: Final = "if the record is right as it is, give --trust-records"
+
+
+def doubts(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
+    """Why a record can't be what it says, in whole sentences, the plainest first. given: signals that the file has."""
+    yield from _swapped(record, given)
+    if "reference" in given and np.ptp(record.reference) > 0:
+        yield from _against_reference(record)
+    yield from _against_scale(record, facts)
+    yield from _jumps(record, facts)
+    yield from _against_force(record, facts)
+
+
+def _off(ratio: float) -> bool:
+    """Whether a ratio is a factor of a thousand or more, or its inverse."""
+    return not 1 / THOUSAND[0] <= abs(ratio) <= THOUSAND[0]
+
+
+def _factor(ratio: float) -> str:
+    """The power of a thousand next to a ratio, or to its inverse."""
+    power = max(round(abs(math.log10(abs(ratio) or 1e-300)) / 3), 1)
+    return f"a factor of {1000**power}"
+
+
+def _correlation(one: Array, other: Array) -> float:
+    if np.ptp(one) == 0 or np.ptp(other) == 0:
+        return 0.0
+    return float(np.corrcoef(one, other)[0, 1])
+
+
+def _roughness(signal: Array) -> float:
+    """Second differences against the whole: a position is smooth, the force that drives it is not."""
+    return float(np.std(np.diff(signal, 2)) / np.std(signal))
+
+
+def _swapped(record: Record, given: set[str]) -> Iterator[str]:
+    moved = "reference" in given and np.ptp(record.reference) > 0
+    if moved:
+        position, command = (abs(_correlation(s, record.reference)) for s in (record.position, record.command))
+        swapped = command > 0.9 and command > position + 0.2
+    else:
+        swapped = _roughness(record.position) > 30 * _roughness(record.command)
+    if swapped:
+        yield (
+            "position and command look swapped: the command is what follows the reference, or is the smoother one; "
+            "map each to its column"
+        )
+    if moved and quantisation(record.reference) > 0 and quantisation(record.position) == 0 and len(given) > 3:
+        yield (
+            "reference and position look swapped: the reference has the steps of a scale and the position none; "
+            "map each to its column"
+        )
+
+
+def _against_reference(record: Record) -> Iterator[str]:
+    """A wrong unit or a turned sign between position and reference."""
+    if abs(_correlation(record.reference, record.position)) <= 0.9:
+        return
+    slope = float(np.polyfit(record.reference, record.position, 1)[0])
+    if _off(slope):
+        yield (
+            f"the position moves {abs(slope):.4g} times as far as the reference, {_factor(slope)}: the unit of "
+            "one of them is wrong; mark it, as in [mm]"
+        )
+    elif slope < 0:
+        yield 'the position moves against the reference: a sign is wrong; turn it by "NAME * -1"'
+
+
+def _against_scale(record: Record, facts: Facts) -> Iterator[str]:
+    """Steps of the reading that are far coarser than those of the machine's scale; finer ones may be digits."""
+    step = quantisation(record.position) if facts.resolution else 0.0
+    if facts.resolution and step > THOUSAND[0] * facts.resolution:
+        yield (
+            f"the position has steps of {show(step, 'm')} where the machine's scale resolves "
+            f"{show(facts.resolution, 'm')}, {_factor(step / facts.resolution)}: the position's unit is wrong; mark "
+            "it, as in [mm], or correct the resolution in the machine file"
+        )
+
+
+def _jumps(record: Record, facts: Facts) -> Iterator[str]:
+    """Steps from one sample to the next that the drive can't make: F moves M at up to sqrt(2 F/M s) over a way s."""
+    if not (facts.mass and facts.limit):
+        return
+    speed = FASTER * math.sqrt(2 * facts.limit / facts.mass * float(np.ptp(record.position)))
+    most = speed * record.sample_time + FLICKER * max(facts.resolution or 0.0, quantisation(record.position))
+    steps = np.abs(np.diff(record.position))
+    beyond = np.flatnonzero(steps > most)
+    if beyond.size == 0:
+        return
+    drive = f"{show(facts.limit, 'N')} move {show(facts.mass, 'kg')} by less than {show(most, 'm', 2)} in that time"
+    if beyond.size > max(FEW, RARE * steps.size):
+        yield (
+            f"the position moves by up to {show(float(np.max(steps)), 'm', 3)} from one sample to the next, and "
+            f"{drive}: the unit of position or time is wrong; mark it, as in [um] or [ms]"
+        )
+        return
+    row = int(beyond[0]) + 2  # of the sample after the jump
+    yield (
+        f"the position jumps by {show(float(steps[row - 2]), 'm', 3)} at {show((row - 1) * record.sample_time, 's')} "
+        f"after the start (row {row}, line {row + 1} of a CSV), {_times(beyond.size)}, and {drive}; "
+        "cut the record there"
+    )
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"the first of {count} such jumps"
+
+
+def _against_force(record: Record, facts: Facts) -> Iterator[str]:
+    """A wrong unit between the command and the motion that it makes, by mass, thrust and stiffness."""
+    speed, acceleration, force = (part[SMOOTHED:-SMOOTHED] for part in smoothed(record, SMOOTHED))
+    if force.size < SMOOTHED or np.std(force) == 0:
+        return
+    top, wide, scatter = float(np.max(np.abs(force))), float(np.ptp(force)), float(np.std(force))
+    if facts.limit and top > PEAK * facts.limit:
+        yield (
+            f"the command reaches {show(top, 'N', 3)} where the drive is rated for {show(facts.limit, 'N')}: the "
+            'command\'s unit is wrong; mark it, as in [mN], or give its factor, as in "NAME [V] * 35 N/V"'
+        )
+    if facts.mass:
+        yield from _against_mass(speed, acceleration, force, facts.mass)
+        inertia = facts.mass * float(np.std(acceleration))
+        if inertia > THOUSAND[0] * scatter:
+            yield (
+                f"the motion takes {show(inertia, 'N', 3)} to move {show(facts.mass, 'kg')}, and the command has "
+                f"{show(scatter, 'N', 3)}, {_factor(inertia / scatter)} apart (root mean square): the unit of "
+                "command or position is wrong; mark it"
+            )
+    way = float(np.ptp(record.position))
+    if facts.stiffness and way < wide / facts.stiffness / THOUSAND[0]:
+        yield (
+            f"the position moves by {show(way, 'm', 3)} under commands that differ by {show(wide, 'N', 3)}, and the "
+            f"friction alone gives way by {show(wide / facts.stiffness, 'm', 3)}: the unit of command or position is "
+            "wrong; mark it"
+        )
+
+
+def _against_mass(speed: Array, acceleration: Array, force: Array, mass: float) -> Iterator[str]:
+    """A factor of 1000 between the mass that explains the command, with friction or alone, and the machine's [kg]."""
+    shown, left = fitted_mass(speed, acceleration, force)
+    ratio, power = abs(shown / mass), float(np.var(force))
+    thousand = THOUSAND[0] < ratio < THOUSAND[1] or 1 / THOUSAND[1] < ratio < 1 / THOUSAND[0]
+    explained = thousand and float(np.var(left)) < 0.5 * power
+    if explained or (shown > 0 and _off(ratio) and float(np.var(shown * acceleration)) > INERTIA * power):
+        yield (
+            f"the command moves a mass of {show(shown, 'kg')} where {show(mass, 'kg')} are known, "
+            f"{_factor(ratio)}: the unit of command or position is wrong; mark it"
+        )

@@ -1,0 +1,87 @@
+"""Scales and jumps that a machine can't have made are doubted, judged by its own quantities; what it makes is not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pytest
+
+from models.machine import load
+from models.records.checks import Facts
+from models.records.plausible import doubts
+from models.records.record import Record
+from studies.identify_machine import own_records
+
+MACHINE = load()
+GIVEN = {"time", "target", "reference", "feedforward", "command", "position"}
+FACTS = Facts(
+    mass=MACHINE.plant.mass,
+    limit=MACHINE.drive.rated_thrust,
+    resolution=MACHINE.scale.resolution,
+    stiffness=float(sum(MACHINE.friction.stiffness)),
+)
+
+
+@pytest.fixture(scope="module")
+def records() -> Mapping[str, Record]:
+    """A record of each kind of the paper's table."""
+    table = own_records.noisy(MACHINE)
+    made = {
+        "excitation": own_records.excitation(table, 1),
+        "hysteresis": own_records.hysteresis(table, 1),
+        "motions": own_records.motions(table, 1),
+    }
+    return {**made, "short": made["motions"].part(0, 400)}
+
+
+KINDS = ("excitation", "hysteresis", "motions", "short")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_the_table_makes_is_not_doubted(kind: str, records: Mapping[str, Record]) -> None:
+    assert list(doubts(records[kind], GIVEN, FACTS)) == []
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1e-6, 1e6, 1e9])
+@pytest.mark.parametrize("signals", [("position",), ("position", "reference", "target"), ("command", "feedforward")])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_unit_wrong_by_a_million_is_doubted(
+    kind: str, signals: tuple[str, ...], factor: float, records: Mapping[str, Record]
+) -> None:
+    wrong = replace(records[kind], **{name: factor * getattr(records[kind], name) for name in signals})
+    assert any("unit" in doubt for doubt in doubts(wrong, GIVEN, FACTS))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_machine_s_own_units_do_not_matter(kind: str, records: Mapping[str, Record]) -> None:
+    """The same table a thousand times as large in way and force, and so as heavy, makes what it makes."""
+    record = records[kind]
+    large = {
+        name: 1e3 * getattr(record, name) for name in ("target", "reference", "feedforward", "command", "position")
+    }
+    ten = replace(record, **large)
+    facts = replace(FACTS, limit=1e3 * MACHINE.drive.rated_thrust, resolution=1e3 * MACHINE.scale.resolution)
+    assert list(doubts(ten, GIVEN, facts)) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("length", [1, 10_000])
+def test_a_jump_that_no_thrust_makes_is_doubted_with_its_place(
+    length: int, kind: str, records: Mapping[str, Record]
+) -> None:
+    position = records[kind].position.copy()
+    position[300 : 300 + length] += 0.1
+    jumped = replace(records[kind], position=position)
+    doubt = next(doubt for doubt in doubts(jumped, GIVEN, FACTS) if "jumps" in doubt)
+    assert "the position jumps by 100 mm at 150 ms after the start (row 301, line 302 of a CSV)" in doubt
+    assert "150 N move 44.74 kg by less than" in doubt
+    small = position.copy()
+    small[300 : 300 + length] -= 0.1 - 5e-6  # a count that is lost, which is to be diagnosed
+    assert list(doubts(replace(jumped, position=small), GIVEN, FACTS)) == []
+
+
+def test_without_knowing_the_machine_nothing_is_doubted_by_it(records: Mapping[str, Record]) -> None:
+    position = records["motions"].position.copy()
+    position[300:] += 0.1
+    assert not any("jumps" in doubt for doubt in doubts(replace(records["motions"], position=position), GIVEN, Facts()))
