@@ -34,6 +34,7 @@ from models.variation import Variation, varied
 
 Array = NDArray[np.float64]
 
+MOST_SAMPLES: Final = 1_000_000  # that 2 GB hold, as the filtered slopes and draws of the noise take 1.8 kB for each
 ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
 FAR: Final = 0.98  # of the longest way from the start: from there on friction has forgotten what it can forget
@@ -91,8 +92,13 @@ def identify(
     record. The fit can only scale them, so that what is unsure of their shape makes all that it finds unsure.
     Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
     none. What the machine has of it is not used, nor is its offset: motions show both better.
-    Raises ValueError if the record's sample time is another than the machine's, or nothing moves [s].
+    Raises ValueError if the record's sample time is another than the machine's, nothing moves, or it is too long [s].
     """
+    if record.position.size > MOST_SAMPLES:
+        raise ValueError(
+            f"{record.position.size:,} samples are more than the {MOST_SAMPLES:,} from which motions are identified in "
+            "2 GB of memory; cut the record"
+        )
     if abs(record.sample_time / machine.sample_time - 1) > 1e-3:
         raise ValueError(
             f"the record is sampled at {record.sample_time:g} s and the machine's controller at "

@@ -110,7 +110,7 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
     if not (facts.mass and facts.limit):
         return
     speed = FASTER * math.sqrt(2 * facts.limit / facts.mass * float(np.ptp(record.position)))
-    most = speed * record.sample_time + FLICKER * max(facts.resolution or 0.0, quantisation(record.position))
+    most = speed * record.sample_time + _flicker(record, facts)
     steps = np.abs(np.diff(record.position))
     beyond = np.flatnonzero(steps > most)
     if beyond.size == 0:
@@ -130,6 +130,11 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
     )
 
 
+def _flicker(record: Record, facts: Facts) -> float:
+    """By how much [m] a reading may change without a motion."""
+    return FLICKER * max(facts.resolution or 0.0, quantisation(record.position))
+
+
 def _times(count: int) -> str:
     return "once" if count == 1 else f"the first of {count} such jumps"
 
@@ -139,6 +144,7 @@ def _against_force(record: Record, facts: Facts) -> Iterator[str]:
     speed, acceleration, force = (part[SMOOTHED:-SMOOTHED] for part in smoothed(record, SMOOTHED))
     if force.size < SMOOTHED or np.std(force) == 0:
         return
+    way = float(np.ptp(record.position))
     top, wide, scatter = float(np.max(np.abs(force))), float(np.ptp(force)), float(np.std(force))
     if facts.limit and top > PEAK * facts.limit:
         yield (
@@ -148,13 +154,12 @@ def _against_force(record: Record, facts: Facts) -> Iterator[str]:
     if facts.mass:
         yield from _against_mass(speed, acceleration, force, facts.mass)
         inertia = facts.mass * float(np.std(acceleration))
-        if inertia > THOUSAND[0] * scatter:
+        if inertia > THOUSAND[0] * scatter and way > _flicker(record, facts):
             yield (
                 f"the motion takes {show(inertia, 'N', 3)} to move {show(facts.mass, 'kg')}, and the command has "
                 f"{show(scatter, 'N', 3)}, {_factor(inertia / scatter)} apart (root mean square): the unit of "
                 "command or position is wrong; mark it"
             )
-    way = float(np.ptp(record.position))
     if facts.stiffness and way < wide / facts.stiffness / THOUSAND[0]:
         yield (
             f"the position moves by {show(way, 'm', 3)} under commands that differ by {show(wide, 'N', 3)}, and the "

@@ -16,7 +16,7 @@ class IdentificationOptions(Options):
 
     record: tuple[Path, ...] = paths(
         "RECORD",
-        f".csv, .csv.gz, .mat or .parquet, each with {LIMITS.samples:,} samples at most; decimate longer ones or cut them. "
+        f".csv, .csv.gz, .mat or .parquet, each with {LIMITS.samples:,} samples at most (decimate or cut others). "
         "The kind of each is recognised. Without any, records of simulated tables are identified, to verify the stated "
         "uncertainties (round trip)",
         reviewable=True,

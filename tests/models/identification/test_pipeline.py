@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.identification import motion
 from models.identification.estimate import Estimate
 from models.identification.into_machine import Found, with_drag, with_inertia, with_offset
 from models.identification.pipeline import identify
@@ -14,6 +15,7 @@ from models.identification.response import FrequencyResponse
 from models.machine import Machine, Provenance, Tolerance, load
 from models.plant import frequency_response
 from models.records.files import Loaded
+from models.records.record import Record
 from models.records.sizes import RecordError
 
 MACHINE = load()
@@ -96,3 +98,10 @@ def test_a_deviation_that_is_not_finite_is_not_known() -> None:
     assert FOUND.by(np.inf) == replace(FOUND.by(1.0), std=None)
     assert FOUND.by([1.0, np.nan]).std is None
     assert FOUND.by([1.0, 2.0]) == Provenance("identified", "inverse dynamics", "", "fast.csv", "12ab", (1.0, 2.0))
+
+
+def test_a_record_of_too_many_motions_is_refused_before_the_work() -> None:
+    nothing = np.zeros(motion.MOST_SAMPLES + 1)
+    record = Record(MACHINE.sample_time, nothing, nothing, nothing, nothing, nothing)
+    with pytest.raises(ValueError, match=r"1,000,001 samples are more than the 1,000,000 .* cut the record"):
+        motion.identify(record, MACHINE)
