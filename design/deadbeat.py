@@ -104,7 +104,7 @@ class _Problem:
     reach: Array
     goal: Array
     path: Array
-    vibration: Array  # rows whose sum of squares is what wrong mode frequencies leave, relative to the stroke
+    units: Array  # of the states: strokes, strokes per rad, and the thrust under way
 
 
 def synthesise(
@@ -131,7 +131,7 @@ def synthesise(
     solution = (
         _least_peak(problem, constraints)
         if objective == "peak_thrust"
-        else _least_squares(problem, objective, constraints)
+        else _least_squares(problem, _effort(plant, sample_time, problem, objective), constraints)
     )
     if solution is None:
         raise DesignError(_why_not(plant, sample_time, settling_time, stroke, constraints))
@@ -200,7 +200,7 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
     goal = np.zeros(states)
     goal[2 * plant.rigid] = 1.0
     scale = stroke / (plant.rigid_gain * (count * sample_time) ** 2)
-    units = np.ones(states)  # of the states: strokes, strokes per rad, and the thrust under way
+    units = np.ones(states)
     for j, mode in enumerate(plant.modes):
         units[2 * j : 2 * j + 2] = stroke, stroke * _rate(mode, count * sample_time)
     units[2 * len(plant.modes) :] = scale
@@ -208,20 +208,25 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
     impulse = (c @ powers)[0, ::-1]
     for k in range(count):
         path[k, : k + 1] = impulse[: k + 1][::-1]
-    vibration = []
-    for j in plant.flexible:
-        for error in MODE_ERRORS:
-            off = varied_plant(plant, Variation(frequency=at_mode(plant, j, error)))
-            a_off, b_off, _ = sampled_matrices(off, sample_time, whole_delay=False)
-            vibration.append((_reach(a_off, b_off, count) / units[:, None])[2 * j : 2 * j + 2])
-    rows = np.vstack(vibration) if vibration else np.zeros((0, count))
     # The same conditions with orthonormal rows: the vibrating states are 400 times less in reach than the rigid body's.
     orthonormal, mixing = np.linalg.qr((scale * powers / units[:, None]).T)
     try:
         reached = np.linalg.solve(mixing.T, goal)
     except np.linalg.LinAlgError as error:
         raise DesignError(_inseparable(plant, sample_time)) from error
-    return _Problem(scale, orthonormal.T, reached, scale / stroke * path, scale * rows)
+    return _Problem(scale, orthonormal.T, reached, scale / stroke * path, units)
+
+
+def _vibration(plant: Plant, sample_time: float, problem: _Problem) -> Array:
+    """Rows (m, n) whose sum of squares on w is what wrong mode frequencies leave, relative to the stroke."""
+    count = problem.reach.shape[1]
+    rows = [np.zeros((0, count))]
+    for j in plant.flexible:
+        for error in MODE_ERRORS:
+            off = varied_plant(plant, Variation(frequency=at_mode(plant, j, error)))
+            a, b, _ = sampled_matrices(off, sample_time, whole_delay=False)
+            rows.append((_reach(a, b, count) / problem.units[:, None])[2 * j : 2 * j + 2])
+    return problem.scale * np.vstack(rows)
 
 
 def _inseparable(plant: Plant, sample_time: float) -> str:
@@ -272,16 +277,21 @@ def _bounds(problem: _Problem, constraints: Constraints) -> tuple[Array, Array, 
     return np.vstack(rows), np.concatenate(lower), np.concatenate(upper)
 
 
-def _least_squares(problem: _Problem, objective: Objective, constraints: Constraints) -> Array | None:
-    """w with the least |F w|^2 within the constraints, F by objective; None if there is none. A QP, by OSQP."""
+def _effort(plant: Plant, sample_time: float, problem: _Problem, objective: Objective) -> Array:
+    """F (m, n) of a quadratic objective |F w|^2."""
+    count = problem.reach.shape[1]
+    if objective == "thrust":
+        return np.eye(count)
+    difference = np.diff(np.eye(count), axis=0, prepend=0.0, append=0.0)
+    if objective == "thrust_difference":
+        return difference
+    return np.vstack([_vibration(plant, sample_time, problem), ROUGHNESS * difference])
+
+
+def _least_squares(problem: _Problem, factor: Array, constraints: Constraints) -> Array | None:
+    """w (n,) with the least |factor w|^2 within the constraints; None if there is none. A QP, by OSQP."""
     a, lower, upper = _bounds(problem, constraints)
     count = a.shape[1]
-    difference = np.diff(np.eye(count), axis=0, prepend=0.0, append=0.0)
-    factor = {
-        "thrust": np.eye(count),
-        "thrust_difference": difference,
-        "mode_robustness": np.vstack([problem.vibration, ROUGHNESS * difference]),
-    }[objective]
     hessian = factor.T @ factor
     solver = osqp.OSQP()
     solver.setup(
