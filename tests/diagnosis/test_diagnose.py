@@ -21,10 +21,10 @@ from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook, parame
 from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
 from models.records.record import Record
-from tests.diagnosis.tables import LEAD, recorded, schedules, table
+from tests.diagnosis.tables import LEAD, recorded, short, table
 
 MACHINE = table()
-PLAN = schedules(MACHINE)
+PLAN = (short(MACHINE),)
 RELAXATION = FrictionRelaxation(0.15, 0.2, 0)
 
 
