@@ -123,6 +123,10 @@ def synthesise(
     count = _samples(settling_time, sample_time)
     if not (math.isfinite(stroke) and stroke > 0):
         raise DesignError(f"the stroke is {show(stroke, 'm')}; give one above 0, such as 20 um")
+    if constraints.thrust is not None and not constraints.thrust > 0:
+        raise DesignError(
+            f"a feedforward may use {show(constraints.thrust, 'N')} of thrust, which moves nothing; allow more than 0"
+        )
     if objective not in get_args(Objective):
         raise DesignError(f"objective {objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
     problem = _problem(plant, sample_time, count, stroke)

@@ -6,6 +6,7 @@ from typing import Final
 
 from design.deadbeat import DesignError
 from design.loop import largest_pole
+from design.pid.rules import slow_rule
 from models.machine import Machine
 from models.quantity import show
 
@@ -46,10 +47,26 @@ def require_designable(machine: Machine) -> None:
 
 def require_stable(machine: Machine) -> None:
     """Raises DesignError if the PID makes an unstable loop with the machine while its friction slips."""
+    if not machine.control.pid.kp > 0:
+        raise DesignError(
+            f"control.pid.kp is 0, so that nothing pulls the table to its target; give gains{_others(machine)}"
+        )
     pole = largest_pole(machine.plant, machine.control.pid, machine.sample_time)
     if pole > 1 + UNSTABLE:
         raise DesignError(
             f"the loop is unstable: with control.pid on a mass of {show(machine.plant.mass, 'kg')} and a dead time of "
             f"{show(machine.plant.dead_time, 's')} its largest pole has the magnitude {pole:.5g}; "
-            "correct the gains, the mass or the dead time (pid_tradeoff finds gains for this machine)"
+            f"correct the gains, the mass or the dead time{_others(machine)}"
         )
+
+
+def _others(machine: Machine) -> str:
+    """Gains with which the loop is stable, where a rule of thumb knows some; empty otherwise."""
+    pid = slow_rule(machine)
+    if largest_pole(machine.plant, pid, machine.sample_time) > 1 + UNSTABLE:
+        return ""
+    gains = ((pid.kp, "N/m"), (pid.ki, "N/(m s)"), (pid.kd, "N s/m"), (pid.derivative_filter, "s"))
+    kp, ki, kd, keep = (show(*gain, 3) for gain in gains)
+    return (
+        f"; a rule of thumb has kp {kp}, ki {ki}, kd {kd}, derivative_filter {keep}, from which pid_tradeoff can tune"
+    )

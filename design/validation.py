@@ -21,7 +21,8 @@ Reading = Literal["position", "scale"]
 
 PERIODS: Final = 3  # The sequence is simulated so often at first; the default machine then repeats itself.
 LONGER: Final = (6, 12, 24)  # So many periods are tried where fewer do not repeat.
-BATCH: Final = 40  # So many machines are simulated side by side, which bounds the memory.
+BATCH: Final = 40  # At most so many machines are simulated side by side,
+BLOCK: Final = 10_000_000  # and so few that they have no more samples together, of about 100 bytes each: 1 GB.
 ROUNDING: Final = 1e-9  # Relative. Readings are rounded multiples of the resolution, and 20 of 0.1 um are within 2 um.
 
 
@@ -142,7 +143,7 @@ def validate_many(
 
     controller, given: for all, or one for each; given: x_T*, u_ff, u_rf over the whole `sequence`. The machines must
     agree in stroke, number and interval of motions and sample time. Whether the last two periods agree is in each
-    Validation's repeat_error [m].
+    Validation's repeat_error [m]. Each keeps its last period only; what is simulated at a time is bounded by BLOCK.
     """
     if not machines:
         return ()
@@ -163,13 +164,14 @@ def respond(
     substeps: int = 10,
     seed: int = 0,
 ) -> Iterator[Response]:
-    """The responses of many machines to one target r (n,) [m], simulated BATCH at a time as they are asked for.
+    """The responses of many machines to one target r (n,) [m], simulated up to BATCH at a time as they are asked for.
 
-    The arguments are those of `validate_many`. Who keeps little of each response needs memory for BATCH of them only.
+    The arguments are those of `validate_many`. Who keeps little of each response needs memory for one batch only.
     """
     laws = [controller] * len(machines) if isinstance(controller, Controller) else controller
-    for begin in range(0, len(machines), BATCH):
-        part = slice(begin, begin + BATCH)
+    size = max(min(BATCH, BLOCK // max(target.size, 1)), 1)
+    for begin in range(0, len(machines), size):
+        part = slice(begin, begin + size)
         its = given if given is None or isinstance(given, References) else given[part]
         yield from simulate_many(machines[part], laws[part], target, given=its, substeps=substeps, seed=seed)
 

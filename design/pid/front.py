@@ -54,7 +54,7 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     """The front over rising levels of the bound on |S| [1], each started from the last.
 
     limits: bounds on |T| (inf: see `mt_bound`) and |CS| [N/m]. Levels without a PID are left out of the
-    front; raises TuningError, that of the last level, if none has one.
+    front; raises TuningError, that of the last level, if none has one, as soon as the first and the last have none.
     """
     points: list[Point] = []
     attempts: list[tuple[float, Attempt]] = []
@@ -73,6 +73,9 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
         except TuningError as error:
             attempts += [(ms, attempt) for attempt in error.attempts]
             refusal = error
+            if i == 0 and len(levels) > 1:  # what keeps to any level keeps to the last one, too
+                loosest = replace(limits, ms=levels[-1], mt=mt_bound(levels[-1], limits.mt))
+                tune(problem, loosest, [("slow rule", slow_rule(machine)), ("fast rule", fast_rule(machine))])
     if refusal is not None and not points:
         raise refusal
     return Front(tuple(points), tuple(attempts))

@@ -58,8 +58,11 @@ class Response:
         )
 
     def last(self, count: int) -> Response:
-        """The last `count` samples."""
-        return Response(self.record.last(count), self.position[-count:], self.friction[-count:], self.elements)
+        """The last `count` samples, in memory of their own, so that whoever keeps them lets the rest go."""
+        part = self.record.last(count)
+        signals = (part.target, part.reference, part.feedforward, part.command, part.position)
+        record = Record(part.sample_time, *(signal.copy() for signal in signals))
+        return Response(record, self.position[-count:].copy(), self.friction[-count:].copy(), self.elements.copy())
 
 
 def simulate(

@@ -13,6 +13,7 @@ import numpy as np
 from joblib import cpu_count
 
 from models.machine import Machine
+from studies.beforehand import require_stable
 from studies.blind_trial import answering
 from studies.blind_trial import figures_of_merit as merit
 from studies.blind_trial.answering import Conditions, answer_all, require_answers
@@ -54,10 +55,10 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
 
     The machine is the pack's nominal one, which the answering processes read for themselves.
     """
-    del machine
     for name in ("machine", "controller"):
         if getattr(options, name) is not None:
             raise BadInputError(f"--{name}: a trial runs on the nominal.json of its pack; leave it out")
+    require_stable(machine, "--pack")
     output = options.output or Path("reports/out/blind_trial")
     cluster = cluster_of(options)
     require_answers(output / "answers.json", overwrite=options.overwrite)

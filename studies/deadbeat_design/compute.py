@@ -24,7 +24,6 @@ from design.deadbeat import (
     shortest_settling_time,
     synthesise,
 )
-from design.feasibility import require_designable
 from design.linear_response import linear_response
 from design.validation import Validation, agreement, validate
 from models.controller import Controller, to_json
@@ -33,6 +32,7 @@ from models.machine import Machine, Specification, load
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from models.variation import Variation, at_mode, varied_plant
+from studies.beforehand import require_designable
 from studies.deadbeat_design.effects import compensate
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.options import BadInputError
@@ -101,10 +101,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
 
 def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
     """The requirements on the design, from the options, else from the machine file."""
-    try:
-        require_designable(machine)
-    except DesignError as error:
-        raise BadInputError(f"--machine: {error}") from error
+    require_designable(machine)
     specification, drive = machine.specification, machine.drive
     given = options.thrust_limit
     reserved = usable_thrust(machine)

@@ -22,6 +22,7 @@ from models.effects.catalogue import every
 from models.machine import Machine
 from models.machine_file import to_toml
 from models.records.record import Record
+from studies.beforehand import require_designable, require_stable
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.options import DiagnosisOptions
@@ -45,6 +46,9 @@ class Given:
 
 def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
+    require_stable(machine)  # as thresholds are those of simulated tables, whose loop is closed by the machine's PID
+    if not options.record:
+        require_designable(machine)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
 

@@ -19,6 +19,7 @@ from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.record import Record, cut
 from models.records.sizes import RecordError
+from studies.beforehand import require_controller
 from studies.identify_machine import own_records, round_trip
 from studies.identify_machine.options import IdentificationOptions
 from studies.identify_machine.shown import checks_of, results_of
@@ -31,6 +32,8 @@ QUICK_TABLES: Final = 3
 
 def compute(machine: Machine, options: IdentificationOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
+    if not options.record:
+        require_controller(machine)
     given = _loaded(machine, options, progress) if options.record else _own(machine, options.seed)
     kinds, records = zip(*given, strict=True)
     try:

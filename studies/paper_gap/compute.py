@@ -21,6 +21,7 @@ from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.machine import Machine, MachineError
 from models.quantity import show
+from studies.beforehand import require_designable, require_members
 from studies.options import BadInputError
 from studies.paper_gap import shown
 from studies.paper_gap.candidates import BOUND, FRICTION, every
@@ -41,7 +42,7 @@ from studies.paper_gap.explore import (
 from studies.paper_gap.options import PaperOptions
 from studies.paper_gap.pattern import COARSE, PERIODS, Pattern, by_scale, outcome_of, positive_errors
 from studies.paper_gap.verdicts import NEVER, by_name, rows
-from studies.response_variation.tables import coordinates
+from studies.response_variation.tables import logarithms
 from studies.study import Answer, Check, Progress
 from studies.wording import effect
 
@@ -57,6 +58,7 @@ TOLD: Final = 0.9  # The least share of pairs of candidates that the experiments
 def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for a machine of which no outcomes are published."""
     pattern = _pattern(machine, options)
+    require_designable(machine)
     tables = _tables(machine, options)
     effort = _effort(len(tables), quick=options.quick)
     bare = [_without(table, pattern) for table in tables]
@@ -127,9 +129,10 @@ def _tables(machine: Machine, options: PaperOptions) -> list[Table]:
         members: Sequence[Machine] = (machine,) if alone else load_ensemble(options.ensemble or ENSEMBLE)
     except MachineError as error:
         raise BadInputError(f"--ensemble {error}") from error
-    count = options.tables or (QUICK if options.quick else TABLES)
+    chosen = spread(members, machine, options.tables or (QUICK if options.quick else TABLES))
+    require_members(() if alone else chosen)
     try:
-        return [(one, default_controller(one)) for one in spread(members, machine, count)]
+        return [(one, default_controller(one)) for one in chosen]
     except DesignError as error:
         raise BadInputError(f"--machine, --ensemble: {error}") from error
 
@@ -141,7 +144,7 @@ def spread(members: Sequence[Machine], machine: Machine, count: int) -> list[Mac
     """
     if count >= len(members):
         return list(members)
-    points = np.log([coordinates(one) for one in (*members, machine)])
+    points = logarithms([*members, machine])
     deviation = np.std(points, axis=0)
     points /= np.where(deviation > 0, deviation, 1.0)
     apart = np.linalg.norm(points[:-1, None] - points[None], axis=2)  # (members, members and the machine)

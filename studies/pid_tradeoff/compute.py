@@ -10,8 +10,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import default_controller
-from design.deadbeat import DesignError
 from design.family import Member, family, slopes
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, frequency_response, grid, intersample, pid_response, sensitivities
@@ -28,6 +26,7 @@ from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
+from studies.beforehand import require_controller
 from studies.options import BadInputError
 from studies.pid_tradeoff import ensemble
 from studies.pid_tradeoff.checks import made
@@ -61,10 +60,7 @@ class _TradeOff:
 def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted, others = _wanted(options), _ensemble(options)
-    try:
-        controller = default_controller(machine)
-    except DesignError as error:
-        raise BadInputError(f"--machine: {error}") from error
+    controller = require_controller(machine)
     tuning = _tuned(machine, wanted, options, others, progress)
     members, limits, points, chosen = tuning.members, tuning.limits, tuning.front.points, tuning.chosen
     progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
@@ -121,9 +117,25 @@ def _tuned(
     try:
         front = tuned(problem, levels, limits, machine)
     except TuningError as error:
-        raise BadInputError(f"--ms, --mt, --noise: {error}") from error
+        raise BadInputError(f"--ms, --mt, --noise: {error}{_dead_time(machine, levels[-1])}") from error
     chosen = front.nearest(wanted["ms"])
     return _TradeOff(members, goal, replace(limits, ms=chosen.bound or wanted["ms"]), present, front, chosen)
+
+
+def _dead_time(machine: Machine, ms: float) -> str:
+    """The dead time as a reason why no PID keeps to |S| <= ms [1]; empty where it is not long.
+
+    Behind a reversal the mass swings on the undamped contacts, which a loop can damp up to its crossover only.
+    """
+    crossover = float(highest_crossover(machine.plant, machine.sample_time, ms)[0])
+    swing = math.sqrt(max(slopes(machine).values()) / machine.plant.mass)
+    if crossover >= swing:
+        return ""
+    return (
+        f"; within |S| <= {ms:g} a dead time of {show(machine.plant.dead_time, 's')} allows a crossover of at most "
+        f"{show(crossover / (2 * math.pi), 'Hz', 3)}, below the {show(swing / (2 * math.pi), 'Hz', 3)} at which the "
+        "mass swings on its contacts: shorten the dead time"
+    )
 
 
 def _asked(wanted: dict[str, Any], tuning: _TradeOff) -> dict[str, Any]:

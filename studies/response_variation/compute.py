@@ -16,18 +16,21 @@ from design.validation import validate_many
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble, to_text
 from models.machine import Machine, MachineError
+from models.quantity import show
+from studies.beforehand import require_designable, require_members
 from studies.options import BadInputError
 from studies.response_variation.choice import error_against_count
 from studies.response_variation.curves import hysteresis, plants, reference, responses
 from studies.response_variation.mechanism import mechanism
 from studies.response_variation.options import VariationOptions
 from studies.response_variation.published import Shown, outcomes, rows, taken_over
-from studies.response_variation.search import LARGEST_MS, TOLERANCE, exact_sensitivity, search
+from studies.response_variation.search import LARGEST_MS, TOLERANCE, SearchError, exact_sensitivity, search
 from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread, texts
 from studies.study import Answer, Check, Progress
 
 Array = NDArray[np.float64]
 
+LEAST_ELEMENTS: Final = 3  # of friction: two whose forces have a trend in Region 1, and one for Region 2
 LEAST: Final = 50  # tables that the set should have
 QUICK: Final = 6  # of them that a quick run simulates
 SECONDS: Final = {"search": 50.0, "simulate": 2.0, "exchange": 1.0, "choice": 18.0, "report": 4.0}
@@ -44,6 +47,8 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
         raise BadInputError(
             "--machine: the machine must have a rigid body and two vibration modes, as the paper's table"
         )
+    require_designable(machine)
+    _require_regions(machine)
     tell = _Steps(options, progress)
     tell("search", 0.0, "collecting the tables")
     members = _searched(machine, options, tell) if options.search else _kept(machine, options)
@@ -82,6 +87,17 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
     return Answer(results, _checks(central, tables, results), files)
 
 
+def _require_regions(machine: Machine) -> None:
+    """Raises BadInputError for a friction whose curve has not the two regions that the paper's has."""
+    elements, slope = len(machine.friction.limit), machine.presliding.stiffness_2
+    if elements < LEAST_ELEMENTS or not slope > 0:
+        what = f"{_count(elements, 'element')}, a slope of {show(slope, 'N/m')} in Region 2"
+        raise BadInputError(
+            f"--machine: friction has {what}, while the paper's hysteresis curve rises in two regions; give at least "
+            f"{LEAST_ELEMENTS} elements, the last of which slips beyond specification.stroke"
+        )
+
+
 class _Steps:
     """Progress by steps: each has a share of the run as long as SECONDS says it takes, two cores assumed."""
 
@@ -115,13 +131,16 @@ def _alone(options: VariationOptions) -> bool:
 
 def _searched(machine: Machine, options: VariationOptions, tell: _Steps) -> tuple[Machine, ...]:
     """The tables of a new search."""
-    found = search(
-        machine,
-        options.members,
-        options.seed,
-        workers=min(os.cpu_count() or 1, 2),
-        tell=lambda share, text: tell("search", share, text),
-    )
+    try:
+        found = search(
+            machine,
+            options.members,
+            options.seed,
+            workers=min(os.cpu_count() or 1, 2),
+            tell=lambda share, text: tell("search", share, text),
+        )
+    except SearchError as error:
+        raise BadInputError(f"--search: {error}") from error
     return tuple(member.machine for member in found)
 
 
@@ -153,9 +172,11 @@ def _kept(machine: Machine, options: VariationOptions) -> tuple[Machine, ...]:
         return (machine,)
     path: Path = options.ensemble or ENSEMBLE
     try:
-        return load_ensemble(path)
+        members = load_ensemble(path)
     except MachineError as error:
         raise BadInputError(f"--ensemble {error}") from error
+    require_members(members)
+    return members
 
 
 def _simulated(machines: Sequence[Machine]) -> list[Shown]:
@@ -172,9 +193,13 @@ def _quantiles(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Least, median and largest of every scalar over the set."""
     names = [name for name, item in rows[0].items() if np.ndim(item) == 0]
     return {
-        name: dict(zip(("low", "median", "high"), np.quantile([row[name] for row in rows], [0, 0.5, 1]), strict=True))
-        for name in names
+        name: dict(zip(("low", "median", "high"), _three([row[name] for row in rows]), strict=True)) for name in names
     }
+
+
+def _three(values: Sequence[float]) -> Array:
+    """Least, median and largest; among motions that never settle the median is one of the values."""
+    return np.quantile(values, [0, 0.5, 1], method="linear" if np.all(np.isfinite(values)) else "lower")
 
 
 def _set(central: Shown, tables: Sequence[Shown], members: Sequence[Machine]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,17 @@ def mechanism(machine: Machine, controller: Controller, without: Validation) -> 
         "inching_settling_s": inching,
         "reversal_with_inching_history_s": own_inching,
         "inching_with_reversal_history_s": own_reversal,
-        "delay_share": float((reversal - own_inching) / (reversal - inching)) if reversal > inching else 0.0,
+        "delay_share": delay_share(reversal, own_inching, inching),
     }
+
+
+def delay_share(reversal: float, exchanged: float, inching: float) -> float:
+    """The share [1] of the reversal's delay over inching that exchanged histories take away; times [s], inf: never."""
+    if reversal <= inching:
+        return 0.0
+    if math.isinf(reversal):
+        return float(math.isfinite(exchanged))
+    return float((reversal - exchanged) / (reversal - inching))
 
 
 def slopes_met(without: Validation) -> list[float]:

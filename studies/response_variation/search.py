@@ -39,6 +39,7 @@ LARGEST_MS: Final = 2.2
 FREQUENCIES: Final = 400  # at which |S| of a table is looked at, evenly spread in their logarithm
 POPULATION: Final = 160
 BATCH: Final = 64
+EMPTY: Final = 20  # So many batches without a table of the set end a search: each held some for the paper's table.
 COARSE: Final = 10  # substeps in a sample of the search
 FINE: Final = 40  # of its verification
 
@@ -77,6 +78,10 @@ LOW: Final = np.log([one.low for one in RANGES])
 HIGH: Final = np.log([one.high for one in RANGES])
 
 
+class SearchError(ValueError):
+    """A search that finds nothing; the message says what to change."""
+
+
 @dataclass(frozen=True)
 class Member:
     """One table of the set: its point theta (len(RANGES),), and the deviation of its outcomes in units of TOLERANCE."""
@@ -91,11 +96,13 @@ def search(
 ) -> tuple[Member, ...]:
     """`count` tables of the set that differ as much as possible, in the order of their distance.
 
-    `tell(share, text)` reports progress. The same seed gives the same tables for any number of workers.
+    `tell(share, text)` reports progress. The same seed gives the same tables for any number of workers. Raises
+    SearchError where EMPTY batches in a row hold no table that could be of the set.
     """
     rng = np.random.default_rng(seed)
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         population: list[Member] = []
+        empty = 0
         while len(population) < 2 * POPULATION:
             begun = len(population)
 
@@ -104,6 +111,8 @@ def search(
                 tell(0.2 * number / (2 * POPULATION), f"first tables: {number} of {2 * POPULATION}")
 
             population += _evaluated(base, _uniform(base, rng, 4 * BATCH, heard), pool, heard)
+            empty = 0 if len(population) > begun else empty + 1
+            _require_some(empty)
         population = sorted(population, key=lambda member: member.distance)[:POPULATION]
         first = population[-1].distance
         while (worst := population[-1].distance) > 1:
@@ -111,8 +120,10 @@ def search(
             near = [member for member in population if member.distance <= aim]
             spread = np.cov(np.stack([member.theta for member in population]).T)
             while len(near) < POPULATION:
-                drawn = _perturbed(base, near, spread, rng)
+                drawn, begun = _perturbed(base, near, spread, rng), len(near)
                 near += [member for member in _evaluated(base, drawn, pool, None) if member.distance <= aim]
+                empty = 0 if len(near) > begun else empty + 1
+                _require_some(empty)
                 tell(
                     0.2 + 0.6 * (1 - math.log(worst) / math.log(first)),
                     f"{min(len(near), POPULATION)} of {POPULATION} tables within {aim * TOLERANCE:.1%}",
@@ -120,6 +131,14 @@ def search(
             population = sorted(near, key=lambda member: member.distance)[:POPULATION]
         population = _verified(base, population, pool, tell)
     return _distinct(population, count)
+
+
+def _require_some(empty: int) -> None:
+    if empty >= EMPTY:
+        raise SearchError(
+            f"{EMPTY} batches of tables in a row hold none whose outcomes come near those in [published]; correct "
+            "them, or the machine's drive, friction or specification"
+        )
 
 
 def table(base: Machine, theta: Array) -> Machine:

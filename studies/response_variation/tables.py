@@ -14,6 +14,8 @@ from studies.response_variation.search import RANGES, Range
 
 Array = NDArray[np.float64]
 
+LEAST: Final = 1e-12  # Stands for an outcome of none [s], [m],
+MOST: Final = 1e3  # and for that of a motion that never settles.
 _SEARCHED: Final = {one.name: one for one in RANGES}
 # The three gains stand for the four numbers that the search draws them from.
 COORDINATES: Final = (
@@ -63,17 +65,25 @@ def most_central(machines: Sequence[Machine], outcomes: ArrayLike) -> int:
     Distances are those of the logarithms of the unpublished parameters and of the outcomes (len(machines), m), each in
     units of its deviation over the tables: central in parameters and in behaviour.
     """
-    points = np.log(np.hstack([[coordinates(machine) for machine in machines], np.asarray(outcomes, float)]))
+    points = np.hstack([logarithms(machines), np.log(np.clip(np.asarray(outcomes, float), LEAST, MOST))])
     deviation = np.std(points, axis=0)
     points = points / np.where(deviation > 0, deviation, 1.0)
     apart = np.linalg.norm(points[:, None] - points[None], axis=2)
     return int(np.argmin(np.sum(apart, axis=1)))
 
 
+def logarithms(machines: Sequence[Machine]) -> Array:
+    """Natural logarithms of the unpublished parameters (machines, len(COORDINATES)); one that is zero, such as ki,
+    counts as a thousandth of the least that the search draws."""
+    least = [one.low / 1000 for one in COORDINATES]
+    return np.asarray(np.log(np.maximum([coordinates(machine) for machine in machines], least)))
+
+
 def spread(values: Array, searched: Range) -> dict[str, Any]:
     """The central 90 % range of the values, and its share [1] of the range searched, on the logarithm."""
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
-    share = float(np.log(high / low) / np.log(searched.high / searched.low))
+    least = searched.low / 1000  # stands for zero, of which there is no logarithm
+    share = float(np.log(max(high, least) / max(low, least)) / np.log(searched.high / searched.low))
     word = "pinned down" if share < 1 / 3 else ("narrowed" if share < 2 / 3 else "left open")
     return {"quantile_05": low, "median": middle, "quantile_95": high, "share": share, "word": word}
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from design.controller import waiting
 from design.deadbeat import Deadbeat, DesignError, synthesise
-from design.feasibility import require_designable
 from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import (
@@ -27,6 +26,7 @@ from design.validation import PERIODS, sequence
 from models.controller import Controller, to_json
 from models.machine import Machine, parameters
 from models.quantity import show
+from studies.beforehand import require_designable
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 from studies.trajectory_optimisation.certificate import certify, held
@@ -172,10 +172,7 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
-    try:
-        require_designable(machine)
-    except DesignError as error:
-        raise BadInputError(f"--machine: {error}") from error
+    require_designable(machine)
     specification, rated = machine.specification, machine.drive.rated_thrust
     stroke = specification.stroke if options.stroke is None else options.stroke
     aimed = specification.reference_settling_time if options.settling_time is None else options.settling_time
@@ -207,7 +204,7 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
 def _check_size(machine: Machine, stroke: float, aimed: float) -> None:
     """Raises BadInputError for a motion on which history has no influence, and for one of too many samples."""
     reach = 2 * max(machine.friction.limit)
-    if stroke > LONGEST_STROKE * reach:
+    if stroke > LONGEST_STROKE * reach * (1 + 1e-9):  # or it may be refused for what it is told to be
         raise BadInputError(
             f"--machine, --stroke: all friction elements slip within {show(reach, 'm')} of a stroke of "
             f"{show(stroke, 'm')}, so that history hardly matters; give a stroke of at most "

@@ -56,9 +56,9 @@ def default_job() -> Job:
     return Job(machine, default_controller(machine), target)
 
 
-def prepared(job: Job, substeps: int) -> tuple[Loop, Run]:
-    """What the kernels take: machine, controller and signals of the job."""
-    return _prepare(job.machine, job.controller, references(job.controller, job.target), substeps, 0, None)
+def prepared(job: Job, substeps: int, initial_friction: Array | None = None) -> tuple[Loop, Run]:
+    """What the kernels take: machine, controller and signals of the job; initial_friction (N,) [m], default 0."""
+    return _prepare(job.machine, job.controller, references(job.controller, job.target), substeps, 0, initial_friction)
 
 
 def variations(machine: Machine, count: int) -> list[Machine]:

@@ -58,6 +58,28 @@ def test_the_c_twin_agrees_with_the_simulator(short: Job, dead_time: float) -> N
     assert np.max(np.abs(ours.command - theirs.command)) < 1e-5
 
 
+@pytest.mark.parametrize("ki", [0.0, 7e7])
+def test_kernel_lanes_twin_and_oracle_hold_the_same_at_the_start(short: Job, ki: float) -> None:
+    """Presheared friction and a constant force, which an integral holds and a PID without one does not."""
+    try:
+        twin = build()
+    except NoTwinError as reason:
+        pytest.skip(str(reason))
+    machine = replace(short.machine, drive=replace(short.machine.drive, offset=5.0))
+    controller = replace(short.controller, pid=replace(short.controller.pid, ki=ki))
+    loaded, bent = replace(short, machine=machine, controller=controller), 0.5 * np.array(machine.friction.limit)
+    (loop, ours), (_, theirs) = prepared(loaded, 10, bent), prepared(loaded, 10, bent)
+    run_one(loop, ours)
+    twin(loop, theirs)
+    lane = simulate_many([machine] * 2, [controller] * 2, short.target, initial_friction=bent)[1]
+    exact, _ = respond(machine, controller, short.target, initial_friction=bent)
+    moved = np.max(np.abs(ours.position[:3])) > 1e-9  # before a command could act behind the dead time
+    assert moved == (ki == 0)
+    assert np.max(np.abs(ours.position - theirs.position)) < 1e-12
+    assert np.array_equal(ours.position, lane.position)
+    assert np.max(np.abs(ours.position - exact)) < 1e-8
+
+
 def test_the_c_twin_refuses_what_it_lacks(short: Job) -> None:
     try:
         twin = build()

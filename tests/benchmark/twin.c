@@ -12,7 +12,7 @@
 #define ELEMENTS 64
 
 typedef struct {
-    double sample_time, thrust_limit, resolution, start;
+    double sample_time, thrust_limit, resolution, offset, start;
     double kp, ki, kd, tau;
     double step[2];              /* [s], before and after the thrust changes in a sample */
     double phi[2][MODES][4];     /* transition of (q, q') over a substep */
@@ -53,7 +53,7 @@ void twin(const Machine *machine, size_t n, const double *reference, const doubl
 
         for (int part = 0; part < 2; part++) {
             int64_t sent = (int64_t)k - m.delay - 1 + part;
-            double thrust = clipped(sent >= 0 ? command[sent] : m.start, m.thrust_limit);
+            double thrust = clipped(sent >= 0 ? command[sent] : m.start, m.thrust_limit) - m.offset;
             for (int64_t s = 0; s < m.counts[part]; s++) {
                 double middle = x + 0.5 * m.step[part] * v, moved = middle - at;
                 at = middle;

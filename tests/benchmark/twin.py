@@ -30,7 +30,7 @@ class _Machine(ctypes.Structure):
     """`Machine` of twin.c."""
 
     _fields_ = (
-        *((name, ctypes.c_double) for name in ("sample_time", "thrust_limit", "resolution", "start")),
+        *((name, ctypes.c_double) for name in ("sample_time", "thrust_limit", "resolution", "offset", "start")),
         *((name, ctypes.c_double) for name in ("kp", "ki", "kd", "tau")),
         ("step", ctypes.c_double * 2),
         ("phi", ctypes.c_double * 4 * MODES * 2),
@@ -68,7 +68,7 @@ def _machine(loop: Loop, run: Run) -> _Machine:
     modes, elements = run.state.shape[0], run.z.size
     if modes > MODES or elements > ELEMENTS or np.any(loop.damping > 0):
         raise ValueError(f"the twin takes up to {MODES} modes and {ELEMENTS} elements without damping")
-    machine = _Machine(loop.sample_time, loop.thrust_limit, loop.resolution, run.start, *loop.gains)
+    machine = _Machine(loop.sample_time, loop.thrust_limit, loop.resolution, loop.offset, run.start, *loop.gains)
     machine.delay, machine.reference_delay = int(loop.delays[0]), int(loop.delays[1])
     machine.modes, machine.elements = modes, elements
     np.ctypeslib.as_array(machine.counts)[:] = loop.counts

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from design.controller import default_controller
 from design.validation import BATCH, assess, sequence, validate, validate_many
 from models.machine import Machine, load
 from models.records.settling import dispersion, settling_time
-from models.simulation.simulator import simulate
+from models.simulation.simulator import Response, simulate, simulate_many
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +79,25 @@ def test_many_machines_in_batches_are_judged_as_each_alone(machine: Machine) -> 
         assert np.array_equal(alone.response.position, together[i].response.position)
         assert alone.slowest.settling_time == together[i].slowest.settling_time
     assert validate_many([], laws[0]) == ()
+
+
+def test_blocks_bound_the_memory_and_change_no_digit(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few machines go side by side where the sequence is long; what is kept of each is its last period alone."""
+    short = replace(machine, specification=replace(machine.specification, interval=0.03, motions=2))
+    law, many = default_controller(short), [short] * 5
+    together = validate_many(many, law, periods=2)
+    monkeypatch.setattr("design.validation.BLOCK", 2 * sequence(short, periods=2).size)
+    sizes: list[int] = []
+
+    def counted(machines: Sequence[Machine], *given: Any, **more: Any) -> tuple[Response, ...]:
+        sizes.append(len(machines))
+        return simulate_many(machines, *given, **more)
+
+    monkeypatch.setattr("design.validation.simulate_many", counted)
+    for one, alike in zip(together, validate_many(many, law, periods=2), strict=True):
+        assert np.array_equal(one.response.position, alike.response.position)
+        assert np.array_equal(one.dispersion, alike.dispersion)
+        for signal in (alike.response.position, alike.response.friction, alike.response.record.command):
+            assert signal.base is None
+            assert signal.size == sequence(short, periods=1).size
+    assert sizes == [2, 2, 1]

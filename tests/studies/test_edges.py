@@ -1,4 +1,7 @@
-"""Machines at the edges of what can be: each study answers or refuses in one line, and an unstable loop comes first."""
+"""Machines at the edges of what can be: each study answers or refuses in one line, and an unstable loop comes first.
+
+A refusal comes before any work. Of the studies that answer only the quickest is run here on every edge.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ import re
 from pathlib import Path
 
 import pytest
+from _pytest.capture import CaptureResult
 
+import studies.blind_trial
 from models.machine import DEFAULT
 from studies.catalogue import every
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
@@ -26,7 +31,14 @@ REFUSED = (
     (('resolution = { value = "0.1 um"', 'resolution = { value = "5 um"'), "scale.resolution: 5 µm is above"),
     (('noise = { value = "0 um"', 'noise = { value = "5 um"'), "scale.noise: 5 µm is above specification.tolerance"),
     (('stroke = { value = "20 um"', 'stroke = { value = "1 nm"'), "so that standing still would settle"),
+    (('"1.7486e.06 N/m"', '"0 N/m"'), "control.pid.kp is 0, so that nothing pulls the table to its target; give gains"),
 )
+NOT_LOADED = (
+    ((r"(?m)^stiffness = .*$", 'stiffness = { value = ["0 N/mm"] }'), "friction"),
+    (("motions = { value = 5", "motions = { value = 1"), "specification.motions: 1 must be at least 2"),
+    (('interval = { value = "0.5 s"', 'interval = { value = "20 ms"'), "interval have to follow each other"),
+)
+STUDIES = [name for name in every() if name not in {"review", "blind_trial"}]  # these two take a folder, see below
 ANSWERED = (
     ("38 Hz", "80.9 Hz"),  # two modes that are nearly one
     ('damping = { value = "0.013981"', 'damping = { value = "0"'),
@@ -45,22 +57,78 @@ def machine_file(folder: Path, old: str, new: str) -> Path:
     return path
 
 
+def controller_file(folder: Path, gains: dict[str, float]) -> Path:
+    """A controller.json with some gains replaced."""
+    pid = {"kp_N_per_m": 1.7e6, "ki_N_per_ms": 7e7, "kd_Ns_per_m": 1e4, "derivative_filter_s": 1e-4} | gains
+    content = {"sample_time_s": 5e-4, "reference_delay_samples": 2, "n_ff": [1.0], "d_ff": [0.0], "pid": pid}
+    path = folder / "controller.json"
+    path.write_text(json.dumps({**content, "friction_compensation": None}), encoding="utf-8")
+    return path
+
+
 def run(name: str, machine: Path, *options: str) -> int:
     """The exit status of a quick study."""
     output = str(machine.parent / "out")
     return main(every()[name], ["--machine", str(machine), "--quick", "--no-report", "--output", output, *options])
 
 
-@pytest.mark.parametrize("name", ["deadbeat_design", "trajectory_optimisation"])
+def assert_refused(captured: CaptureResult[str], says: str) -> None:
+    """One line on stderr, and none of progress before it."""
+    assert captured.err.startswith("error: ")
+    assert captured.err.count("\n") == 1
+    assert says in captured.err
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize("name", STUDIES)
 @pytest.mark.parametrize(("change", "says"), REFUSED, ids=[new for (_, new), _ in REFUSED])
-def test_a_machine_on_which_nothing_can_be_designed_is_refused(
+def test_a_machine_on_which_nothing_can_be_designed_is_refused_by_every_study(
     name: str, change: tuple[str, str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(name, machine_file(tmp_path, *change)) == BAD_INPUT
-    captured = capsys.readouterr()
-    assert says in captured.err
-    assert captured.err.count("error:") == 1
-    assert captured.out == ""
+    assert_refused(capsys.readouterr(), says)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize(("change", "says"), NOT_LOADED, ids=[new for (_, new), _ in NOT_LOADED])
+def test_a_machine_that_is_none_is_refused_by_every_study(
+    name: str, change: tuple[str, str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(name, machine_file(tmp_path, *change)) == BAD_INPUT
+    assert_refused(capsys.readouterr(), says)
+
+
+@pytest.mark.parametrize("gains", [{"kp_N_per_m": 1.7e9}, {"kp_N_per_m": float("nan")}])
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_controller_that_no_loop_can_have_is_refused_by_every_study(
+    name: str, gains: dict[str, float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    controller = controller_file(tmp_path, gains)
+    assert run(name, machine_file(tmp_path, "name", "name"), "--controller", str(controller)) == BAD_INPUT
+    assert_refused(capsys.readouterr(), "")
+
+
+def test_a_trial_of_tables_with_an_unstable_loop_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sealed = Path(studies.blind_trial.__file__).parent / "sealer" / "nominal.json"
+    nominal = json.loads(sealed.read_text(encoding="utf-8"))
+    nominal["dead_time_s"] = 25e-3
+    pack = tmp_path / "pack"
+    pack.mkdir()
+    (pack / "nominal.json").write_text(json.dumps(nominal), encoding="utf-8")
+    options = ["--pack", str(pack), "--no-report", "--output", str(tmp_path / "out")]
+    assert main(every()["blind_trial"], options) == BAD_INPUT
+    assert_refused(capsys.readouterr(), "--pack: " + UNSTABLE)
+
+
+def test_what_is_told_to_be_allowed_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stroke of exactly ten times the presliding reach is within its limit, whatever the rounding."""
+    text = re.sub(r"(?s)\[presliding\].*?(?=\[friction\])", "", TEXT)
+    for name, value in (("stiffness", "1 N/mm"), ("limit", "1 um"), ("damping", "0 N s/m")):
+        text = re.sub(rf"(?m)^{name} = {{ value = \[.*$", f'{name} = {{ value = ["{value}"] }}', text)
+    machine = tmp_path / "axis.toml"
+    machine.write_text(text, encoding="utf-8")
+    assert run("trajectory_optimisation", machine, "--thrust-limit", "1 mN") == BAD_INPUT  # which is asked for next
+    assert "history" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("change", ANSWERED, ids=[new for _, new in ANSWERED])
@@ -87,10 +155,6 @@ def test_another_machine_is_not_held_to_be_as_slow_as_the_published_one(tmp_path
 def test_a_controller_that_cannot_be_used_is_refused(
     gains: dict[str, float], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pid = {"kp_N_per_m": 1.7e6, "ki_N_per_ms": 7e7, "kd_Ns_per_m": 1e4, "derivative_filter_s": 1e-4} | gains
-    controller = tmp_path / "controller.json"
-    content = {"sample_time_s": 5e-4, "reference_delay_samples": 2, "n_ff": [1.0], "d_ff": [0.0], "pid": pid}
-    controller.write_text(json.dumps({**content, "friction_compensation": None}), encoding="utf-8")
-    machine = machine_file(tmp_path, "name", "name")
+    controller, machine = controller_file(tmp_path, gains), machine_file(tmp_path, "name", "name")
     assert run("deadbeat_design", machine, "--controller", str(controller)) == BAD_INPUT
     assert says in capsys.readouterr().err

@@ -18,6 +18,9 @@ from models.effects import catalogue
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.friction import elements
 from models.identification import modes
+from models.identification.estimate import Estimate
+from models.identification.force_fit import DAMPING
+from models.identification.motion import MotionFit
 from models.identification.recognise import recognised
 from models.machine import DEFAULT, Machine, load, parameters, with_derived_presliding
 from models.machine_file import to_toml
@@ -27,7 +30,7 @@ from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DESIGN
 from studies.identify_machine import own_records
 from studies.identify_machine.__main__ import STUDY
-from studies.identify_machine.round_trip import true_modes
+from studies.identify_machine.round_trip import errors_of_motion, true_modes
 
 MACHINES = (DEFAULT, DEFAULT.parent / "emps.toml")
 
@@ -271,3 +274,11 @@ def test_one_sweep_alone_gives_the_plant_or_says_that_it_is_too_weak(
     got = load(tmp_path / "strong" / "identified.toml").plant
     assert [mode.frequency for mode in got.modes] == pytest.approx([m.frequency for m in table.plant.modes], rel=1e-3)
     assert len(read(tmp_path / "strong", "results.json")["results"]["response"]["frequency_Hz"]) < 1500
+
+
+def test_a_damping_that_a_table_has_not_is_an_error_of_the_round_trip() -> None:
+    truth, names = np.array([1.0, 1.0, 1.0, 0.0, 2.0]), ("mass", "level", "length", "dead_time", DAMPING, "offset")
+    estimate = Estimate(names, ("1", "1", "1", "s", "s", "N"), np.array([1.0, 1.0, 1.0, 0.0, 3e-4, 2.5]), np.eye(6))
+    nothing = np.zeros(0)
+    found = MotionFit(estimate, load(), nothing, nothing, nothing, (3e-4, 1.0), (0, 0.0))
+    assert errors_of_motion(found, truth) == pytest.approx([0, 0, 0, 0, 3e-4, 0.5])

@@ -17,13 +17,13 @@ from models.ensemble import load_ensemble
 from models.friction import elements
 from models.machine import Machine, load
 from models.plant import sampled
-from studies.response_variation import choice
+from studies.response_variation import choice, search
 from studies.response_variation.compute import _gap
 from studies.response_variation.curves import hysteresis, plants, responses
-from studies.response_variation.mechanism import _settling
+from studies.response_variation.mechanism import _settling, delay_share
 from studies.response_variation.published import Shown, outcomes
-from studies.response_variation.search import HIGH, LOW, bent_by_the_limit, largest_sensitivity, table
-from studies.response_variation.tables import coordinates, most_central
+from studies.response_variation.search import HIGH, LOW, SearchError, bent_by_the_limit, largest_sensitivity, table
+from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread
 
 Array = NDArray[np.float64]
 MEMBERS = (0, 21, 47)
@@ -147,3 +147,30 @@ def test_damping_shows_in_loops_whose_speed_is_known_and_none_shows_where_there_
     assert damped["own_Ns_per_m"] == pytest.approx(2e-3 * np.sum(stiffness))
     assert np.all(np.array(damped["damping_Ns_per_m"]) > 3 * np.array(damped["damping_std_Ns_per_m"]))
     assert np.sum(damped["damping_Ns_per_m"]) == pytest.approx(damped["own_Ns_per_m"], rel=0.2)  # three for seventy
+
+
+def test_a_share_of_a_delay_has_a_value_where_motions_never_settle() -> None:
+    never = math.inf
+    assert delay_share(0.05, 0.02, 0.02) == pytest.approx(1.0)
+    assert delay_share(never, 0.02, 0.02) == 1.0
+    assert delay_share(never, never, 0.02) == 0.0
+    assert delay_share(never, never, never) == 0.0
+
+
+def test_parameters_that_are_zero_and_motions_that_never_settle_have_their_place_in_a_set() -> None:
+    """No integral and no dead time: neither has a logarithm."""
+    machine = load()
+    pid = replace(machine.control.pid, ki=0.0)
+    other = replace(machine, plant=replace(machine.plant, dead_time=0.0), control=replace(machine.control, pid=pid))
+    outcomes = [[0.05, 4e-6], [math.inf, 0.0], [0.05, 4e-6]]
+    assert most_central([machine, other, machine], outcomes) in {0, 2}
+    integral = next(one for one in COORDINATES if one.name == "ki")
+    assert spread(np.zeros(3), integral)["share"] == 0.0
+    assert math.isfinite(spread(np.array([0.0, 1e7, 1e8]), integral)["share"])
+
+
+def test_a_search_that_finds_no_table_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "_uniform", lambda *_given: [])
+    monkeypatch.setattr(search, "_evaluated", lambda *_given: [])
+    with pytest.raises(SearchError, match=r"none whose outcomes come near those in \[published\]; correct them"):
+        search.search(load(), 2, 0, workers=1, tell=lambda _share, _text: None)

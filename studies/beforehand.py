@@ -1,0 +1,44 @@
+"""What a study asks of a machine before any work, so that what cannot be worked on is refused at once, in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from design import feasibility
+from design.controller import default_controller
+from design.deadbeat import DesignError
+from models.controller import Controller
+from models.machine import Machine
+from studies.options import BadInputError
+
+
+def require_designable(machine: Machine, option: str = "--machine") -> None:
+    """Raises BadInputError for a machine on which no feedforward could be judged; the option that gave it is named."""
+    _ask(feasibility.require_designable, machine, option)
+
+
+def require_controller(machine: Machine, option: str = "--machine") -> Controller:
+    """The controller that the machine's specification asks for. Raises BadInputError where there is none."""
+    require_designable(machine, option)
+    try:
+        return default_controller(machine)
+    except DesignError as error:
+        raise BadInputError(f"{option}: {error}") from error
+
+
+def require_stable(machine: Machine, option: str = "--machine") -> None:
+    """Raises BadInputError for a machine whose PID makes an unstable loop; the option that gave it is named."""
+    _ask(feasibility.require_stable, machine, option)
+
+
+def require_members(members: Iterable[Machine], option: str = "--ensemble") -> None:
+    """`require_designable` of every member of an ensemble, which its name tells."""
+    for member in members:
+        _ask(feasibility.require_designable, member, f"{option}: {member.name}")
+
+
+def _ask(require: Callable[[Machine], None], machine: Machine, option: str) -> None:
+    try:
+        require(machine)
+    except DesignError as error:
+        raise BadInputError(f"{option}: {error}") from error
