@@ -48,6 +48,8 @@ Task = tuple[Case, Conditions]
 
 def answer_case(case: Case, conditions: Conditions) -> dict[str, Any]:
     """One answer, from a process that can open neither the key nor the sealer's code."""
+    if conditions.cache is not None:
+        conditions.cache.mkdir(parents=True, exist_ok=True)  # a process may not read a folder that is newer than itself
     task = {
         "records": [str(file.resolve()) for file in case.records],
         "nominal": str(case.nominal.resolve()),
@@ -94,7 +96,7 @@ def answer_all(
     from joblib import Parallel, delayed
 
     marks = {case.name: fingerprint(case, conditions) for case in pack.cases}
-    answers = {name: one for name, one in read_answers(file).items() if name in marks and one.get("of") == marks[name]}
+    answers = _kept(file, marks)
     left = [case for case in pack.cases if case.name not in answers]
     if len(left) < len(pack.cases):
         progress(len(answers) / len(pack.cases), f"{len(answers)} cases answered before are kept")
@@ -107,6 +109,16 @@ def answer_all(
             write_answers(file, answers)
             progress(len(answers) / len(pack.cases), f"{name}: {(found.get('verdict') or {}).get('outcome')}")
     return {name: answers[name] for name in sorted(answers)}
+
+
+def all_answered(pack: Pack, file: Path, conditions: Conditions) -> bool:
+    """Whether `file` holds answers to all cases, so that none is left to be answered."""
+    return len(_kept(file, {case.name: fingerprint(case, conditions) for case in pack.cases})) == len(pack.cases)
+
+
+def _kept(file: Path, marks: Mapping[str, str]) -> dict[str, Any]:
+    """The answers in a file that are to these fingerprints by name of case."""
+    return {name: one for name, one in read_answers(file).items() if name in marks and one.get("of") == marks[name]}
 
 
 def _named_answer(case: Case, conditions: Conditions) -> tuple[str, dict[str, Any]]:

@@ -1,4 +1,5 @@
-"""The trial: seals a pack or takes a given one, answers every case in isolation, opens the key, scores the answers."""
+"""The trial: seals a pack or takes a given one, answers every case in isolation, commits to the answers, opens the key,
+scores them."""
 
 from __future__ import annotations
 
@@ -16,19 +17,21 @@ from models.machine import Machine
 from studies.beforehand import require_stable
 from studies.blind_trial import answering
 from studies.blind_trial import figures_of_merit as merit
-from studies.blind_trial.answering import Conditions, answer_all, require_answers
+from studies.blind_trial.answering import Conditions, all_answered, answer_all, read_answers, require_answers
 from studies.blind_trial.cluster import Cluster, cluster_of
+from studies.blind_trial.committing import commit, require_committed
 from studies.blind_trial.guard import SEALER_FOLDER, leaks, shared_code
 from studies.blind_trial.options import TrialOptions
 from studies.blind_trial.packs import Pack, open_key, read_pack
 from studies.blind_trial.scoring import OUTCOMES, KeyFileError, Label, Score, groups_of, label_of, score
-from studies.blind_trial.sealing import SEALING, Sealed, places, seal
+from studies.blind_trial.sealing import SEALING, Sealed, close, measure_again, reveal, seal
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
 ROOT: Final = Path(__file__).parents[2]
 DIAGNOSIS: Final = answering.DIAGNOSIS
 CACHE: Final = Path("reports/out/.null")  # The diagnosis caches thresholds per machine and schedule here.
+AGAIN: Final = "answers_again.json"  # beside the key: the answers to second measurements
 DEFAULT: Final = 60
 QUICK: Final = 4
 ANSWERED: Final = 0.93  # The share of a trial's time for its cases; the rest is for second measurements.
@@ -42,12 +45,16 @@ BASELINES: Final = ("refit_only", "aic_forward", "sparse_regression")
 
 @dataclass(frozen=True)
 class Trial:
-    """What to answer: the pack, its key if known, second measurements, and the files no answering process may open."""
+    """What to answer: the pack, its key if one is given, and what was sealed if none is."""
 
     pack: Pack
-    key: Path | None
-    again: Pack | None
-    forbidden: tuple[Path, ...]
+    key: Path | None = None
+    sealed: Sealed | None = None
+
+    @property
+    def scored(self) -> bool:
+        """Whether the labels will be known."""
+        return self.key is not None or self.sealed is not None
 
 
 def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answer:
@@ -61,15 +68,17 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     require_stable(machine, "--pack")
     output = options.output or Path("reports/out/blind_trial")
     cluster = cluster_of(options)
-    require_answers(output / "answers.json", overwrite=options.overwrite)
+    committed, file = output / "sealed" / "answers_committed.json", output / "answers.json"
+    require_answers(file, overwrite=options.overwrite)
+    for one in (file, committed.with_name(AGAIN)):
+        require_committed(committed, read_answers(one), one)
     begun = time.monotonic() if _timed(options, output) else None
     trial = _trial(options, output, progress)
-    scored = trial.key is not None
     conditions = Conditions(
         options.seed if options.pack is None else 0,
-        trial.forbidden,
+        _forbidden(trial, output),
         DIAGNOSIS,
-        baselines=scored
+        baselines=trial.scored
         and DIAGNOSIS == answering.DIAGNOSIS,  # They start from the re-fit of the project's own diagnosis.
         cache=CACHE,
     )
@@ -78,27 +87,26 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     def tell(share: float, text: str) -> None:
         progress(begin + (ANSWERED - begin) * share, text)
 
-    answers = answer_all(trial.pack, output / "answers.json", conditions, tell, cluster)
+    if trial.sealed is not None and not all_answered(trial.pack, file, conditions):
+        trial = replace(trial, sealed=close(trial.sealed))
+    answers = answer_all(trial.pack, file, conditions, tell, cluster)
+    commit(committed, answers)
+    second = _second(trial, committed, conditions, cluster, progress)
     results: dict[str, Any] = {
         "quick": options.quick,
-        "scored": scored,
+        "scored": trial.scored,
         "own": options.pack is None,
         "seed": options.seed,
         "cases": len(answers),
         "outcomes": {name: sum(_outcome(one) == name for one in answers.values()) for name in OUTCOMES},
         "seconds": _seconds(answers),
     }
-    bodies = open_key(trial.key, trial.pack) if trial.key is not None else {}
+    bodies = _opened(trial)
     labels = _labels(bodies, trial.pack)
-
-    def tell_again(share: float, text: str) -> None:
-        progress(ANSWERED + (0.98 - ANSWERED) * share, f"second measurement, {text}")
-
-    again = _again(trial, labels, answers, output, conditions, cluster, tell_again) if scored else {}
-    results |= _scored(labels, answers, again)
+    results |= _scored(labels, answers, _again(labels, answers, second) if trial.scored else {})
     results["forms"] = _forms(bodies)
     results["guards"] = _guards(trial, labels, answers)
-    if not scored:
+    if not trial.scored:
         results["table"] = [_row(name, one) for name, one in answers.items()]
     if begun is not None:
         results["seconds"]["trial"] = time.monotonic() - begun
@@ -121,14 +129,24 @@ def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
             raise BadInputError("--cases: a --pack has its own number of cases; leave one of them out")
         if options.key is not None and not options.key.is_file():
             raise BadInputError(f"--key {options.key}: is not a file; give the key of this pack, or leave it out")
-        forbidden = () if options.key is None else (options.key, *places(output).forbidden)
-        return Trial(read_pack(options.pack), options.key, None, forbidden)
+        return Trial(read_pack(options.pack), options.key)
     if options.key is not None:
         raise BadInputError("--key: opens a given pack; give --pack too, or leave it out")
     cases = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
-    sealed: Sealed = seal(cases, options.seed, output, progress)
-    again = read_pack(sealed.again) if any(sealed.again.glob("case-*")) else None
-    return Trial(read_pack(sealed.pack), sealed.key, again, (*sealed.forbidden, sealed.again))
+    sealed = seal(cases, options.seed, output, progress)
+    return Trial(read_pack(sealed.pack), sealed=sealed)
+
+
+def _forbidden(trial: Trial, output: Path) -> tuple[Path, ...]:
+    """What no answering process may open, whether it exists or not; the kernel closes what exists."""
+    return (*([trial.key] if trial.key else []), output / "sealed" / "key.json")
+
+
+def _opened(trial: Trial) -> dict[str, str]:
+    """The verified bodies of the labels; none without a key. Raises BadInputError."""
+    if trial.sealed is not None:
+        return reveal(trial.sealed)
+    return {} if trial.key is None else open_key(trial.key, trial.pack)
 
 
 def _labels(bodies: Mapping[str, str], pack: Pack) -> dict[str, Label]:
@@ -152,20 +170,30 @@ def _forms(bodies: Mapping[str, str]) -> list[dict[str, Any]]:
     return [found[name] for name in sorted(found)]
 
 
-def _again(
+def _second(
     trial: Trial,
-    labels: Mapping[str, Label],
-    answers: Mapping[str, Any],
-    output: Path,
+    committed: Path,
     conditions: Conditions,
     cluster: Cluster | None,
-    tell: Callable[[float, str], None],
+    progress: Progress,
 ) -> dict[str, Any]:
+    """The answers to second measurements, which are made once the answers to the first are committed, and before any
+    label is known."""
+
+    def tell(share: float, text: str) -> None:
+        progress(ANSWERED + (0.98 - ANSWERED) * share, f"second measurement, {text}")
+
+    pack = None if trial.sealed is None else measure_again(trial.sealed)
+    if pack is None:
+        return {}
+    conditions = replace(conditions, baselines=False, evidence=False)
+    found = answer_all(pack, committed.with_name(AGAIN), conditions, tell, cluster)
+    commit(committed, found)
+    return found
+
+
+def _again(labels: Mapping[str, Label], answers: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
     """Closure on a second measurement, beside the interval stated from the first, where both name the effect."""
-    if trial.again is None:
-        return {"count": 0, "inside": merit.Rate(0, 0).plain(), "pairs": []}
-    once = replace(conditions, forbidden=trial.forbidden[:-1], baselines=False, evidence=False)
-    second = answer_all(trial.again, output / "sealed" / "answers_again.json", once, tell, cluster)
     pairs: list[dict[str, Any]] = []
     for case, one in second.items():
         first, then = score(labels[case], answers[case]), score(labels[case], one)

@@ -1,5 +1,9 @@
 """Isolates an answering process from the sealed files, and detects signs that a trial was compromised.
 
+A trial that seals its own cases needs no isolation from their key, which does not exist before the answers are
+committed (see sealing.py). A given --key and the sealer's code exist: they are closed by the kernel where it has
+Landlock, and everywhere by a hook that also reports the attempt.
+
 Imports only the standard library: an answering process calls `forbid` before it imports anything else.
 """
 
@@ -12,6 +16,8 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
+
+from studies.blind_trial import landlock
 
 SEALER: Final = "studies.blind_trial.sealer"
 SEALER_FOLDER: Final = Path(__file__).with_name("sealer")
@@ -50,10 +56,11 @@ class RefusedError(PermissionError):
 def forbid(files: Iterable[str | os.PathLike[str]], modules: Sequence[str] = (SEALER,)) -> list[str]:
     """Forbids this process, irrevocably, to open these files and folders, import these modules, or start processes.
 
-    The returned list grows by one line with every refusal, so that code which catches the error is detected too. This
-    stops Python code; it does not protect against machine code written to bypass it.
+    The returned list grows by one line with every refusal, so that code which catches the error is detected too. The
+    hook stops neither machine code nor paths relative to an open folder, Landlock both.
     """
     places = tuple(os.path.realpath(file) for file in files)
+    landlock.close(places)
     names = {Path(place).name for place in places if not Path(place).is_dir()}
     refused: list[str] = []
 

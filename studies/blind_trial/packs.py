@@ -87,11 +87,20 @@ def _json(file: Path, option: str) -> dict[str, Any]:
 
 def open_key(file: Path, pack: Pack) -> dict[str, str]:
     """The bodies of a pack's labels, each verified against its commitment. Raises BadInputError."""
-    key = _json(file, "--key")
     try:
-        return {case.name: opened(case.name, key, pack.commitments) for case in pack.cases}
+        return bodies_of(read_key(file), pack)
     except KeyFileError as error:
         raise BadInputError(f"--key {file}: {error}") from error
+
+
+def read_key(file: Path) -> dict[str, Any]:
+    """What a key file holds, before it is compared with commitments. Raises BadInputError."""
+    return _json(file, "--key")
+
+
+def bodies_of(key: Mapping[str, Any], pack: Pack) -> dict[str, str]:
+    """The bodies of a pack's labels, each verified against its commitment. Raises KeyFileError."""
+    return {case.name: opened(case.name, key, pack.commitments) for case in pack.cases}
 
 
 def opened(case: str, key: Mapping[str, Any], commitments: Mapping[str, str]) -> str:

@@ -126,7 +126,7 @@ def _disabling() -> list[str]:
 def plan(case: str, kind: str, severity: str, entry: int, seed: Sequence[int]) -> Plan:
     """The case of this kind; `entry` counts within the kind's list, `seed` belongs to the case alone."""
     rng = np.random.default_rng(list(seed))
-    table, shift, own = nominal.load(), nominal.shift_of(rng), int(rng.integers(2**31))
+    table, (shift, own) = nominal.load(), _begun(rng)
     parts: tuple[Part, ...] = ()
     parameters: tuple[str, ...] = ()
     if kind == "clean":
@@ -150,6 +150,16 @@ def plan(case: str, kind: str, severity: str, entry: int, seed: Sequence[int]) -
         else:
             parts = (sized(table, name, law, SEVERITIES[severity], rng, own),)
     return Plan(case, kind, severity, parts, shift, parameters, own)
+
+
+def _begun(rng: np.random.Generator) -> tuple[dict[str, Any], int]:
+    """What is drawn first of every case: how its table deviates from the nominal one, and the seed of its records."""
+    return nominal.shift_of(rng), int(rng.integers(2**31))
+
+
+def seed_of(seed: Sequence[int]) -> int:
+    """The seed of the records of the case whose own seed this is, without the rest of its draw, which takes time."""
+    return _begun(np.random.default_rng(list(seed)))[1]
 
 
 def sized(table: Table, name: str, law: Law, goal: float, rng: np.random.Generator, own: int, tries: int = 4) -> Part:

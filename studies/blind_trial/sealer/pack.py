@@ -1,26 +1,27 @@
-"""Writes sealed cases: records for everyone, commitments beside them, the key somewhere else."""
+"""Writes sealed cases: records for everyone, commitments beside them, the key somewhere else, perhaps later."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
+import hmac
 import io
 import json
 import os
-import secrets
 import shutil
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from joblib import Parallel, delayed, parallel_config
 
 from studies.blind_trial.sealer import nominal
-from studies.blind_trial.sealer.draw import Plan, order, plan
+from studies.blind_trial.sealer.draw import Plan, order, plan, seed_of
 from studies.blind_trial.sealer.schedule import Schedule, sequential, suite
 from studies.blind_trial.sealer.simulate import simulate
 
@@ -32,49 +33,65 @@ OTHER: Final = 1000  # from a case's seed to that of its second measurement
 
 @dataclass(frozen=True)
 class Places:
-    """Where to write a pack, its key, and the second measurements of some cases (None: no second measurements)."""
+    """Where to write a pack, its key, and the second measurements of some cases (None: not wanted)."""
 
-    pack: Path
-    key: Path
+    pack: Path | None = None
+    key: Path | None = None
     again: Path | None = None
 
     @property
-    def parts(self) -> Path:
-        """Where the labels lie until the last case is sealed."""
-        return self.key.with_name(f"{self.key.name}.parts")
+    def parts(self) -> Path | None:
+        """Where a mark lies for every case whose records are written, until the last one is."""
+        return None if self.pack is None else self.pack.with_name(f"{self.pack.name}.parts")
 
 
 def seal(count: int, seed: int, places: Places, jobs: int = -1, tell: Callable[[int, str], None] | None = None) -> None:
-    """Writes a pack of `count` cases and its key. Cases that an interrupted run with the same numbers and the same
-    program has sealed are kept. `tell` gets the number of cases done and the name of the last.
+    """Writes what is wanted of a pack of `count` cases. Records that an interrupted run with the same numbers and the
+    same program has written are kept. `tell` gets the number of cases done and the name of the last.
     """
-    places.parts.mkdir(parents=True, exist_ok=True)
     for folder in (places.pack, places.again):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(nominal.FILE, folder / "nominal.json")
+    if places.parts is not None:
+        places.parts.mkdir(exist_ok=True)
+    root = _root(seed)
     width, made_by = max(2, len(str(count))), f"{count} {seed} {_program()}"
     cases = [(f"case-{k + 1:0{width}d}", *what) for k, what in enumerate(order(count, seed))]
-    secret: dict[str, Any] = {}
+    bodies: dict[str, str | None] = {}
     with parallel_config(backend="loky", initializer=_end_with, initargs=(os.getpid(),), idle_worker_timeout=20):
         stream = Parallel(n_jobs=jobs, return_as="generator_unordered")(
             delayed(_make)(places, made_by, case, (kind, severity, entry), [seed, 1, k])
             for k, (case, kind, severity, entry) in enumerate(cases)
         )
         for case, one in stream:
-            secret[case] = one
+            bodies[case] = one
             if tell is not None:
-                tell(len(secret), case)
-    secret = {case: secret[case] for case in sorted(secret)}
-    commitments = {case: commitment(one["nonce"], one["body"]) for case, one in secret.items()}
-    (places.pack / "commitments.json").write_text(json.dumps(commitments, indent=1) + "\n", encoding="utf-8")
-    places.key.write_text(json.dumps(secret, indent=1) + "\n", encoding="utf-8")
-    shutil.rmtree(places.parts)
+                tell(len(bodies), case)
+    secret = {case: {"nonce": nonce_of(root, case), "body": bodies[case]} for case in sorted(bodies) if bodies[case]}
+    commitments = {case: commitment(str(one["nonce"]), str(one["body"])) for case, one in secret.items()}
+    if places.pack is not None:
+        (places.pack / "commitments.json").write_text(json.dumps(commitments, indent=1) + "\n", encoding="utf-8")
+    if places.key is not None:
+        places.key.write_text(json.dumps(secret, indent=1) + "\n", encoding="utf-8")
+    if places.parts is not None:
+        shutil.rmtree(places.parts)
 
 
 def commitment(nonce: str, body: str) -> str:
     """What is published of a label before it is opened: SHA-256 of nonce + body."""
     return hashlib.sha256((nonce + body).encode()).hexdigest()
+
+
+def nonce_of(root: bytes, case: str) -> str:
+    """The nonce of a case. It follows from the seed, so that it need not be kept anywhere until the key is opened."""
+    return hmac.new(root, case.encode(), "sha256").hexdigest()
+
+
+def _root(seed: int) -> bytes:
+    """What all nonces of a seed follow from; slow by intent, or else trying seeds would be quicker here than by drawing
+    the records, which follow from the seed as well."""
+    return hashlib.scrypt(str(seed).encode(), salt=b"nonces of a blind trial", n=2**14, r=8, p=1)
 
 
 def _end_with(parent: int) -> None:
@@ -89,33 +106,37 @@ def _end_with(parent: int) -> None:
 
 
 def _program() -> str:
-    """SHA-256 over this program's sources."""
+    """SHA-256 over this program's sources, and the versions of the libraries on which the last digit depends."""
     files = sorted(Path(__file__).parent.glob("*.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    sources = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    return " ".join([sources, *(version(name) for name in ("numpy", "scipy", "numba"))])
 
 
 def _make(
     places: Places, made_by: str, case: str, what: tuple[str, str, int], seed: list[int]
-) -> tuple[str, dict[str, str]]:
-    part = places.parts / f"{case}.json"
-    if part.is_file():
-        before = json.loads(part.read_text(encoding="utf-8"))
-        if before["made_by"] == made_by and (places.pack / case).is_dir():
-            return case, before["sealed"]
+) -> tuple[str, str | None]:
+    """Writes what is wanted of a case; its name, and its body unless only second measurements are wanted."""
+    kind, severity, _ = what
+    again = places.again is not None and (kind, severity) == AGAIN and seed_of(seed) % 2 == 0
+    wanted = places.pack is not None or places.key is not None
+    if not (again or wanted):
+        return case, None
     found = plan(case, *what, seed)
-    write_case(places.pack / case, found)
-    if places.again is not None and (found.kind, found.severity) == AGAIN and found.seed % 2 == 0:
+    if places.pack is not None and places.parts is not None:
+        mark = places.parts / case
+        kept = mark.is_file() and mark.read_text(encoding="utf-8") == made_by and (places.pack / case).is_dir()
+        if not kept:
+            write_case(places.pack / case, found)
+            half = mark.with_suffix(".half")
+            half.write_text(made_by, encoding="utf-8")
+            half.replace(mark)  # only what is whole counts after an interruption
+    if places.again is not None and again:
         write_case(places.again / case, replace(found, seed=found.seed + OTHER))
-    sealed = {"nonce": secrets.token_hex(16), "body": json.dumps(found.body())}
-    text = json.dumps({"made_by": made_by, "sealed": sealed})
-    half = part.with_suffix(".half")
-    half.write_text(text, encoding="utf-8")
-    half.replace(part)  # only what is whole counts after an interruption
-    return case, sealed
+    return case, json.dumps(found.body()) if wanted else None
 
 
 def write_case(place: Path, found: Plan) -> None:
-    """The two records of a case, and the catalogue entries that are disabled for it."""
+    """Writes the two records of a case, and the catalogue entries that are disabled for it."""
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir()
     for i, (name, schedule) in enumerate(EXPERIMENTS.items()):

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import gzip
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from studies.blind_trial import guard
+from studies.blind_trial import guard, landlock
 from studies.blind_trial.answering import Conditions, answer_case
 from studies.blind_trial.packs import read_pack
+from tests.studies.blind_trial import ways
 from tests.studies.blind_trial.cheats import KEY, NOTES, WAYS
 from tests.studies.blind_trial.conftest import Packer
 
@@ -39,6 +42,58 @@ def test_every_cheat_reaches_the_key_where_nothing_is_forbidden(tmp_path: Path) 
     for name in WAYS.keys() - {"fork"}:
         (tmp_path / "key.json.other").unlink(missing_ok=True)
         WAYS[name](str(key))
+
+
+@pytest.fixture
+def open_key(small_pack: Packer, tmp_path: Path) -> Path:
+    """A key file in a folder of its own, beside a folder that anyone may read."""
+    folder = tmp_path / "secret"
+    (folder / "open").mkdir(parents=True)
+    small_pack({"name": ["cogging"]})
+    return (tmp_path / "pack-key.json").rename(folder / "key.json")
+
+
+@pytest.mark.skipif(not landlock.version(), reason="the kernel has no Landlock: the README names what is open")
+def test_the_kernel_shuts_what_no_hook_can(open_key: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the hook and without; the process that asks has the key open, too."""
+    program = (
+        "import sys; from studies.blind_trial import landlock; from tests.studies.blind_trial import ways;"
+        "assert landlock.close(sys.argv[1:]); print(ways.leading(sys.argv[1]))"
+    )
+    with open_key.open():
+        alone = [sys.executable, "-c", program, str(open_key)]
+        assert subprocess.run(alone, cwd=ROOT, capture_output=True, text=True, check=True).stdout == "[]\n"
+    notes = tmp_path / "notes.json"
+    monkeypatch.setenv(ways.KEY, str(open_key))
+    monkeypatch.setenv(ways.NOTES, str(notes))
+    (case,) = read_pack(tmp_path / "pack").cases
+    with open_key.open():
+        answer_case(case, Conditions(forbidden=(open_key,), diagnosis=ways.__name__))
+    assert json.loads(notes.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="some ways lead through /proc")
+@pytest.mark.parametrize("way", ways.WAYS)
+def test_every_way_leads_to_a_key_that_is_not_shut(way: str, open_key: Path) -> None:
+    """Otherwise the test above would pass for attempts that do nothing."""
+    program = f"from tests.studies.blind_trial.ways import WAYS; WAYS[{way!r}]({str(open_key)!r})"
+    with open_key.open():
+        done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_only_what_is_shut_is_not_granted(tmp_path: Path) -> None:
+    for name in ("a/b/key", "a/b/beside", "a/c/other", "top"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "a" / "link").symlink_to("b/key")
+    (tmp_path / "a" / "b" / "same").hardlink_to(tmp_path / "a" / "b" / "key")
+    shut = [str(tmp_path / "a" / "b" / "key"), str(tmp_path / "a" / "b" / "later"), str(tmp_path / "top")]
+    found = [one for one in landlock.granted(shut) if one.startswith(str(tmp_path))]
+    assert sorted(found) == [str(tmp_path / "a" / "b" / "beside"), str(tmp_path / "a" / "c")]
+    within = [str(tmp_path / "a"), *shut]
+    assert not [one for one in landlock.granted(within) if one.startswith(str(tmp_path))]
+    assert "/proc" in landlock.granted(shut) or not Path("/proc").exists()
 
 
 def test_a_leaked_label_is_found_by_name_and_by_content(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import gzip
 import json
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -22,7 +24,7 @@ from studies.blind_trial.sealer.distance import contact_force, distance
 from studies.blind_trial.sealer.effects import CATALOGUE, Change, Law
 from studies.blind_trial.sealer.machine import POINTS
 from studies.blind_trial.sealer.outsiders import OUTSIDERS
-from studies.blind_trial.sealer.pack import EXPERIMENTS, OTHER, Places, commitment, record, seal
+from studies.blind_trial.sealer.pack import AGAIN, EXPERIMENTS, OTHER, Places, commitment, record, seal
 from studies.blind_trial.sealer.physics import elements_force
 from studies.blind_trial.sealer.schedule import Schedule, deadbeat, sampled, sequential, suite
 
@@ -269,7 +271,9 @@ def test_nominal_draws_are_bounded_at_two_deviations() -> None:
 def sealed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A pack of two and its key, made by the program."""
     place = tmp_path_factory.mktemp("sealed")
-    done = run_sealer("--cases", "2", "--seed", "8", "--output", str(place / "pack"), "--key", str(place / "key.json"))
+    done = run_sealer(
+        "--cases", "2", "--seed", "224", "--output", str(place / "pack"), "--key", str(place / "key.json")
+    )
     assert done.returncode == 0, done.stderr
     return place / "pack", place / "key.json"
 
@@ -315,8 +319,9 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
     assert record(plans[0], sequential(), 0) == record(plans[1], sequential(), 0)
 
 
-def test_an_interrupted_seal_keeps_what_it_sealed(tmp_path: Path) -> None:
-    places = Places(tmp_path / "pack", tmp_path / "key.json", tmp_path / "again")
+def test_an_interrupted_seal_keeps_what_it_sealed_and_no_file_of_it_holds_a_label(tmp_path: Path) -> None:
+    pack, key = tmp_path / "pack", tmp_path / "key.json"
+    places = Places(pack, key, tmp_path / "again")
     done: list[str] = []
 
     class InterruptedError(Exception):
@@ -328,16 +333,59 @@ def test_an_interrupted_seal_keeps_what_it_sealed(tmp_path: Path) -> None:
             raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        seal(2, 8, places, jobs=1, tell=plug)
-    assert not places.key.exists()
-    part = places.parts / f"{done[0]}.json"
-    kept = json.loads(part.read_text(encoding="utf-8"))["sealed"]
-    seal(2, 8, places, jobs=1)
-    key = json.loads(places.key.read_text(encoding="utf-8"))
-    commitments = json.loads((places.pack / "commitments.json").read_text(encoding="utf-8"))
-    assert key[done[0]] == kept
-    assert {case: commitment(one["nonce"], one["body"]) for case, one in key.items()} == commitments
-    assert not places.parts.exists()
+        seal(2, 224, places, jobs=1, tell=plug)
+    assert not key.exists()
+    named = "|".join([*CATALOGUE, *OUTSIDERS, "nominal_shift"])
+    for file in tmp_path.rglob("*"):
+        text = gzip.decompress(file.read_bytes()) if file.suffix == ".gz" else file.is_file() and file.read_bytes()
+        assert not re.search(named.encode(), text or b""), file
+    records = pack / done[0] / "suite.csv.gz"
+    before = records.stat().st_mtime_ns
+    seal(2, 224, places, jobs=1)
+    assert records.stat().st_mtime_ns == before
+    opened = json.loads(key.read_text(encoding="utf-8"))
+    commitments = json.loads((pack / "commitments.json").read_text(encoding="utf-8"))
+    assert {case: commitment(one["nonce"], one["body"]) for case, one in opened.items()} == commitments
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["again", "key.json", "pack"]
+
+
+def test_the_key_can_be_drawn_after_the_answers(sealed: tuple[Path, Path], tmp_path: Path) -> None:
+    """By another process, from the numbers alone; another seed has other nonces, as it has other records."""
+    done = run_sealer("--cases", "2", "--seed", "224", "--key", "/dev/stdout")
+    assert json.loads(done.stdout) == json.loads(sealed[1].read_text(encoding="utf-8"))
+    seal(1, 9, Places(key=tmp_path / "key.json"), jobs=1)
+    other = json.loads((tmp_path / "key.json").read_text(encoding="utf-8"))
+    assert other["case-01"]["nonce"] not in done.stdout
+
+
+def test_second_measurements_can_be_made_after_the_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Nothing else is drawn for them, and they are of the cases that are measured twice when all is made at once."""
+    drawn: list[str] = []
+
+    def plan(case: str, *_: object) -> draw.Plan:
+        drawn.append(case)
+        return clean([1, 2])
+
+    def write_case(place: Path, _: draw.Plan) -> None:
+        place.mkdir()
+
+    monkeypatch.setattr("studies.blind_trial.sealer.pack.plan", plan)
+    monkeypatch.setattr("studies.blind_trial.sealer.pack.write_case", write_case)
+    seal(60, 3, Places(again=tmp_path / "later"), jobs=1)
+    assert drawn
+    assert [one.name for one in sorted((tmp_path / "later").glob("case-*"))] == drawn
+    kinds = draw.order(60, 3)
+    assert {kinds[int(case[5:]) - 1][:2] for case in drawn} == {AGAIN}
+    seal(60, 3, Places(tmp_path / "pack", again=tmp_path / "at_once"), jobs=1)
+    assert [one.name for one in sorted((tmp_path / "at_once").glob("case-*"))] == drawn[: len(drawn) - 60]
+
+
+def test_the_seed_of_a_cases_records_is_known_without_its_whole_draw() -> None:
+    assert draw.seed_of([1, 2]) == clean([1, 2]).seed
+
+
+def clean(seed: list[int]) -> draw.Plan:
+    return draw.plan("case-01", "clean", "", 0, seed)
 
 
 def test_a_second_measurement_is_of_the_same_table_and_not_the_same() -> None:
