@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from studies.all import run as run_all
 from studies.catalogue import every
 from studies.command import BAD_INPUT, DONE, main
 from studies.deadbeat_design.__main__ import STUDY
@@ -186,6 +187,26 @@ def test_the_command_insists_with_overwrite(tmp_path: Path, monkeypatch: pytest.
     assert "overwrite" not in content["options"]
     assert (tmp_path / "data.csv").read_text(encoding="utf-8") == SOMEBODYS
     assert main(STUDY, ["--no-report", "--output", str(tmp_path)]) == DONE  # what the first run wrote makes way
+
+
+def test_all_studies_refuse_what_is_somebody_elses_unless_one_insists(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(type(STUDY), "compute", lambda *_: Answer({}, ()))
+    monkeypatch.setattr("studies.command._render", lambda *_: ({}, {}))
+    monkeypatch.setattr("studies.all.every", lambda: {"deadbeat_design": STUDY})
+    (tmp_path / "index.html").write_text(SOMEBODYS, encoding="utf-8")
+    assert run_all(["--output", str(tmp_path)]) == BAD_INPUT
+    assert "index.html in it is not of an earlier run" in capsys.readouterr().err
+    assert files(tmp_path) == {"index.html": SOMEBODYS}
+    (tmp_path / "index.html").unlink()
+    (tmp_path / "deadbeat_design").mkdir()
+    one_file("machine.toml")(tmp_path / "deadbeat_design")
+    assert run_all(["--output", str(tmp_path)]) == BAD_INPUT
+    assert files(tmp_path)["deadbeat_design/machine.toml"] == SOMEBODYS
+    assert run_all(["--output", str(tmp_path)]) == BAD_INPUT  # the index of the first run is no hindrance
+    assert run_all(["--output", str(tmp_path), "--overwrite"]) == DONE
+    assert files(tmp_path)["deadbeat_design/machine.toml"] != SOMEBODYS
 
 
 @pytest.mark.parametrize("failing", range(1, 9))

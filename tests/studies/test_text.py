@@ -20,10 +20,12 @@ from typing import Any
 
 import pytest
 
+from models.machine import DEFAULT
 from reports import pages, text
 from reports.markup import visible
 from reports.report import Report
 from studies.catalogue import every
+from studies.command import CHECK_MISSED, DONE, main
 from tests.reports.payloads import HOST, PAYLOADS
 
 NAMES = sorted(every())
@@ -145,6 +147,51 @@ def test_no_text_of_a_study_changes_what_its_report_is_made_of(
         assert typed(visible(check["name"])) in after.shown
 
 
+def quoted(words: str) -> str:
+    """As a string of TOML."""
+    return "".join(f"\\U{ord(sign):08x}" if sign < " " or sign in '\\"\x7f\x85' else sign for sign in words)
+
+
+@pytest.fixture(scope="module")
+def typed_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, list[str]]:
+    """The web page of a study that ran on hostile files as a user gives them, and the texts that it is to show.
+
+    The machine's name, its sources and notes, those of an effect, and the names of the files are markup.
+    """
+    folder = tmp_path_factory.mktemp("typed")
+    names = [one for one in PAYLOADS if one.isprintable() and "/" not in one and len(one) < 100]
+    texts = iter([one for one in PAYLOADS if "\n" not in one and "\ud800" not in one])
+    name = "".join((*PAYLOADS[:2], next(one for one in PAYLOADS if "{=html}" in one)))
+    machine = DEFAULT.read_text(encoding="utf-8")
+    machine += """
+[effects.viscous_friction]
+coefficient = { value = "20 N s/m", source = "assumed: " }
+"""
+    shown = []
+
+    def spoil(match: re.Match[str]) -> str:
+        payload = next(texts, None)
+        if payload is None:
+            return match.group()
+        shown.append(payload)
+        return f'{match.group()[:-1]} {quoted(payload)}"'
+
+    machine = re.sub(r'(?:source|note) = "[^"]*"', spoil, machine)
+    machine = re.sub(r'(?m)^name = ".*"', lambda _: f'name = "{quoted(name)}"', machine)
+    file = folder / f"{names[0]}{names[1]}.toml"
+    file.write_text(machine, encoding="utf-8")
+    arguments = ["--quick", "--machine", str(file), "--output", str(folder / "out")]
+    assert main(every()["deadbeat_design"], arguments) in {DONE, CHECK_MISSED}
+    return (folder / "out" / "report.html").read_text(encoding="utf-8"), [name, *shown]
+
+
+def test_texts_of_a_users_files_are_shown_as_typed(typed_run: tuple[str, list[str]]) -> None:
+    page, shown = typed_run
+    after = Page(page)
+    for one in shown:
+        assert typed(visible(one)) in after.shown + typed(after.title), one
+
+
 class Proxy(HTTPServer):
     """Notes what a browser asks for and answers nothing."""
 
@@ -191,10 +238,11 @@ def opened(page: str, folder: Path) -> tuple[Page, list[str]]:
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
 def test_a_browser_runs_and_fetches_nothing_and_shows_the_text(
-    pair: Callable[[str], tuple[Page, str, dict[str, Any]]], tmp_path: Path
+    pair: Callable[[str], tuple[Page, str, dict[str, Any]]], typed_run: tuple[str, list[str]], tmp_path: Path
 ) -> None:
     """All reports in one page, without the policy that would stop what got in."""
-    bodies = [re.findall(r"<body>(.*)</body>", pair(name)[1], re.DOTALL)[0] for name in NAMES]
+    pages_of_all = [typed_run[0], *(pair(name)[1] for name in NAMES)]
+    bodies = [re.findall(r"<body>(.*)</body>", one, re.DOTALL)[0] for one in pages_of_all]
     head = '<!DOCTYPE html><html><head><meta charset="utf-8"><title>still</title></head><body>'
     page, asked = opened(head + "".join(bodies) + "</body></html>", tmp_path)
     assert asked == []
@@ -212,6 +260,8 @@ def test_a_browser_runs_and_fetches_nothing_and_shows_the_text(
     assert not [one for _, said in page.elements for one in said if one.startswith("on") or "javascript" in one]
     kinds = {one.split(":")[0] for tag, said in page.elements for one in said if one.startswith(("src=", "href="))}
     assert {kind[:6] for kind in kinds} == {"src=da", "href=#"}
+    for one in typed_run[1]:
+        assert typed(visible(one)) in page.shown
     for name in NAMES:
         for parameter in pair(name)[2]["parameters"]:
             assert typed(visible(parameter["provenance"]["detail"])) in page.shown
