@@ -5,7 +5,7 @@ ENVIRONMENT := .venv/.complete
 # The matrices are small: threads of BLAS would only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help fuzz study test test-fast check benchmark baseline lock clean
+.PHONY: help fuzz study test suite test-fast check benchmark baseline lock clean
 
 help:
 	@echo 'make study      design the deadbeat feedforward for the default machine, validate it, write its report'
@@ -21,7 +21,11 @@ help:
 study: $(ENVIRONMENT)
 	$(BIN)/python -m studies.deadbeat_design
 
-test: check
+# Side by side: the type checker uses one core only.
+test: $(ENVIRONMENT)
+	$(MAKE) --jobs 2 check suite
+
+suite: $(ENVIRONMENT)
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 test-fast: $(ENVIRONMENT)
