@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
+from models.effects.motor import CurrentLoopLag
 from models.identification import force, modes
 from models.identification.estimate import Estimate, newey_west
 from models.identification.force_fit import DAMPING, SURE, ForceFit
@@ -52,7 +53,8 @@ class Found:
 
 
 def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
-    """The machine with the plant of a frequency response, whose gains hold the thrust constant."""
+    """The machine with the plant of a frequency response, whose gains hold the thrust constant; the lag of the current
+    loop and the viscous drag that it shows are effects. Without a lag of its own the dead time holds any."""
     e = fit.estimate
     sources = {
         "dead_time": found.by(e.deviation("dead time")),
@@ -64,7 +66,32 @@ def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
     for i in range(1, len(fit.plant.modes)):
         for part in ("gain", "frequency", "damping"):
             sources[f"modes.{i + 1}.{part}"] = found.by(e.deviation(f"mode {i} {part}"))
-    return machine.with_part("plant", fit.plant, sources)
+    machine = machine.with_part("plant", fit.plant, sources)
+    lag = (fit.lag, e.deviation(modes.LAG)) if fit.lag > 0 else None
+    machine = with_lag(machine, lag, found)
+    return with_drag(machine, (fit.drag, e.deviation(modes.DRAG)), None, found) if fit.drag > 0 else machine
+
+
+def with_lag(machine: Machine, lag: tuple[float, float] | None, found: Found) -> Machine:
+    """The machine with a current loop's time constant and its standard deviation [s] as an effect; None takes it
+    out."""
+    name = CurrentLoopLag.name
+    sources = {path: one for path, one in machine.sources_of("effects").items() if not path.startswith(name)}
+    others = [effect for effect in machine.effects if effect.name != name]
+    if lag is not None:
+        sources[f"{name}.time"] = found.by(lag[1])
+        others.append(CurrentLoopLag(lag[0]))
+    return machine.with_part("effects", catalogue.in_order(others), sources)
+
+
+def lag_of(machine: Machine) -> float:
+    """The time constant [s] of the machine's current loop beside its dead time; 0 without one."""
+    return sum(effect.time for effect in machine.effects if isinstance(effect, CurrentLoopLag))
+
+
+def drag_of(machine: Machine) -> float:
+    """The viscous drag [N s/m] among the machine's effects; 0 without one."""
+    return sum(effect.coefficient for effect in machine.effects if isinstance(effect, ViscousFriction))
 
 
 def with_friction(machine: Machine, fit: ForceFit, found: Found) -> Machine:

@@ -24,7 +24,9 @@ from models.identification.force_fit import SURE, ForceFit
 from models.identification.into_machine import (
     Found,
     Holdable,
+    drag_of,
     holdable,
+    lag_of,
     with_damping_of_motion,
     with_drag,
     with_friction,
@@ -34,8 +36,8 @@ from models.identification.into_machine import (
     with_scaled_friction,
     with_scaled_plant,
 )
+from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
 from models.identification.recognise import read, recognised
-from models.identification.response import FrequencyResponse
 from models.machine import Machine
 from models.records.files import Loaded
 from models.records.kinds import KINDS
@@ -52,16 +54,14 @@ DYNAMICS: Final = replace(BY_DIRECTION, delay=True, damped=True)  # what is iden
 
 
 @dataclass(frozen=True)
-class ResponseStep:
-    """What a frequency response gave: the response, measured or from an excitation, and the modes fitted to it."""
+class Settings:
+    """How records are identified. pass_band [Hz]: of the low-pass for friction, None: the usual one. modes: how many
+    vibration modes, None: as many as a response shows. rolled: responses in files were measured while the axis
+    rolled."""
 
-    measured: FrequencyResponse
-    fit: modes.Fit
-
-    @property
-    def estimate(self) -> Estimate:
-        """The plant's parameters [SI]."""
-        return self.fit.estimate
+    pass_band: float | None = None
+    modes: int | None = None
+    rolled: bool = False
 
 
 @dataclass(frozen=True)
@@ -159,6 +159,12 @@ class Identified:
         gave = self.last("hysteresis")
         return gave.fit if isinstance(gave, ForceStep) else None
 
+    def misfit(self, gave: ResponseStep) -> float:
+        """Reduced chi-square [1] of this machine, as its file has it, on a response that it was identified from."""
+        return modes.misfit(
+            gave.measured, gave.fit.used, self.machine.plant, lag_of(self.machine), drag_of(self.machine)
+        )
+
     def has(self, *results: str) -> bool:
         """Whether a record had a result of one of these kinds."""
         return any(step.result in results for step in self.steps)
@@ -170,6 +176,8 @@ def identify(
     *,
     kinds: Sequence[str] = (),
     pass_band: float | None = None,
+    modes: int | None = None,
+    rolled: bool = False,
     tell: Callable[[float, str], None] | None = None,
 ) -> Identified:
     """Which machine the records show, with standard deviations; what they don't show stays as in `machine`.
@@ -177,7 +185,9 @@ def identify(
     records: files (CSV, CSV.gz, MAT or Parquet, their columns as machine.record maps them), or what
     `recognise.read` made of them. kinds: one of "response", "excitation", "hysteresis", "motion", "dynamics" or "auto"
     for each; recognised by default. pass_band [Hz]: of the low-pass for friction, by default 20 Hz for slow records and
-    40 Hz for fast ones. tell: hears the share that is done [1] and a sentence, before each record.
+    40 Hz for fast ones. modes: how many vibration modes a frequency response has, by default the fewest that pass.
+    rolled: frequency responses in files were measured while the axis rolled. tell: hears the share that is done [1] and
+    a sentence, before each record.
     Raises RecordError, a sentence that begins with the file's name, for a record that can't be used or is of another
     kind.
 
@@ -194,11 +204,12 @@ def identify(
     ]
     # What an experiment on another machine showed is left out.
     found = Identified(replace(machine, name=f"{machine.name}, identified", published=None))
+    settings = Settings(pass_band, modes, rolled)
     for i, (kind, one) in enumerate(sorted(zip(known, loaded, strict=True), key=lambda item: KINDS.index(item[0]))):
         if tell is not None:
             tell(i / len(loaded), f"identifying from {one.name} ({kind})")
         try:
-            found = _METHODS[kind](found, kind, one, pass_band)
+            found = _METHODS[kind](found, kind, one, settings)
         except ValueError as error:
             raise RecordError(f"{one.name}: {error}") from error
     return found
@@ -223,28 +234,41 @@ def _with(
     return Identified(machine, (*found.steps, Step(kind, loaded, gave, remarks)))
 
 
-def _from_response(found: Identified, kind: str, loaded: Loaded, pass_band: float | None) -> Identified:  # noqa: ARG001
-    """P_l from a measured frequency response, or from an excitation."""
+def _from_response(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
+    """P_l from a measured frequency response, or from an excitation; from all of them together if there are several."""
     content = loaded.content
-    measured = response.measured(content) if isinstance(content, Record) else content
-    fit = modes.fit(measured)
-    unknown = not np.all(np.isfinite(measured.variance))
-    remarks = ["The response has no stated deviations: all lines count alike, relative to their size."] * unknown
-    machine = with_response(found.machine, fit, Found(loaded, "response"))
-    return _with(found, machine, kind, loaded, ResponseStep(measured, fit), remarks)
+    if isinstance(content, Record):
+        measured, level = response.measured(content), float(np.std(content.feedforward))
+    else:
+        measured, level = replace(content, rolling=content.rolling or settings.rolled), None
+    fit = modes.fit(measured, count=settings.modes)
+    step = ResponseStep(measured, fit, level=level)
+    earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
+    remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
+    if earlier:
+        steps = [*(one.gave for one in earlier if isinstance(one.gave, ResponseStep)), step]
+        best = modes.fit_together(
+            [one.measured for one in steps], [one.fit.used for one in steps], count=settings.modes
+        )
+        step = replace(step, together=best)
+        remarks += on_disagreement([one.loaded.name for one in earlier] + [loaded.name], steps)
+        names, hashes = zip(*((one.loaded.name, one.loaded.sha256) for one in earlier), strict=True)
+        together = replace(loaded, name=", ".join([*names, loaded.name]), sha256=", ".join([*hashes, loaded.sha256]))
+        source = Found(together, "response")
+    return _with(found, with_response(found.machine, best, source), kind, loaded, step, remarks)
 
 
-def _from_hysteresis(found: Identified, kind: str, loaded: Loaded, pass_band: float | None) -> Identified:
+def _from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
     """The friction elements from a slow record; mass and dead time as known so far."""
     plant, ts = found.machine.plant, found.machine.sample_time
     dead_time = [std for _, std in found.earlier("dead time")]
     terms = force.Terms(
         mass=plant.mass,
-        known_delay=plant.dead_time + 0.5 * ts,
+        known_delay=plant.dead_time + lag_of(found.machine) + 0.5 * ts,
         known_delay_std=max(dead_time, default=0.0),
         damped=bool(dead_time),
     )
-    record, band = record_of(loaded), pass_band or SLOW_BAND
+    record, band = record_of(loaded), settings.pass_band or SLOW_BAND
     fit = force.identify(record, terms, pass_band=band)
     dragged = force.identify(record, replace(terms, viscous=True), pass_band=band)
     if _drags(fit, dragged):
@@ -302,7 +326,7 @@ def _on_damping(fit: ForceFit) -> str:
     )
 
 
-def _from_motion(found: Identified, kind: str, loaded: Loaded, pass_band: float | None) -> Identified:  # noqa: ARG001
+def _from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:  # noqa: ARG001
     """Prediction-error fit with the controller replayed; what no other record gave goes into the machine."""
     fit = motion.identify(record_of(loaded), found.machine, friction_covariance=_shape(found))
     differences = tuple(_differences(found, fit.estimate))
@@ -366,13 +390,13 @@ def _on_motion(fit: motion.MotionFit) -> Iterator[str]:
         )
 
 
-def _from_dynamics(found: Identified, kind: str, loaded: Loaded, pass_band: float | None) -> Identified:
+def _from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
     """Inverse dynamics of a fast record, fitted to its first half; what no other record gave goes into the machine.
 
     Friction that grows with speed and the offset go together, so that both are taken from the last fast record.
     """
     record = record_of(loaded)
-    fit = force.identify(record, DYNAMICS, pass_band=pass_band or FAST_BAND, fit_until=half_of(record))
+    fit = force.identify(record, DYNAMICS, pass_band=settings.pass_band or FAST_BAND, fit_until=half_of(record))
     held, source = holdable(fit), Found(loaded, "dynamics")
     machine = found.machine
     if not found.has("response", "dynamics"):
@@ -403,7 +427,7 @@ def _on_offset(held: Holdable) -> str:
     )
 
 
-_METHODS: Final[Mapping[str, Callable[[Identified, str, Loaded, float | None], Identified]]] = {
+_METHODS: Final[Mapping[str, Callable[[Identified, str, Loaded, Settings], Identified]]] = {
     "response": _from_response,
     "excitation": _from_response,
     "hysteresis": _from_hysteresis,

@@ -26,6 +26,7 @@ Complex = NDArray[np.complex128]
 WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below are not looked at
 LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks into them
 ONCE: Final = 0.5  # of a line's power in a single window: a sweep went by there
+SURELY: Final = 3.0  # times its neighbours' noise, from which on a line of a periodic excitation has more of its own
 NEIGHBOURS: Final = 4  # lines on each side over which the noise's power is averaged
 LOCAL: Final = 8  # lines on each side over which the local model of one sweep holds
 DEGREE: Final = 2  # of that model's polynomials
@@ -103,7 +104,9 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     cross_x, cross_u = np.mean(x * np.conj(r), axis=0), np.mean(u * np.conj(r), axis=0)
     response = cross_x / cross_u
     error = np.sum(np.abs(x - response * u) ** 2, axis=0) / (r.shape[0] - 1)
-    variance = _smoothed(error) * power / (count * np.abs(cross_u) ** 2)
+    smooth = _smoothed(error)
+    error = np.where(error > SURELY * smooth, error, smooth)  # at a mode that still rings, more than its neighbours
+    variance = error * power / (count * np.abs(cross_u) ** 2)
     coherence = np.abs(cross_x) ** 2 / (np.mean(np.abs(x) ** 2, axis=0) * power)
     rolling = _rolling(record.position[first:last], record.sample_time)
     return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling)

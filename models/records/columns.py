@@ -6,7 +6,7 @@ An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from models.quantity import QuantityError, parse
@@ -18,11 +18,13 @@ _ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232}
 
 @dataclass(frozen=True)
 class Source:
-    """Where one signal comes from: the file's column `name`, times `factor` to SI; decibels: 20 log10 of it."""
+    """Where one signal comes from: the file's column `name`, times `factor` to SI; decibels: 20 log10 of it;
+    absolute: a deviation in m/N, not relative to the magnitude."""
 
     name: str
     factor: float
     decibels: bool = False
+    absolute: bool = field(default=False, repr=False)
 
 
 DERIVATIVES: Final = ("error", "position")
@@ -73,6 +75,8 @@ class Columns:
             if unit and unit not in _ANGLES:
                 raise ValueError(f"phase: [{unit}] must be an angle; write [deg] or [rad]")
             return Source(match["name"], _ANGLES[unit or "deg"] * _factor("", factor, "1", signal))
+        if signal == "deviation" and "/" in unit:
+            return Source(match["name"], _factor(unit, factor, UNITS["magnitude"], signal), absolute=True)
         return Source(match["name"], _factor(unit, factor, UNITS[signal], signal))
 
 

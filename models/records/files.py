@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
+from models.records import response_columns
 from models.records.checks import Facts, check_samples, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
 from models.records.delimited import columns_of_csv
@@ -55,7 +55,7 @@ def load(
     """
     columns, facts = columns or Columns(), Facts(**known)
     names = {signal: columns.source(signal).name for signal in UNITS}
-    table = _table(path, set(names.values()), limits)
+    table = _table(path, {*names.values(), *response_columns.ALSO}, limits)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     try:
@@ -90,14 +90,9 @@ def read_record(path: str | Path, columns: Columns | None = None) -> Record:
 
 
 def _as_it_ran(record: Record, columns: Columns, facts: Facts) -> Record:
-    """The record for a replay of the PID, whatever its derivative was taken of. Raises RecordError for another law."""
+    """The record for a replay of the PID, whatever its derivative was taken of."""
     if facts.pid is None or columns.derivative == "error":
         return record
-    if isinstance(facts.pid, Law):
-        raise RecordError(
-            "derivative: is of a plain PID, and the machine file states another feedback; leave it out of the columns, "
-            "and for a PID with set-point weights state derivative_weight = 0 in [control.pid]"
-        )
     return derivative_of_error(record, facts.pid, facts.reference_delay)
 
 
@@ -178,12 +173,12 @@ def _response(table: _Table, columns: Columns) -> FrequencyResponse:
         raise RecordError(
             "frequencies and magnitudes must be above 0; leave the other lines out, or mark decibels [dB]"
         )
-    relative = columns.source("deviation").name
-    deviation = table.columns[relative] if relative in table.columns else np.full(frequency.size, np.nan)
+    deviation = response_columns.deviation(table.columns, table.names, columns, magnitude)
+    rolled = response_columns.rolled(table.columns)
     order = np.argsort(frequency)
     response = np.asarray(magnitude * np.exp(1j * phase), complex)
-    variance = (np.abs(response) * deviation) ** 2
-    return FrequencyResponse(frequency[order], response[order], variance[order], np.full(frequency.size, np.nan), 0.0)
+    unknown = np.full(frequency.size, np.nan)
+    return FrequencyResponse(frequency[order], response[order], deviation[order] ** 2, unknown, 0.0, rolled)
 
 
 def _signal(table: _Table, columns: Columns, signal: str) -> Array:

@@ -42,6 +42,8 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
             records,
             kinds=kinds,
             pass_band=options.pass_band,
+            modes=options.modes,
+            rolled=options.rolling,
             tell=lambda share, text: progress(0.05 + 0.4 * share, text),
         )
     except RecordError as error:

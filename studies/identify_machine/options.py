@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from models.identification.modes import MOST_MODES
 from models.records.kinds import KINDS
 from models.records.sizes import LIMITS
 from studies.options import Options, flag, paths, quantity, text, texts, whole
@@ -40,6 +41,16 @@ class IdentificationOptions(Options):
         "FREQUENCY",
         'of the low-pass for friction, such as "40 Hz" (default: 20 Hz for hysteresis, else 40 Hz)',
         above=0,
+    )
+    modes: int | None = whole(
+        "N",
+        "vibration modes of a frequency response, whatever it shows (default: the fewest that pass)",
+        0,
+        MOST_MODES,
+    )
+    rolling: bool = flag(
+        "frequency responses given as files were measured while the axis rolled in one direction, so that friction "
+        "bends none of their lines",
     )
     tables: int = whole(
         "N", "simulated tables of the round trip, at least 1 (default: 50; 3 with --quick)", 1, default=50

@@ -24,6 +24,7 @@ def tell(whole: Results) -> Report:
     results = whole["results"]
     possible = (
         ("response", Figure("bode", BODE, ("results.response",), _bode)),
+        ("response", Figure("stabilisation", STABILISATION, ("results.response",), _stabilisation)),
         ("hysteresis", Figure("hysteresis", HYSTERESIS, ("results.hysteresis",), _hysteresis)),
         ("motion", Figure("motion", MOTION, ("results.motion",), _motion)),
         ("dynamics", Figure("dynamics", DYNAMICS, ("results.dynamics",), _dynamics)),
@@ -52,6 +53,10 @@ TABLES = {
 BODE = Markdown(
     "Measured frequency response and the $P_l$ fitted to it; below, the residuals, with the standard deviation of each "
     "measured line. Crosses: excluded lines."
+)
+STABILISATION = (
+    "Stabilisation: the modes found with each number of modes. Dots: modes of the machine file. Crosses: candidates "
+    "that are none, or that the lines do not need. Right: reduced chi-square."
 )
 HYSTERESIS = (
     "Left: friction force over position, measured and from the identified elements. Right: increase of force "
@@ -102,6 +107,27 @@ def _bode(whole: Results) -> Drawing:
     rest.set_ylabel("of magnitude [%]")
     rest.set_xlabel("frequency [Hz]")
     rest.legend()
+    return figure
+
+
+def _stabilisation(whole: Results) -> Drawing:
+    r = whole["results"]["response"]
+    figure, axes = style.subplots(1, 2, 60, sharey=True, width_ratios=[3, 1])
+    ax, size = axes[0, 0], axes[0, 1]
+    for order in r["orders"]:
+        f, kept = np.array(order["frequency_Hz"]), np.array(order["kept"], bool)
+        level = np.full(f.size, order["modes"])
+        ax.plot(f[kept], level[kept], linestyle="none", marker="o", markersize=4, color=style.VERMILION)
+        ax.plot(f[~kept], level[~kept], linestyle="none", marker="x", markersize=4, color=style.LIMIT)
+    style.mark_limit(ax, r["modes"], "")
+    ax.set_xscale("log")
+    ax.set_xlim(0.5 * min(r["frequency_Hz"]), 2 * max(r["frequency_Hz"]))
+    ax.yaxis.set_major_locator(MultipleLocator(1))
+    ax.set_ylabel("modes fitted")
+    ax.set_xlabel("frequency [Hz]")
+    size.plot([order["chi_square"] for order in r["orders"]], [order["modes"] for order in r["orders"]], marker="o")
+    size.set_xscale("log")
+    size.set_xlabel("chi-square")
     return figure
 
 

@@ -13,6 +13,8 @@ from scipy.stats import norm
 from models.identification import force, inverse_dynamics, modes, motion
 from models.identification.force_fit import ForceFit
 from models.identification.into_machine import WAYS, Holdable
+from models.identification.modal.order import SAME, Order
+from models.identification.modal.remarks import ResponseStep
 from models.identification.pipeline import (
     BY_DIRECTION,
     DYNAMICS,
@@ -20,7 +22,6 @@ from models.identification.pipeline import (
     Difference,
     Identified,
     MotionStep,
-    ResponseStep,
     Step,
     half_of,
     record_of,
@@ -64,7 +65,8 @@ def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:
     for step in found.steps:
         if isinstance(step.gave, ResponseStep) and np.all(np.isfinite(step.gave.measured.variance)):
             name = "reduced chi-square of the frequency response"
-            yield Check(name, step.gave.fit.chi_square, "1", 3.0, "1 if the model is right")
+            name += f": {step.loaded.name}" * (sum(isinstance(one.gave, ResponseStep) for one in found.steps) > 1)
+            yield Check(name, found.misfit(step.gave), "1", 3.0, "1 if the model is right")
         if isinstance(step.gave, MotionStep) and step.gave.differences:
             yield _agreement(step.gave.differences)
         if step.kind == "dynamics":
@@ -99,7 +101,9 @@ def _shown(step: Step, sample_time: float, pass_band: float | None) -> dict[str,
 
 def _response(gave: ResponseStep) -> dict[str, Any]:
     measured, fit = gave.measured, gave.fit
-    model = modes.model(fit.plant, measured.frequency, measured.sample_time)
+    if gave.together is not None:
+        fit = replace(gave.together, used_lines=fit.used_lines)
+    model = modes.model(fit.plant, measured.frequency, measured.sample_time, lag=fit.lag, drag=fit.drag)
     phase = np.rad2deg(np.unwrap(np.angle(model)))
     phase -= 360 * np.round((phase[0] + 180) / 360)  # a rigid body begins at -180 degrees
     lines = {
@@ -122,6 +126,24 @@ def _response(gave: ResponseStep) -> dict[str, Any]:
         "criterion": fit.criterion,
         "chi_square": fit.chi_square if np.all(np.isfinite(measured.variance)) else None,
         "modes": len(fit.plant.modes) - 1,
+        "lag_s": fit.lag,
+        "drag_Ns_per_m": fit.drag,
+        "worth": dict(fit.worth),
+        "orders": [_order(fit, order) for order in fit.orders],
+    }
+
+
+def _order(fit: modes.Fit, order: Order) -> dict[str, Any]:
+    """One row of the stabilisation diagram; kept: whether a mode of about that frequency is in the machine file."""
+    kept = np.array([mode.frequency for mode in fit.plant.modes[1:]])
+    return {
+        "modes": len(order.faults),
+        "chi_square": order.chi_square,
+        "criterion": order.criterion,
+        "frequency_Hz": order.triples[:, 1],
+        "damping": order.triples[:, 2],
+        "faults": list(order.faults),
+        "kept": [bool(np.any(np.abs(kept / f - 1) < SAME)) for f in order.triples[:, 1]],
     }
 
 

@@ -206,7 +206,7 @@ def test_the_report_is_written(folder: Path) -> None:
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "identified.toml" in page
     assert "<math" in page
-    assert {file.stem for file in (folder / "figures").iterdir()} == {"bode", "hysteresis", "motion"}
+    assert {file.stem for file in (folder / "figures").iterdir()} == {"bode", "stabilisation", "hysteresis", "motion"}
 
 
 def test_a_measured_frequency_response_alone(tmp_path: Path, table: Machine) -> None:

@@ -1,1 +1,0 @@
-"""Feedbacks of every structure: what a machine file states of them, and the one linear law that each of them is."""

@@ -1,0 +1,269 @@
+"""Weighted least squares of one structure, so many modes with or without lag and drag, on one frequency response or on
+several of one machine together.
+
+theta: log k_0, L and, where the structure has them, tau, both over 1 / w of the highest line, and the drag's rate c k_0
+over w of the highest line; then (k_i / k_0, log f_i, log zeta_i) for each mode. N lines in all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from models.identification.modal.transfer import Array, Complex, expansion, response, units
+from models.identification.response import FrequencyResponse
+from models.plant import Mode, Plant
+
+DAMPINGS: Final = (0.003, 0.01, 0.03, 0.1)  # of the grid of starting values
+LEAST_DAMPING: Final = 1e-4  # bounds of the search; what ends there is not a mode
+MOST_DAMPING: Final = 0.7
+GRID: Final = 240  # frequencies at which one mode more is tried
+FEW: Final = 600  # lines on which orders are compared, of a record with thousands
+COARSE: Final = 300  # lines on which a start is sought
+WIDE: Final = 5.0  # of the logarithm of the rigid body's gain from its start
+STEP: Final = 1e-5  # of theta, of the numerical derivatives
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What is fitted beside a rigid body, a dead time and modes."""
+
+    lag: bool = False
+    drag: bool = False
+
+    @property
+    def before(self) -> int:
+        """How many of theta stand before those of the modes."""
+        return 2 + self.lag + self.drag
+
+
+@dataclass(frozen=True)
+class Lines:
+    """One response: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], and U (n,) or None."""
+
+    f: Array
+    p: Complex
+    weight: Array
+    ts: float
+    command: Complex | None
+
+    def thinned(self, most: int) -> Lines:
+        """At most so many of the lines, as many over a decade as over another."""
+        if self.f.size <= most:
+            return self
+        some = np.unique(np.searchsorted(self.f, np.geomspace(self.f[0], self.f[-1], most)))
+        command = None if self.command is None else self.command[some]
+        return replace(self, f=self.f[some], p=self.p[some], weight=self.weight[some], command=command)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Responses of one machine. known: whether the lines' variances are; else all count alike, relative to their size.
+    unit: 1 / w of the highest line [s]; gain: logarithm of the median of w^2 |P| [1/kg], the rigid body's to a factor.
+    """
+
+    lines: tuple[Lines, ...]
+    known: bool
+    unit: float
+    gain: float
+
+    @property
+    def size(self) -> int:
+        """Real equations, two for each line."""
+        return 2 * sum(one.f.size for one in self.lines)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """The lowest and the highest line [Hz]."""
+        return min(float(one.f[0]) for one in self.lines), max(float(one.f[-1]) for one in self.lines)
+
+    def thinned(self, most: int) -> Problem:
+        """The same with at most so many lines."""
+        return replace(self, lines=tuple(one.thinned(most // len(self.lines)) for one in self.lines))
+
+
+def problem_of(measured: Sequence[FrequencyResponse], used: Sequence[NDArray[np.bool_]]) -> Problem:
+    """The problem that the used lines (n,) of the responses [m/N] are."""
+    known = all(bool(np.all(np.isfinite(one.variance))) for one in measured)
+    lines = []
+    for one, kept in zip(measured, used, strict=True):
+        p = one.response[kept]
+        weight = np.sqrt(2 / one.variance[kept]) if known else 1 / np.abs(p)
+        command = None if one.command is None else one.command[kept]
+        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, command))
+    gain = math.log(float(np.median([np.median(np.abs(one.p) * (2 * math.pi * one.f) ** 2) for one in lines])))
+    return Problem(tuple(lines), known, 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines)), gain)
+
+
+def decoded(theta: Array, structure: Structure, unit: float) -> tuple[Plant, float, float]:
+    """The plant, tau [s] and c [N s/m] that theta stands for; modes in theta's order."""
+    rigid = math.exp(theta[0])
+    lag = float(theta[2]) * unit if structure.lag else 0.0
+    drag = float(theta[1 + structure.lag + 1]) / unit / rigid if structure.drag else 0.0
+    triples = theta[structure.before :].reshape(-1, 3).tolist()
+    modes = [Mode(rigid * k, math.exp(f), math.exp(zeta)) for k, f, zeta in triples]
+    return Plant(float(theta[1]) * unit, 1.0, (Mode(rigid, 0.0, 0.0), *modes)), lag, drag
+
+
+def residual(theta: Array, structure: Structure, problem: Problem) -> Array:
+    """Weighted errors (2 N,) [1], less what the ends of a single record explain, whatever their sizes (projection)."""
+    return left_of(*decoded(theta, structure, problem.unit), problem)
+
+
+def left_of(plant: Plant, lag: float, drag: float, problem: Problem) -> Array:
+    """The residual (2 N,) [1] of a plant with a lag [s] and a drag [N s/m]."""
+    found = []
+    for one in problem.lines:
+        error = _errors(plant, lag, drag, one)
+        if one.command is not None:
+            ends, _ = np.linalg.qr(_ends(expansion(plant, lag, drag)[0], one))
+            error = error - ends @ (ends.T @ error)
+        found.append(error)
+    return np.concatenate(found)
+
+
+def _errors(plant: Plant, lag: float, drag: float, lines: Lines) -> Array:
+    return _stacked((response(plant, lines.f, lines.ts, lag=lag, drag=drag) - lines.p) * lines.weight)
+
+
+def _ends(poles: Complex, lines: Lines) -> Array:
+    """What the states, unlike at the record's two ends, add to the weighted errors (2n, c) [1].
+
+    At the lines of n samples z^n = 1, so the free response of a pair of poles is
+    (a + b (z - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2); the position
+    and its slowest real pole, the rigid body, are such a pair, too.
+    """
+    assert lines.command is not None
+    scale = lines.weight / lines.command
+    z, columns = np.exp(2j * math.pi * lines.f * lines.ts), []
+    discrete = np.exp(poles * lines.ts)
+    real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
+    slow = poles[real][np.argmin(np.abs(poles[real]))]
+    pairs = [(1.0 + 0j, np.exp(slow * lines.ts)), *((p, p.conjugate()) for p in discrete[poles.imag > 0])]
+    for one, other in pairs:
+        shape = scale / ((z - one) * (z - other))
+        columns += [_stacked(shape), _stacked((z - 1) * shape)]
+    columns += [_stacked(scale / (z - np.exp(p * lines.ts))) for p in poles[real] if p != slow]
+    return np.column_stack(columns)
+
+
+def _stacked(values: Complex) -> Array:
+    return np.concatenate([values.real, values.imag])
+
+
+def jacobian(theta: Array, structure: Structure, problem: Problem) -> Array:
+    """Slopes (2 N, p) [1] of the residual, by central differences; of the projection as Kaufman (1975) has it."""
+    return np.vstack([_slopes(theta, structure, problem.unit, one) for one in problem.lines])
+
+
+def _slopes(theta: Array, structure: Structure, unit: float, lines: Lines) -> Array:
+    plant, lag, drag = decoded(theta, structure, unit)
+    basis, sizes = None, np.zeros(0)
+    if lines.command is not None:
+        ends = _ends(expansion(plant, lag, drag)[0], lines)
+        basis, triangle = np.linalg.qr(ends)
+        sizes = -np.linalg.solve(triangle, basis.T @ _errors(plant, lag, drag, lines))
+    columns = []
+    for i in range(theta.size):
+        step = np.zeros(theta.size)
+        step[i] = STEP
+        both = []
+        for sign in (1, -1):
+            moved = decoded(theta + sign * step, structure, unit)
+            error = _errors(*moved, lines)
+            both.append(error + _ends(expansion(*moved)[0], lines) @ sizes if basis is not None else error)
+        columns.append((both[0] - both[1]) / (2 * STEP))
+    slopes = np.column_stack(columns)
+    return slopes if basis is None else np.asarray(slopes - basis @ (basis.T @ slopes))
+
+
+def refined(start: Array, structure: Structure, problem: Problem, *, evaluations: int = 30) -> Array:
+    """theta (p,) [1] by least squares from a start, within `bounds`."""
+    low, high = bounds(start, structure, problem)
+    room = 1e-9 * np.maximum(1.0, np.abs(high))
+    found = least_squares(
+        residual, np.clip(start, low + room, high - room), jac=jacobian, bounds=(low, high), x_scale="jac",
+        args=(structure, problem), max_nfev=evaluations,
+    )  # fmt: skip
+    return np.asarray(found.x)
+
+
+def bounds(theta: Array, structure: Structure, problem: Problem) -> tuple[Array, Array]:
+    """The least and the greatest theta (p,) [1]. A dead time may come out up to a sample below none."""
+    low, high = problem.band
+    count = (theta.size - structure.before) // 3
+    earliest = -max(problem.unit, *(one.ts for one in problem.lines)) / problem.unit
+    nuisances = [(2 * STEP, high / low)] * structure.lag + [(2 * STEP * low / high, 1.0)] * structure.drag
+    each = [(-50.0, 50.0), (math.log(low / 2), math.log(2 * high)), (math.log(LEAST_DAMPING), math.log(MOST_DAMPING))]
+    pairs = np.array([(problem.gain - WIDE, problem.gain + WIDE), (earliest, 1e4), *nuisances, *(each * count)])
+    return pairs[:, 0], pairs[:, 1]
+
+
+def trend(structure: Structure, problem: Problem) -> Array:
+    """theta [1] of a rigid body alone from magnitude and phase slope, robustly by medians; part of what is late counts
+    as lag where there may be one, and a slow drag."""
+    delays = []
+    for one in problem.lines:
+        s2 = -((2 * math.pi * one.f) ** 2)
+        phase = np.unwrap(np.angle(one.p * s2))
+        phase -= 2 * math.pi * round(float(np.median(phase[: max(phase.size // 5, 1)])) / (2 * math.pi))
+        upper = one.f > np.median(one.f)
+        delays.append(float(np.median(-phase[upper] / (2 * math.pi * one.f[upper]))) - one.ts / 2)
+    late = max(float(np.median(delays)), 0.0) / problem.unit
+    low, high = problem.band
+    lag = min(max(0.3 * late, 0.1), 0.5 * high / low)
+    start = [problem.gain, late - lag * structure.lag]
+    return np.array([*start, *[lag] * structure.lag, *[0.05 * low / high] * structure.drag])
+
+
+def with_mode(theta: Array, structure: Structure, problem: Problem) -> Array:
+    """theta [1] and one mode more: of a grid the one that takes away most of what no change of theta takes away."""
+    few = problem.thinned(COARSE)
+    plant, lag, _ = decoded(theta, structure, few.unit)
+    left, basis = residual(theta, structure, few), _explained(theta, structure, few)
+    left = left - basis @ (basis.T @ left)
+    best, found = 0.0, (0.0, 0.5 * sum(few.band), DAMPINGS[0])
+    low, high = few.band
+    grid = np.geomspace(1.05 * low, 0.97 * high, GRID)
+    for damping in DAMPINGS:
+        columns = np.vstack([_mode_columns(grid, damping, plant.dead_time, lag, one) for one in few.lines])
+        columns -= basis @ (basis.T @ columns)
+        power, load = np.maximum(np.sum(columns**2, axis=0), 1e-300), columns.T @ left
+        i = int(np.argmax(load**2 / power))
+        if load[i] ** 2 / power[i] > best:
+            best, found = float(load[i] ** 2 / power[i]), (float(-load[i] / power[i]), float(grid[i]), damping)
+    gain, natural, damping = found
+    return np.concatenate([theta, [gain / math.exp(theta[0]), math.log(natural), math.log(damping)]])
+
+
+def _explained(theta: Array, structure: Structure, problem: Problem) -> Array:
+    """Orthonormal columns (2 N, c): what a change of theta, or of what the ends leave, makes of the residual."""
+    plant, lag, drag = decoded(theta, structure, problem.unit)
+    slopes, row = [jacobian(theta, structure, problem)], 0
+    for one in problem.lines:
+        if one.command is not None:
+            ends = _ends(expansion(plant, lag, drag)[0], one)
+            block = np.zeros((problem.size, ends.shape[1]))
+            block[row : row + 2 * one.f.size] = ends
+            slopes.append(block)
+        row += 2 * one.f.size
+    whole = np.hstack(slopes)
+    basis, _ = np.linalg.qr(whole / np.maximum(np.linalg.norm(whole, axis=0), 1e-300))
+    return np.asarray(basis)
+
+
+def _mode_columns(natural: Array, damping: float, dead_time: float, lag: float, lines: Lines) -> Array:
+    """Weighted responses (2n, g) of modes of gain 1 at natural frequencies (g,) [Hz], behind dead time and lag [s]."""
+    upper = np.asarray(2 * math.pi * natural * (-damping + 1j * math.sqrt(1 - damping**2)), complex)
+    half = np.asarray(upper / (upper - upper.conj()), complex)[:, None]
+    behind = lines.weight / (1 + 2j * math.pi * lines.f * lag)
+    both = half * units(upper, lines.f, dead_time, lines.ts)
+    both += np.conj(half) * units(np.asarray(upper.conj(), complex), lines.f, dead_time, lines.ts)
+    both *= behind
+    return np.hstack([both.real, both.imag]).T

@@ -1,0 +1,263 @@
+"""How many modes a frequency response shows: the fewest that pass.
+
+Orders are fitted one after the other, with lag and drag beside the modes where there may be any, so that no mode stands
+for them. From the order with the best criterion on, whatever is no mode is taken out and the rest fitted again: what
+ends at a bound of the search or outside the measured band, is damped as no structure is, is narrower than the lines of
+a single record, forms a pair with a neighbour of the other sign, or whose residue is smaller than three deviations.
+Then every part, mode, lag or drag, whose loss raises the criterion by less than ten is taken out, the least first. The
+criterion is Bayes's, with the errors' variance that the best order leaves: without that, what no mode explains (an
+encoder's period, an amplifier's knee) would be explained by ever more of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from models.identification.estimate import STRONG
+from models.identification.modal.fitting import (
+    FEW,
+    LEAST_DAMPING,
+    MOST_DAMPING,
+    Problem,
+    Structure,
+    bounds,
+    jacobian,
+    refined,
+    residual,
+    trend,
+    with_mode,
+)
+from models.identification.modal.transfer import Array
+
+HEAVY: Final = 0.2  # damping ratio that no structure has: such a mode stands for friction
+LARGEST: Final = 10.0  # times the rigid body's gain: a larger mode is half of a pair that cancels itself
+SEEN: Final = 3.0  # standard deviations that a residue is from none at least
+WORSE: Final = 2  # orders in a row whose criterion is worse: then none better follows
+NEAR: Final = 1.05  # factor from a bound of the search within which a value stands at it
+SURELY: Final = 400.0  # squared deviations from none from which on no trial without a part is needed
+EDGE: Final = 1.1  # times the lowest line: a mode below stands for friction where the axis did not roll
+SAME: Final = 0.02  # relative distance of two frequencies that count as the same mode in another order
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One structure with so many modes, fitted: theta (p,), its covariance (p, p) and its weighted squares' sum [1]."""
+
+    structure: Structure
+    theta: Array
+    covariance: Array
+    cost: float
+
+    @property
+    def modes(self) -> int:
+        """How many vibration modes."""
+        return (self.theta.size - self.structure.before) // 3
+
+    @property
+    def triples(self) -> Array:
+        """(k_i / k_0, f_i [Hz], zeta_i) of each mode (m, 3)."""
+        found = self.theta[self.structure.before :].reshape(-1, 3).copy()
+        found[:, 1:] = np.exp(found[:, 1:])
+        return found
+
+    def deviation(self, index: int) -> float:
+        """The standard deviation of one of theta."""
+        return math.sqrt(max(float(self.covariance[index, index]), 0.0))
+
+
+@dataclass(frozen=True)
+class Order:
+    """One order of the scan: (k_i / k_0, f_i [Hz], zeta_i) of its modes (m, 3), why each is none ("" if it is one), its
+    reduced chi-square and its criterion."""
+
+    triples: Array
+    faults: tuple[str, ...]
+    chi_square: float
+    criterion: float
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The candidate that passes, the orders that were looked at, and the criteria by which parts were kept: how much
+    each part's loss would raise it, by the part's name. bent: the low lines ask for what no structure has."""
+
+    best: Candidate
+    orders: tuple[Order, ...]
+    worth: dict[str, float]
+    bent: bool = False
+
+
+def chosen(problem: Problem, most: int, *, drag: bool, exactly: int | None = None, rolling: bool = True) -> Chosen:
+    """The order that the lines show, at most `most` modes; see the module's head. exactly: so many modes instead.
+
+    drag: whether viscous drag is a candidate; lag always is. rolling: else an order that does better by a mode that
+    stands for friction ends the search at once, as the lines are then of no use.
+    """
+    scanned = _scanned(problem, most if exactly is None else exactly, Structure(lag=True, drag=drag), exactly, rolling)
+    scale = _scale(problem, scanned)
+    orders = tuple(_told(problem, one, scale) for one in scanned)
+    if not rolling and _bent(problem, scanned):
+        return Chosen(scanned[-1], orders, {}, bent=True)
+    best = scanned[-1] if exactly is not None else min(scanned, key=lambda one: _criterion(problem, one, scale))
+    few = problem.thinned(FEW)
+    if exactly is None:
+        best = _without_faults(few, best)
+    best, worth = _fewest(few, best, scale, modes=exactly is None)
+    if few.size < problem.size:
+        best = fitted(problem, best.structure, best.theta)
+    return Chosen(best, orders, worth)
+
+
+def fitted(problem: Problem, structure: Structure, start: Array, evaluations: int = 30) -> Candidate:
+    """A structure fitted from a start of theta [1]."""
+    theta = refined(start, structure, problem, evaluations=evaluations)
+    left, slopes = residual(theta, structure, problem), jacobian(theta, structure, problem)
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-140)
+    inverse = np.linalg.pinv((slopes / size).T @ (slopes / size), rcond=1e-14, hermitian=True) / np.outer(size, size)
+    cost = float(left @ left)
+    chi_square = cost / max(problem.size - theta.size, 1)
+    return Candidate(structure, theta, inverse * (max(1.0, chi_square) if problem.known else chi_square), cost)
+
+
+def faults(problem: Problem, one: Candidate) -> tuple[str, ...]:
+    """Why each mode of a candidate is none, in words; "" for one that is."""
+    return tuple(next(_faults(problem, one, i), "") for i in range(one.modes))
+
+
+def _faults(problem: Problem, one: Candidate, i: int) -> Iterator[str]:
+    low, high = problem.band
+    gain, natural, damping = one.triples[i]
+    others = np.delete(one.triples, i, axis=0)
+    if not low < natural < high:
+        yield "outside the measured band"
+    if not LEAST_DAMPING * NEAR < damping < MOST_DAMPING / NEAR:
+        yield "damping at a bound of the search"
+    if damping > HEAVY:
+        yield "damped as no structure is"
+    if abs(gain) > LARGEST:
+        yield f"more than {LARGEST:g} times the rigid body's gain"
+    near = np.abs(others[:, 1] - natural) < damping * natural + others[:, 2] * others[:, 1]
+    if np.any(near & (others[:, 0] * gain < 0) & (np.abs(others[:, 0]) >= abs(gain))):
+        yield "cancelled by its neighbour"
+    apart = [float(np.min(np.diff(lines.f))) for lines in problem.lines if lines.command is not None]
+    if apart and natural * damping < min(apart):
+        yield "narrower than the lines are apart, as a disturbing tone is"
+    if not abs(gain) > SEEN * one.deviation(one.structure.before + 3 * i):
+        yield f"residue smaller than {SEEN:g} deviations"
+
+
+def stable(orders: tuple[Order, ...], frequency: float) -> list[bool]:
+    """In which orders a mode of about this frequency [Hz] is found."""
+    return [bool(np.any(np.abs(one.triples[:, 1] / frequency - 1) < SAME)) for one in orders]
+
+
+def _bent(problem: Problem, found: list[Candidate]) -> bool:
+    """Whether the last order does surely better than those before, by a mode at the lowest lines or damped as no
+    structure is."""
+    few, scale = problem.thinned(FEW), _scale(problem, found)
+    criteria = [_criterion(few, one, scale) for one in found]
+    modes = found[-1].triples
+    wrong = np.any((modes[:, 2] > HEAVY) | (modes[:, 1] < EDGE * problem.band[0]))
+    return len(found) > 1 and bool(wrong) and criteria[-1] < min(criteria[:-1]) - STRONG
+
+
+def _scanned(problem: Problem, most: int, structure: Structure, exactly: int | None, rolling: bool) -> list[Candidate]:
+    """Candidates with 0, 1, ... modes, until the criterion has been worse WORSE times in a row."""
+    few = problem.thinned(FEW)
+    found = [fitted(few, structure, trend(structure, few))]
+    for _ in range(most):
+        found.append(fitted(few, structure, with_mode(found[-1].theta, structure, few)))
+        scale = _scale(few, found)
+        criteria = [_criterion(few, one, scale) for one in found]
+        if exactly is None and min(criteria[-WORSE:]) > min(criteria) and len(found) > WORSE:
+            break
+        if not rolling and _bent(problem, found):
+            break
+    return found
+
+
+def _scale(problem: Problem, found: list[Candidate]) -> float:
+    """The variance of the errors over the stated one, as the best order leaves it; at least 1."""
+    few = problem.thinned(FEW)
+    return max(1.0, min(one.cost / max(few.size - one.theta.size, 1) for one in found))
+
+
+def _criterion(problem: Problem, one: Candidate, scale: float) -> float:
+    """Bayes's information criterion; for unknown variances with the one that the fit leaves."""
+    n = problem.size
+    return (one.cost / scale if problem.known else n * math.log(one.cost / n)) + one.theta.size * math.log(n)
+
+
+def _told(problem: Problem, one: Candidate, scale: float) -> Order:
+    few = problem.thinned(FEW)
+    chi_square = one.cost / max(few.size - one.theta.size, 1)
+    return Order(one.triples, faults(few, one), chi_square, _criterion(few, one, scale))
+
+
+def _without_faults(problem: Problem, one: Candidate) -> Candidate:
+    """The candidate without what is no mode, the one that is seen least first, fitted again after each."""
+    while True:
+        wrong = [i for i, fault in enumerate(faults(problem, one)) if fault]
+        if not wrong:
+            return one
+        first = one.structure.before
+        least = min(wrong, key=lambda i: abs(one.triples[i, 0]) / max(one.deviation(first + 3 * i), 1e-300))
+        one = _without(problem, one, f"mode {least}")
+
+
+def _without(problem: Problem, one: Candidate, part: str) -> Candidate:
+    """The candidate without one part, fitted again: "lag", "drag" or "mode 0", ..."""
+    structure, theta, first = one.structure, one.theta.copy(), one.structure.before
+    if part == "lag":
+        theta[1] += theta[2]  # what lagged is late
+        return fitted(problem, replace(structure, lag=False), np.delete(theta, 2))
+    if part == "drag":
+        return fitted(problem, replace(structure, drag=False), np.delete(theta, first - 1))
+    begin = first + 3 * int(part.split()[1])
+    return fitted(problem, structure, np.delete(theta, slice(begin, begin + 3)))
+
+
+def _fewest(problem: Problem, one: Candidate, scale: float, *, modes: bool) -> tuple[Candidate, dict[str, float]]:
+    """The candidate without the parts whose loss raises the criterion by less than STRONG; what the rest is worth."""
+    while True:
+        names = ["lag"] * one.structure.lag + ["drag"] * one.structure.drag
+        names += [f"mode {i}" for i in range(one.modes)] if modes else []
+        if not names:
+            return one, {}
+        less, before = dict[str, Candidate](), _criterion(problem, one, scale)
+        worth = {name: _seen(one, name) for name in names}
+        for name in names:
+            if worth[name] < SURELY:
+                less[name] = _without(problem, one, name)
+                worth[name] = _criterion(problem, less[name], scale) - before
+        for name in ("lag", "drag"):
+            if name in worth and _at_bound(problem, one, name):
+                worth[name] = -math.inf
+        least = min(worth, key=lambda name: worth[name])
+        if worth[least] >= STRONG:
+            return one, worth
+        one = less.get(least) or _without(problem, one, least)
+        if modes:
+            one = _without_faults(problem, one)
+
+
+def _seen(one: Candidate, name: str) -> float:
+    """The square of a part's size over its deviation: about what its loss would add to the weighted squares."""
+    index = {"lag": 2, "drag": one.structure.before - 1}.get(name)
+    if index is None:
+        index = one.structure.before + 3 * int(name.split()[1])
+    return (float(one.theta[index]) / max(one.deviation(index), 1e-300)) ** 2
+
+
+def _at_bound(problem: Problem, one: Candidate, name: str) -> bool:
+    """Whether lag or drag ends at a bound of the search, or is not surely above none; or lag leaves no dead time."""
+    index = 2 if name == "lag" else one.structure.before - 1
+    low, high = bounds(one.theta, one.structure, problem)
+    value = float(one.theta[index])
+    inside = NEAR * low[index] < value < high[index] / NEAR and value > SEEN * one.deviation(index)
+    return not inside or (name == "lag" and one.theta[1] < -SEEN * one.deviation(1))

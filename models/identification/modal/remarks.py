@@ -1,0 +1,120 @@
+"""What to say of modes that were identified: what was left out, and where several responses disagree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from models.identification import modes
+from models.identification.estimate import Estimate
+from models.identification.response import FrequencyResponse
+from models.quantity import listed, show
+
+SIGMAS: Final = 3.0  # beyond which two responses differ by more than their noise
+OTHER_LEVEL: Final = 1.5  # ratio of two excitations from which on amplitude may be what makes responses differ
+SAME: Final = 0.1  # relative distance of two frequencies that may be those of one mode
+CAUSES: Final = (
+    ("rigid body gain", "another payload or thrust constant, or friction that was not constant"),
+    ("dead time", "commands or positions logged a sample apart, or another current loop"),
+    (modes.LAG, "another setting of the current loop"),
+    (modes.DRAG, "another speed or temperature"),
+    ("", "another place of the table, or joints that depend on the amplitude"),
+)
+
+
+@dataclass(frozen=True)
+class ResponseStep:
+    """What a frequency response gave: the response, measured or from an excitation, and the modes fitted to it.
+
+    together: the modes fitted to this response and to those before it; None for the first one. level [N]: rms of the
+    force that excited it, None for a file that does not say.
+    """
+
+    measured: FrequencyResponse
+    fit: modes.Fit
+    together: modes.Fit | None = None
+    level: float | None = None
+
+    @property
+    def estimate(self) -> Estimate:
+        """The plant's parameters [SI]."""
+        return self.fit.estimate
+
+
+def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
+    """What a response shows beside modes, what was no mode, and what was clipped."""
+    if not np.all(np.isfinite(measured.variance)):
+        yield "The response has no stated deviations: all lines count alike, relative to their size."
+    if fit.lag > 0:
+        std = fit.estimate.deviation(modes.LAG)
+        yield (
+            f"The current loop lags by {show(fit.lag, 's')} with a standard deviation of {show(std, 's', 2)}; the "
+            "machine file has it as the effect current_loop_lag, beside the dead time."
+        )
+    if fit.drag > 0:
+        std = fit.estimate.deviation(modes.DRAG)
+        yield f"Viscous friction is {fit.drag:.3g} N s/m with a standard deviation of {std:.2g} N s/m."
+    late = fit.plant.dead_time + fit.lag + measured.sample_time / 2
+    if measured.sample_time > 0:
+        yield f"From a command to the middle of its action it takes {1e3 * late:.4g} ms, half a sample included."
+    if fit.early < 0:
+        yield (
+            f"The dead time came out {show(-fit.early, 's')} below none and was set to 0: the position is logged "
+            "before its command, or the sample time is another."
+        )
+    richer = fit.orders[-1] if fit.orders else None
+    if richer is not None and any(richer.faults):
+        found = [
+            f"{row[1]:.4g} Hz ({fault})" for row, fault in zip(richer.triples, richer.faults, strict=True) if fault
+        ]
+        yield f"Looked at up to {len(richer.faults)} modes; of those, {listed(found)} were none."
+
+
+def on_disagreement(names: Sequence[str], steps: Sequence[ResponseStep]) -> Iterator[str]:
+    """Which parameter differs between which two responses, by how many deviations, and what may cause it."""
+    for (one, first), (other, second) in combinations(zip(names, steps, strict=True), 2):
+        counts = [len(step.fit.plant.modes) - 1 for step in (first, second)]
+        if counts[0] != counts[1]:
+            yield f"{one} alone shows {counts[0]} vibration modes, {other} alone {counts[1]}."
+        why = ""
+        if first.level and second.level and not 1 / OTHER_LEVEL < first.level / second.level < OTHER_LEVEL:
+            levels = f"{first.level:.3g} and {second.level:.3g} N"
+            why = f"excited with {levels} rms: the response depends on the amplitude"
+        for name, values, apart in _apart(first.fit.estimate, second.fit.estimate):
+            cause = why or next(cause for begin, cause in CAUSES if name.startswith(begin))
+            unit = first.fit.estimate.units[first.fit.estimate.names.index(name)]
+            yield (
+                f"{one} and {other} disagree in the {name}, {show(values[0], unit)} and {show(values[1], unit)}, by "
+                f"{apart:.1f} standard deviations ({cause}); the machine file has the value of the fit to all together."
+            )
+
+
+def _apart(one: Estimate, other: Estimate) -> Iterator[tuple[str, tuple[float, float], float]]:
+    """Parameters of both that differ surely: name, both values [SI], and how many deviations [1]. Modes go by their
+    frequencies; dead time and lag are compared only where both responses tell them apart."""
+    for name in one.names:
+        twin = _twin(one, other, name)
+        if twin is None or (
+            name in {"dead time", modes.LAG} and (modes.LAG in one.names) != (modes.LAG in other.names)
+        ):
+            continue
+        values = one.value(name), other.value(twin)
+        apart = abs(values[0] - values[1]) / max(math.hypot(one.deviation(name), other.deviation(twin)), 1e-300)
+        if apart > SIGMAS:
+            yield name, values, apart
+
+
+def _twin(one: Estimate, other: Estimate, name: str) -> str | None:
+    """The other estimate's name of the same parameter, of modes the one of the nearest frequency, or None."""
+    if not name.startswith("mode "):
+        return name if name in other.names else None
+    _, number, part = name.split()
+    natural = one.value(f"mode {number} frequency")
+    near = {each: abs(other.value(each) / natural - 1) for each in other.names if each.endswith("frequency")}
+    best = min(near, key=lambda each: near[each], default="")
+    return f"{best.removesuffix('frequency')}{part}" if best and near[best] < SAME else None

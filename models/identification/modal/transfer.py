@@ -1,0 +1,97 @@
+"""The response that is fitted: modes behind a dead time and a current loop of first order, slowed by viscous drag.
+
+    P(s) = exp(-L s) / (1 + tau s) * P'(s) / (1 + c s P'(s)),    P'(s) = K_t sum_i k_i / (s^2 + 2 zeta_i w_i s + w_i^2)
+
+Drag acts on the table's speed at the thrust's input, as friction does. In partial fractions, with the rigid body's pole
+at 0 taken out, P(s) exp(L s) = sum_j r_j / (s (s - p_j)). That has a closed form behind a zero-order hold too, also for
+a dead time that ends within a sample; no matrix exponential, so it is independent of models.plant.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.plant import Plant, delay_split
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+SERIES: Final = 1e-2  # |p h| below which (exp(p h) - 1 - p h) / p^2 is summed as a series
+
+
+def response(plant: Plant, frequency: Array, sample_time: float, *, lag: float = 0.0, drag: float = 0.0) -> Complex:
+    """P (n,) [m/N] at frequencies (n,) [Hz]: behind a zero-order hold at the samples, or continuous for sample_time 0.
+
+    lag: tau [s]; drag: c [N s/m].
+    """
+    pole, weight = expansion(plant, lag, drag)
+    total = np.zeros(frequency.size, complex)
+    for one, size in zip(units(pole, frequency, plant.dead_time, sample_time), weight, strict=True):
+        total += size * one
+    return total
+
+
+def expansion(plant: Plant, lag: float = 0.0, drag: float = 0.0) -> tuple[Complex, Complex]:
+    """(p_j, r_j) (J,) [1/s, 1/(kg)] of the module's head; without drag in closed form."""
+    constant = plant.thrust_constant
+    rigid = constant * sum(mode.gain for mode in plant.modes if mode.frequency == 0)
+    gain, w, zeta = (
+        np.array(values)
+        for values in zip(
+            *((constant * m.gain, 2 * math.pi * m.frequency, m.damping) for m in plant.modes if m.frequency > 0),
+            strict=True,
+        )
+    ) if any(m.frequency > 0 for m in plant.modes) else (np.zeros(0),) * 3  # fmt: skip
+    if drag == 0:
+        upper = w * (-zeta + 1j * np.sqrt(np.maximum(1 - zeta**2, 1e-12)))
+        pole = np.concatenate([[0j], upper, upper.conj()])
+        half = gain * upper / (upper - upper.conj())  # of s P', which is k s / ((s - p)(s - conj p))
+        weight = np.concatenate([[rigid + 0j], half, half.conj()])
+    else:
+        pole, weight = _dragged(rigid, gain, w, zeta, drag)
+    if lag == 0:
+        return pole, weight
+    return np.append(pole, -1 / lag), np.append(weight / (1 + lag * pole), np.sum(weight / (-1 / lag - pole)) / lag)
+
+
+def _dragged(rigid: float, gain: Array, w: Array, zeta: Array, drag: float) -> tuple[Complex, Complex]:
+    """The expansion of s P' / (1 + c s P'), from the eigenvalues of v_0' = k_0 u, y_i' = w_i v_i,
+    v_i' = -2 zeta_i w_i v_i - w_i y_i + k_i u with u = -c sum v: without the position, so that none is defective."""
+    count = gain.size
+    a, b, c = np.zeros((2 * count + 1, 2 * count + 1)), np.zeros(2 * count + 1), np.zeros(2 * count + 1)
+    b[0], c[0] = rigid, 1.0
+    for i in range(count):
+        y, v = 2 * i + 1, 2 * i + 2
+        a[y, v], a[v, y], a[v, v] = w[i], -w[i], -2 * zeta[i] * w[i]
+        b[v], c[v] = gain[i], 1.0
+    pole, vectors = np.linalg.eig(a - drag * np.outer(b, c))
+    return pole.astype(complex), np.asarray((c @ vectors) * np.linalg.solve(vectors, b.astype(complex)), complex)
+
+
+def units(pole: Complex, frequency: Array, dead_time: float, sample_time: float) -> Complex:
+    """exp(-L s) / (s (s - p_j)) (J, n) [s2] at frequencies (n,) [Hz]: behind the hold, or continuous for time 0."""
+    s, p = 2j * math.pi * frequency, pole[:, None]
+    if sample_time == 0:
+        return np.asarray(np.exp(-s * dead_time) / (s * (s - p)))
+    whole, rest = delay_split(dead_time, sample_time)
+    back, total = np.exp(-s * sample_time), _held(p, sample_time)
+    older, newer = (_held(p, h) for h in (rest, sample_time - rest))
+    speed = (newer[0] + (1 + p * newer[0]) * older[0] * back) * back / (1 - (1 + p * total[0]) * back)
+    place = total[0] * speed + newer[1] + (older[1] + newer[0] * older[0]) * back
+    return np.asarray(np.exp(-s * (whole * sample_time)) * back / (1 - back) * place)
+
+
+def _held(pole: Complex, duration: float) -> tuple[Complex, Complex]:
+    """What a unit input held for a duration [s] makes of w' = p w + u and of its integral, from rest (J,) [s], [s2]."""
+    x = pole * duration
+    small = np.abs(x) < SERIES
+    safe = np.where(small, 1.0, x)
+    first = np.where(small, 1 + x / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6)))), np.expm1(safe) / safe)
+    second = np.where(
+        small, 0.5 + x / 6 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6 * (1 + x / 7)))), (np.expm1(safe) / safe - 1) / safe
+    )
+    return np.asarray(duration * first, complex), np.asarray(duration**2 * second, complex)

@@ -1,0 +1,71 @@
+"""How often the number of modes is right, and whether the stated deviations hold, over random axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.identification import modes, response
+from models.records.record import Record
+from tests.coverage.axis import Axis, Log, drawn
+from tests.coverage.records import multisine, sweep
+
+Array = NDArray[np.float64]
+
+MOST = 4  # modes of an axis
+
+
+@dataclass(frozen=True)
+class Result:
+    """One axis identified from one record: its number, the modes that it has and that were found, the reduced
+    chi-square, and the pulls (error over stated deviation) [1] by parameter, if the order is right."""
+
+    seed: int
+    kind: str
+    there: int
+    found: int
+    chi_square: float
+    pulls: dict[str, float]
+
+
+def record(axis: Axis, log: Log) -> Record:
+    """A log as the project has it."""
+    return Record(axis.sample_time, log.target, log.target, log.feedforward, log.command, log.position)
+
+
+def tried(seed: int, kind: str) -> Result:
+    """The axis of this seed, with seed modulo five modes, by a "multisine" or a "sweep"."""
+    axis = drawn(seed, seed % (MOST + 1))
+    log = multisine(axis, seed) if kind == "multisine" else sweep(axis, seed)
+    fit = modes.fit(response.measured(record(axis, log)))
+    found = len(fit.plant.modes) - 1
+    right = found == axis.gain.size
+    return Result(seed, kind, axis.gain.size, found, fit.chi_square, _pulls(axis, fit) if right else {})
+
+
+def _pulls(axis: Axis, fit: modes.Fit) -> dict[str, float]:
+    """A lag that the record does not show counts as dead time."""
+    shown = modes.LAG in fit.estimate.names
+    truth = {
+        "rigid body gain": 1 / axis.mass,
+        "dead time": axis.dead_time + (0.0 if shown else axis.lag),
+        modes.LAG: axis.lag,
+        modes.DRAG: axis.drag,
+    }
+    for i in range(axis.gain.size):
+        each = (("gain", axis.gain), ("frequency", axis.frequency), ("damping", axis.damping))
+        truth |= {f"mode {i + 1} {part}": float(values[i]) for part, values in each}
+    e = fit.estimate
+    return {name: (e.value(name) - truth[name]) / e.deviation(name) for name in e.names}
+
+
+def by_parameter(results: list[Result]) -> dict[str, Array]:
+    """All pulls (n,) [1] by parameter, those of all modes together."""
+    found: dict[str, list[float]] = {}
+    for one in results:
+        for name, pull in one.pulls.items():
+            group = f"mode {name.split()[-1]}" if name.startswith("mode") else name
+            found.setdefault(group, []).append(pull)
+    return {name: np.array(pulls) for name, pulls in found.items()}

@@ -1,0 +1,97 @@
+"""How many modes: on axes of an independent simulator, and on what only looks like a mode."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.identification import modes
+from models.identification.modal.order import stable
+from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
+from models.identification.response import FrequencyResponse
+from tests.coverage.axis import Axis, drawn
+from tests.coverage.trial import by_parameter, tried
+
+# 12 kg, one mode, a current loop of 1.1 kHz and 12 N s/m.
+AXIS = replace(
+    drawn(1, 1), mass=12.0, drag=12.0, lag=1 / (2 * np.pi * 1100), dead_time=325e-6, gain=np.array([0.011]),
+    frequency=np.array([140.0]), damping=np.array([0.018]),
+)  # fmt: skip
+FREQUENCY = np.geomspace(4, 500, 150)
+
+
+def measured(axis: Axis, seed: int, noise: float = 1e-3, *, rolling: bool = True) -> FrequencyResponse:
+    """Its response with relative noise of that deviation, which is stated."""
+    draw = np.random.default_rng(seed)
+    p = axis.response(FREQUENCY)
+    scatter = draw.standard_normal((2, FREQUENCY.size)) * noise / np.sqrt(2)
+    p_noisy = np.asarray(p * (1 + scatter[0] + 1j * scatter[1]), complex)
+    return FrequencyResponse(FREQUENCY, p_noisy, (noise * np.abs(p)) ** 2, np.ones(FREQUENCY.size), 0.0, rolling)
+
+
+def test_lag_and_drag_are_not_explained_by_modes() -> None:
+    fit = modes.fit(measured(AXIS, 1))
+    assert len(fit.plant.modes) == 2
+    truth = {
+        "rigid body gain": 1 / 12.0, "dead time": 325e-6, modes.LAG: AXIS.lag, modes.DRAG: 12.0,
+        "mode 1 gain": 0.011, "mode 1 frequency": 140.0, "mode 1 damping": 0.018,
+    }  # fmt: skip
+    assert set(fit.estimate.names) == set(truth)
+    for name, value in truth.items():
+        assert abs(fit.estimate.value(name) - value) < 4 * fit.estimate.deviation(name), name
+    assert 0.7 < fit.chi_square < 1.3
+    assert stable(fit.orders, 140.0) == [False, *[True] * (len(fit.orders) - 1)]
+    assert min(fit.worth, key=lambda part: part[1])[1] > 10
+
+
+def test_what_the_lines_do_not_show_is_not_in_the_model() -> None:
+    """The same axis where the noise hides lag and drag: what lags is late."""
+    fit = modes.fit(measured(AXIS, 2, noise=0.2))
+    assert (fit.lag, fit.drag, len(fit.plant.modes)) == (0.0, 0.0, 2)
+    assert fit.plant.dead_time == pytest.approx(325e-6 + AXIS.lag, abs=4 * fit.estimate.deviation("dead time"))
+
+
+def test_a_number_that_is_asked_for_is_given() -> None:
+    for count in (0, 2):
+        fit = modes.fit(measured(AXIS, 1), count=count)
+        assert len(fit.plant.modes) == count + 1
+
+
+def test_a_dead_time_below_none_is_said() -> None:
+    early = replace(AXIS, dead_time=-100e-6, lag=0.0)
+    fit = modes.fit(measured(early, 3))
+    assert fit.plant.dead_time == 0.0
+    assert fit.early == pytest.approx(-100e-6, rel=0.1)
+    assert any("below none and was set to 0" in text for text in on_response(fit, measured(early, 3)))
+
+
+def test_responses_of_one_axis_are_one_machine() -> None:
+    steps = [ResponseStep(one, modes.fit(one)) for one in (measured(AXIS, 1), measured(AXIS, 2))]
+    both = modes.fit_together([one.measured for one in steps], [one.fit.used for one in steps])
+    assert both.estimate.names == steps[0].fit.estimate.names
+    assert np.all(both.estimate.deviations < 0.85 * steps[0].fit.estimate.deviations)
+    assert list(on_disagreement(["a", "b"], steps)) == []
+
+
+def test_responses_that_disagree_are_named_with_parameter_and_cause() -> None:
+    """A mode that is 0.5 Hz lower when it is excited with four times the force."""
+    lower = replace(AXIS, frequency=np.array([139.5]))
+    levels = (4.0, 16.0)
+    steps = [
+        ResponseStep(one, modes.fit(one), level=level)
+        for one, level in zip((measured(AXIS, 1), measured(lower, 2)), levels, strict=True)
+    ]
+    said = list(on_disagreement(["a", "b"], steps))
+    assert [text.split(",")[0] for text in said] == ["a and b disagree in the mode 1 frequency"]
+    assert "depends on the amplitude" in said[0]
+
+
+def test_a_sub_sample_of_the_coverage_trial() -> None:
+    """`python -m tests.coverage` runs all of it; these axes have 0 to 4 modes, lag and drag, a cascade and a PID."""
+    results = [tried(seed, "multisine") for seed in (5, 11, 12, 18, 29)]
+    assert [one.found for one in results] == [one.there for one in results] == [0, 1, 2, 3, 4]
+    pulls = np.concatenate(list(by_parameter(results).values()))
+    assert 0.6 < np.sqrt(np.mean(pulls**2)) < 1.4
+    assert np.mean(np.abs(pulls) < 1.96) > 0.88
