@@ -20,12 +20,15 @@ def waiting(machine: Machine) -> int:
 
 
 def feedback_alone(machine: Machine) -> Controller:
-    """The machine's PID by itself, for references that are given; it waits for the dead time as `waiting` says."""
+    """The machine's feedback by itself, for references that are given; it waits for the dead time as `waiting` says."""
     return machine.feedback_only(waiting(machine))
 
 
 def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
-    """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's PID, and its RFM.
+    """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's feedback, and its RFM.
+
+    A feedback of another structure than a PID keeps its loop, but takes its reference as it takes the position, because
+    the feedforward needs one that puts out nothing while the position is on x_T*.
 
     >>> controller = pos.assemble(machine, deadbeat)
     >>> controller.reference_delay  # samples
@@ -33,7 +36,9 @@ def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
     """
     control = machine.control
     rfm = simplify(machine.friction, control.compensator_elements)
-    return Controller(machine.sample_time, control.pid, waiting(machine), deadbeat.n_ff, deadbeat.d_ff, rfm)
+    law = control.law and control.law.of_error()
+    filters = deadbeat.n_ff, deadbeat.d_ff
+    return Controller(machine.sample_time, control.pid, waiting(machine), *filters, rfm, law=law)
 
 
 def usable_thrust(machine: Machine) -> float:

@@ -45,16 +45,28 @@ def require_designable(machine: Machine) -> None:
         )
 
 
+def require_pid(machine: Machine) -> None:
+    """Raises DesignError where anything but a plain PID runs, which a design around a PID would leave out."""
+    control = machine.control
+    if control.law is not None:
+        raise DesignError(
+            f"{control.in_words} runs on this machine, and this study designs around a plain PID alone; state the PID "
+            "to design for in [control.pid], without set-point weights, cascade, filters and anti_windup "
+            "(deadbeat_design and pid_tradeoff take any feedback)"
+        )
+
+
 def require_stable(machine: Machine) -> None:
-    """Raises DesignError if the PID makes an unstable loop with the machine while its friction slips."""
+    """Raises DesignError if the feedback in place makes an unstable loop with the machine while its friction slips."""
     if not machine.control.pid.kp > 0:
         raise DesignError(
             f"control.pid.kp is 0, so that nothing pulls the table to its target; give gains{_others(machine)}"
         )
-    pole = largest_pole(machine.plant, machine.control.pid, machine.sample_time)
+    pole = largest_pole(machine.plant, machine.control.feedback, machine.sample_time)
+    stated = "control.pid" if machine.control.cascade is None else "control.cascade"
     if pole > 1 + UNSTABLE:
         raise DesignError(
-            f"the loop is unstable: with control.pid on a mass of {show(machine.plant.mass, 'kg')} and a dead time of "
+            f"the loop is unstable: with {stated} on a mass of {show(machine.plant.mass, 'kg')} and a dead time of "
             f"{show(machine.plant.dead_time, 's')} its largest pole has the magnitude {pole:.5g}; "
             f"correct the gains, the mass or the dead time{_others(machine)}"
         )

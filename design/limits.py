@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.family import Member
-from design.loop import frequency_response, pid_response, sensitivities
-from models.controller import PID
+from design.loop import controller_response, frequency_response, sensitivities
+from models.controller import Feedback
 from models.plant import Plant, sampled, state_space
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ def least_sensitivity(plant: NDArray[np.complex128], mcs: float) -> Array:
     return np.asarray(np.maximum(1 - np.abs(plant) * mcs, 0.0), float)
 
 
-def bode_area(member: Member, pid: PID, ms: float, mcs: float) -> Area:
+def bode_area(member: Member, feedback: Feedback, ms: float, mcs: float) -> Area:
     """Bode's integral for one loop [nat rad/s]: ln |S| integrates to 0 up to Nyquist's frequency, L being delayed.
 
     Any controller with |S| <= ms [1] and |CS| <= mcs [N/m] has |S| <= min(ms, 1 + |P| mcs), which bounds the area above
@@ -64,6 +64,6 @@ def bode_area(member: Member, pid: PID, ms: float, mcs: float) -> Area:
     ts = float(member.plant.dt)
     omega = np.geomspace(1e-6, 1, FREQUENCIES) * math.pi / ts
     plant = frequency_response(member.plant, omega)
-    log = np.log(np.abs(sensitivities(plant, pid_response(pid, ts, omega))["S"]))
+    log = np.log(np.abs(sensitivities(plant, controller_response(feedback, ts, omega))["S"]))
     most = np.log(np.minimum(ms, 1 + np.abs(plant) * mcs))
     return Area(*(float(np.trapezoid(part, omega)) for part in (np.maximum(-log, 0), np.maximum(log, 0), most)))

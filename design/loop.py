@@ -2,8 +2,8 @@
 
 `DIAGRAM` defines L, S, T, PS and CS, here and wherever else they are named. r: x_T* delayed for the PID; noise of the
 scale enters as -r does. P(z) is the plant behind its zero-order hold, exact at the samples for any dead time; C(z) is
-the PID of `models.controller.PID` as it is sampled. |S| is the distance's inverse from L to -1: 1 / Ms is the nearest
-approach.
+the PID of `models.controller.PID` as it is sampled, or what any law of `models.feedback` makes of the position. |S| is
+the distance's inverse from L to -1: 1 / Ms is the nearest approach.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
-from models.controller import PID
+from models.controller import Feedback
+from models.feedback.law import Law
 from models.plant import Plant, sampled, sampled_matrices
 from models.quantity import show
 
@@ -86,16 +87,21 @@ class Assessment:
         return self.spectral_radius < 1
 
 
-def pid_model(pid: PID, sample_time: float) -> control.StateSpace:
-    """C(z) from e [m] to u_fb [N]; states: I[k-1], unless k_i = 0, and what d[k] owes to the past; sample_time [s]."""
+def controller_model(feedback: Feedback, sample_time: float) -> control.StateSpace:
+    """C(z) from e [m] to u_fb [N], as `controller_matrices` has it; sample_time [s]."""
     import control  # noqa: PLC0415  # imports matplotlib, and who only asks whether a loop is stable does not draw
 
-    return control.StateSpace(*pid_matrices(pid, sample_time), sample_time, inputs=["e"], outputs=["u"])
+    return control.StateSpace(*controller_matrices(feedback, sample_time), sample_time, inputs=["e"], outputs=["u"])
 
 
-def pid_matrices(pid: PID, sample_time: float) -> tuple[Array, Array, Array, Array]:
-    """A (n, n), B (n, 1), C (1, n), D (1, 1) of `pid_model`; SI."""
-    keep = pid.pole(sample_time)
+def controller_matrices(feedback: Feedback, sample_time: float) -> tuple[Array, Array, Array, Array]:
+    """A (n, n), B (n, 1), C (1, n), D (1, 1) of C(z), from -x [m] to u_fb [N]; SI.
+
+    States of a PID: I[k-1], unless k_i = 0, and what d[k] owes to the past.
+    """
+    if isinstance(feedback, Law):
+        return feedback.feedback_matrices()
+    pid, keep = feedback, feedback.pole(sample_time)
     slope = (1 - keep) / sample_time
     a = np.diag([1.0, keep])
     b = np.array([[pid.ki * sample_time], [(keep - 1) * slope]])
@@ -106,19 +112,19 @@ def pid_matrices(pid: PID, sample_time: float) -> tuple[Array, Array, Array, Arr
     return a, b, c, np.array([[d]])
 
 
-def largest_pole(plant: Plant, pid: PID, sample_time: float) -> float:
+def largest_pole(plant: Plant, feedback: Feedback, sample_time: float) -> float:
     """Largest magnitude [1] of the closed loop's eigenvalues: above 1 the loop is unstable; sample_time [s]."""
     a, b, c = sampled_matrices(plant, sample_time)
-    a_pid, b_pid, c_pid, d_pid = pid_matrices(pid, sample_time)
+    a_pid, b_pid, c_pid, d_pid = controller_matrices(feedback, sample_time)
     loop = np.block([[a - b @ d_pid @ c, b @ c_pid], [-b_pid @ c, a_pid]])
     return float(np.max(np.abs(np.linalg.eigvals(loop)))) if np.all(np.isfinite(loop)) else math.inf
 
 
-def closed_loop(plant: control.StateSpace, pid: PID) -> control.StateSpace:
+def closed_loop(plant: control.StateSpace, feedback: Feedback) -> control.StateSpace:
     """The loop of the diagram from (r [m], d [N]) to (e [m], x [m], u [N]), for a plant without direct feedthrough."""
-    import control  # noqa: PLC0415  # as in pid_model
+    import control  # noqa: PLC0415  # as in controller_model
 
-    c = pid_model(pid, plant.dt)
+    c = controller_model(feedback, plant.dt)
     n, order = plant.nstates, plant.nstates + c.nstates
     a = np.zeros((order, order))
     a[:n, :n], a[:n, n:] = plant.A - plant.B @ c.D @ plant.C, plant.B @ c.C
@@ -132,11 +138,11 @@ def closed_loop(plant: control.StateSpace, pid: PID) -> control.StateSpace:
     return control.StateSpace(a, b, outputs, through, plant.dt, inputs=["r", "d"], outputs=["e", "x", "u"])
 
 
-def sensitivity(plant: control.StateSpace, pid: PID, name: Sensitivity) -> control.StateSpace:
+def sensitivity(plant: control.StateSpace, feedback: Feedback, name: Sensitivity) -> control.StateSpace:
     """One of S, T [1], PS [m/N], CS [N/m] of the diagram as a system of its own."""
-    import control  # noqa: PLC0415  # as in pid_model
+    import control  # noqa: PLC0415  # as in controller_model
 
-    whole = closed_loop(plant, pid)
+    whole = closed_loop(plant, feedback)
     row, column = {"S": (0, 0), "T": (1, 0), "PS": (1, 1), "CS": (2, 0)}[name]
     b, c, d = whole.B[:, [column]], whole.C[[row]], whole.D[[row]][:, [column]]
     return control.StateSpace(whole.A, b, c, d, whole.dt)
@@ -151,9 +157,11 @@ def frequency_response(system: control.StateSpace, omega: ArrayLike) -> Complex:
     return response
 
 
-def pid_response(pid: PID, sample_time: float, omega: ArrayLike) -> Complex:
-    """C(exp(j omega T_s)) (n,) [N/m], in closed form, for omega (n,) [rad/s]."""
-    back = np.exp(-1j * np.asarray(omega, float) * sample_time)
+def controller_response(feedback: Feedback, sample_time: float, omega: ArrayLike) -> Complex:
+    """C(exp(j omega T_s)) (n,) [N/m], of a PID in closed form, for omega (n,) [rad/s]."""
+    if isinstance(feedback, Law):
+        return frequency_response(controller_model(feedback, sample_time), omega)
+    pid, back = feedback, np.exp(-1j * np.asarray(omega, float) * sample_time)
     keep = pid.pole(sample_time)
     derivative = (1 - keep) / sample_time * (1 - back) / (1 - keep * back)
     return np.asarray(pid.kp + pid.ki * sample_time / (1 - back) + pid.kd * derivative, complex)
@@ -165,20 +173,20 @@ def sensitivities(plant: Complex, controller: Complex) -> dict[Sensitivity, Comp
     return {"S": s, "T": plant * controller * s, "PS": plant * s, "CS": controller * s}
 
 
-def spectral_radius(plant: control.StateSpace, pid: PID) -> float:
+def spectral_radius(plant: control.StateSpace, feedback: Feedback) -> float:
     """Largest magnitude [1] of the closed loop's eigenvalues."""
-    return float(np.max(np.abs(np.linalg.eigvals(closed_loop(plant, pid).A))))
+    return float(np.max(np.abs(np.linalg.eigvals(closed_loop(plant, feedback).A))))
 
 
-def grid(plant: control.StateSpace, pid: PID | None = None, count: int = 200, lowest: float = 1e-3) -> Array:
-    """Frequencies (n,) [rad/s] up to Nyquist's, dense where a resonance is: of the plant and, with a pid, of the loop.
+def grid(plant: control.StateSpace, feedback: Feedback | None = None, count: int = 200, lowest: float = 1e-3) -> Array:
+    """Frequencies (n,) [rad/s] up to Nyquist's, dense where a resonance is: of the plant, and of a feedback's loop.
 
     `count` of them are spread evenly in their logarithm from `lowest` [1, of Nyquist's] on, or from a tenth of the
     slowest eigenvalue if that is lower. A sensitivity can rise and fall sharply only near an eigenvalue of the closed
     loop, so none of its peaks is missed.
     """
     nyquist = math.pi / plant.dt
-    matrices = [plant.A] if pid is None else [plant.A, closed_loop(plant, pid).A]
+    matrices = [plant.A] if feedback is None else [plant.A, closed_loop(plant, feedback).A]
     z = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
     poles = np.log(z[np.abs(z) > 1e-3].astype(complex)) / plant.dt
     moving = np.abs(poles)[np.abs(poles) > INTEGRATOR * nyquist]
@@ -209,7 +217,7 @@ def peak(magnitude: Callable[[Array], Array], omega: Array) -> Peak:
     return Peak(float(found[highest, best[highest]]), float(points[highest, best[highest]]))
 
 
-def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessment:
+def assess(plant: control.StateSpace, feedback: Feedback, *, count: int = 200) -> Assessment:
     """Stability, peaks and margins of one loop; `count` of the grid's frequencies [rad/s] are evenly spread.
 
     >>> from models.plant import sampled
@@ -218,26 +226,27 @@ def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessme
     """
 
     def response(omega: Array) -> dict[Sensitivity, Complex]:
-        return sensitivities(frequency_response(plant, omega), pid_response(pid, plant.dt, omega))
+        return sensitivities(frequency_response(plant, omega), controller_response(feedback, plant.dt, omega))
 
     def difference(omega: Array) -> Array:
         found = response(omega)
         return np.abs(found["S"] - found["T"])
 
-    omega = grid(plant, pid, count)
+    omega = grid(plant, feedback, count)
     found = response(omega)
     peaks = {name: peak(lambda w, name=name: np.abs(response(w)[name]), omega) for name in SENSITIVITIES}  # type: ignore[misc]
-    if pid.ki > 0 and peaks["T"].value < 1:  # T = 1 at rest, which no grid in a logarithm reaches
+    holds = feedback.has_integral if isinstance(feedback, Law) else feedback.ki > 0
+    if holds and peaks["T"].value < 1:  # T = 1 at rest, which no grid in a logarithm reaches
         peaks["T"] = Peak(1.0, 0.0)
     loop, weak = found["T"] / found["S"], np.abs(found["S"]) - math.sqrt(0.5)
     at_one = _crossings(omega, np.log(np.abs(loop)))
     rising = _crossings(omega, weak)
-    there = frequency_response(plant, at_one) * pid_response(pid, plant.dt, at_one)
+    there = frequency_response(plant, at_one) * controller_response(feedback, plant.dt, at_one)
     phases = np.abs(np.angle(-there))
     real = _crossings(omega, np.where(loop.real < 0, loop.imag, np.nan))
-    gains = np.abs(frequency_response(plant, real) * pid_response(pid, plant.dt, real))
+    gains = np.abs(frequency_response(plant, real) * controller_response(feedback, plant.dt, real))
     return Assessment(
-        spectral_radius(plant, pid),
+        spectral_radius(plant, feedback),
         peaks["S"],
         peaks["T"],
         peaks["PS"],
@@ -250,9 +259,9 @@ def assess(plant: control.StateSpace, pid: PID, *, count: int = 200) -> Assessme
     )
 
 
-def disturbance_response(plant: control.StateSpace, pid: PID, count: int) -> Array:
+def disturbance_response(plant: control.StateSpace, feedback: Feedback, count: int) -> Array:
     """x (count,) [m per newton] at samples 1 .. count after a unit step of d, by the closed loop's matrices."""
-    model = sensitivity(plant, pid, "PS")
+    model = sensitivity(plant, feedback, "PS")
     state, found = np.zeros(model.nstates), []
     for _ in range(count):
         state = model.A @ state + model.B[:, 0]
@@ -261,14 +270,14 @@ def disturbance_response(plant: control.StateSpace, pid: PID, count: int) -> Arr
 
 
 def intersample(
-    plant: Plant, pid: PID, sample_time: float, count: int, *, stiffness: float = 0.0, parts: int = 10
+    plant: Plant, feedback: Feedback, sample_time: float, count: int, *, stiffness: float = 0.0, parts: int = 10
 ) -> Array:
     """x (count parts,) [m per newton] at `parts` points a sample from 0 on, after a unit step of d.
 
     stiffness: K_e [N/m]. The plant is exact at every point: it is sampled `parts` times as fast, under a command of the
-    PID that changes with sample_time [s].
+    feedback that changes with sample_time [s].
     """
-    fast, law = sampled(plant, sample_time / parts, stiffness), pid_model(pid, sample_time)
+    fast, law = sampled(plant, sample_time / parts, stiffness), controller_model(feedback, sample_time)
     state, memory, command = np.zeros(fast.nstates), np.zeros(law.nstates), 0.0
     path = np.empty(count * parts)
     for k in range(path.size):

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from models.effect_feedforward import EffectFeedforward, effect_thrust
 from models.effects import catalogue
 from models.effects.base import Effect, parameters
+from models.feedback.law import Law, law_from_json, law_to_json
 from models.friction import Friction, elements, follow
 from models.machines.text_file import brief, text_of
 from models.quantity import QuantityError, check, cut, declaration, json_name, show, value
@@ -24,6 +25,14 @@ Array = NDArray[np.float64]
 
 LATEST: Final = 1000  # samples by which a reference may wait
 GAIN: Final = "no axis is stable with a higher gain"
+SHARE: Final = "no controller moves a set point more than twice as far as its reference"
+GAINS: Final = {
+    "kp": "kp_N_per_m",
+    "ki": "ki_N_per_ms",
+    "kd": "kd_Ns_per_m",
+    "derivative_filter": "derivative_filter_s",
+}  # as a controller.json names them
+WEIGHTS: Final = {name: name for name in ("proportional_weight", "derivative_weight")}  # which it holds unless 1
 
 
 class ControllerError(ValueError):
@@ -35,6 +44,8 @@ class PID:
     """C(z) at sample k, with e[k] = x_T*[k - delay] - x[k] and a = tau / (tau + T_s):
 
     I[k] = I[k-1] + ki T_s e[k];  d[k] = a d[k-1] + (1 - a) (e[k] - e[k-1]) / T_s;  u_fb = kp e + I + kd d.
+
+    With set-point weights other than 1, kp is of b x_T* - x and the derivative of c x_T* - x.
 
     >>> pos.PID(kp=1e6, ki=5e7, kd=1e4, derivative_filter=1e-4).pole(5e-4)  # a
     0.1666...
@@ -50,10 +61,24 @@ class PID:
         at_most=100,
         because="it would filter all motion",
     )
+    proportional_weight: float = value(
+        "1", "weight b of the reference in the proportional part", at_least=0, at_most=2, because=SHARE, default=1.0
+    )
+    derivative_weight: float = value(
+        "1", "weight c of the reference in the derivative part", at_least=0, at_most=2, because=SHARE, default=1.0
+    )
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is a law of the error alone, the one at the head of the class."""
+        return self.proportional_weight == 1 and self.derivative_weight == 1
 
     def pole(self, sample_time: float) -> float:
         """The pole a = tau / (tau + T_s) [1] of the derivative's filter at a sample time [s]; 0 without a filter."""
         return self.derivative_filter / (self.derivative_filter + sample_time)
+
+
+Feedback = PID | Law  # what runs: a PID as it stands there, or any other structure as its law
 
 
 @dataclass(frozen=True)
@@ -62,7 +87,8 @@ class Controller:
 
     n_ff, d_ff: coefficients of z^0, z^-1, ... [m/m] and [N/m]; reference_delay [samples]: the z^-d by which the PID's
     reference waits for the dead time (Smith's method); friction_compensation: the RFM, or None for u_rf = 0;
-    effect_compensation: effects that u_rf meets along x_T*, too, or None.
+    effect_compensation: effects that u_rf meets along x_T*, too, or None. law: what runs in place of the PID, where the
+    feedback has another structure; the PID then tells no more than the size of its gains.
 
     >>> controller
     Controller(T_s = 500 µs, reference 2 samples late, feedforward of 41 samples, with friction compensation)
@@ -77,6 +103,23 @@ class Controller:
     d_ff: tuple[float, ...]
     friction_compensation: Friction | None = None
     effect_compensation: EffectFeedforward | None = None
+    law: Law | None = None
+
+    @property
+    def feedback(self) -> Feedback:
+        """What makes u_fb [N] of reference and position [m]."""
+        return self.law or self.pid
+
+    @property
+    def has_integral(self) -> bool:
+        """Whether the feedback holds a constant force at rest."""
+        return self.pid.ki > 0 if self.law is None else self.law.has_integral
+
+    def with_feedback(self, feedback: Feedback) -> Controller:
+        """The same feedforward with another feedback, a law in the form of the error that it is designed for."""
+        if isinstance(feedback, Law):
+            return replace(self, law=feedback.of_error())
+        return replace(self, pid=feedback, law=None)
 
     def __repr__(self) -> str:
         rfm = "without" if self.friction_compensation is None else "with"
@@ -100,14 +143,11 @@ def to_json(controller: Controller, stroke: float, settling_time: float) -> dict
         "n_ff": list(controller.n_ff),
         "d_ff": list(controller.d_ff),
         "reference_delay_samples": controller.reference_delay,
-        "pid": {
-            "kp_N_per_m": pid.kp,
-            "ki_N_per_ms": pid.ki,
-            "kd_Ns_per_m": pid.kd,
-            "derivative_filter_s": pid.derivative_filter,
-        },
+        "pid": {key: getattr(pid, name) for name, key in (GAINS if pid.plain else GAINS | WEIGHTS).items()},
         "friction_compensation": rfm and {"stiffness_N_per_m": list(rfm.stiffness), "limit_m": list(rfm.limit)},
     }
+    if controller.law is not None:
+        content["law"] = law_to_json(controller.law)
     if ahead is not None:
         content["effect_compensation"] = {"late_s": ahead.fractional_delay, "effects": _effects_to_json(ahead.effects)}
     return content
@@ -142,13 +182,14 @@ def load(path: str | Path) -> Controller:
 
 def _from_json(content: Mapping[str, Any]) -> Controller:
     pid, rfm = content["pid"], content["friction_compensation"]
-    gains = [float(pid[key]) for key in ("kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s")]
+    gains = {name: float(pid[key]) for name, key in GAINS.items()}
+    gains |= {name: float(pid[key]) for name, key in WEIGHTS.items() if key in pid}
     sample_time, delay = float(content["sample_time_s"]), int(content["reference_delay_samples"])
-    numbers = (*gains, *content["n_ff"], *content["d_ff"])
-    if not all(math.isfinite(number) for number in numbers) or min(gains) < 0:
+    numbers = (*gains.values(), *content["n_ff"], *content["d_ff"])
+    if not all(math.isfinite(number) for number in numbers) or min(gains.values()) < 0:
         raise ValueError("a gain or coefficient is negative or not finite")
-    for field, gain in zip(fields(PID), gains, strict=True):
-        _check(f"pid.{field.name}", gain, PID)
+    for name, gain in gains.items():
+        _check(f"pid.{name}", gain, PID)
     if not (math.isfinite(sample_time) and sample_time > 0 and 0 <= delay <= LATEST):
         raise ValueError(f"sample_time_s must be above 0 and reference_delay_samples from 0 to {LATEST}")
     if not content["n_ff"] or not content["d_ff"]:
@@ -162,7 +203,8 @@ def _from_json(content: Mapping[str, Any]) -> Controller:
     if ahead and not 0 <= ahead.fractional_delay < sample_time:
         raise ValueError("effect_compensation.late_s must be at least 0 and below sample_time_s")
     filters = tuple(content["n_ff"]), tuple(content["d_ff"])
-    return Controller(sample_time, PID(*gains), delay, *filters, compensation, ahead)
+    law = law_from_json(content["law"], sample_time) if "law" in content else None
+    return Controller(sample_time, PID(**gains), delay, *filters, compensation, ahead, law)
 
 
 def _check(path: str, number: float, kind: type) -> None:

@@ -12,16 +12,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from models.controller import PID, Controller
+from models.controller import PID, Controller, Feedback
 from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.priors import USUAL, Priors
+from models.feedback.forms import NO_FILTERS, Cascade, Filters, described, law_of, nearest_pid
+from models.feedback.law import Law
 from models.friction import Friction, branch
+from models.machines.ideal_form import in_parallel_form
 from models.machines.plain import Parameter, left_out, plain_of, range_rows, rows_of
 from models.machines.provenance import SOURCES, MachineError, Provenance
 from models.machines.reading import read, read_table
 from models.plant import Plant
-from models.quantity import QuantityError, check, cut, declaration, show, value
+from models.quantity import QuantityError, check, cut, declaration, listed, show, value
 from models.records.columns import Columns
 
 __all__ = [
@@ -128,6 +131,7 @@ class Presliding:
 
 
 FROM_ELEMENTS: Final = Presliding(*[math.nan] * 5)  # stands where nothing is stated: they follow from the elements
+FROM_CASCADE: Final = PID(*[math.nan] * 4)  # stands where none is stated: it follows from the cascade
 
 
 @dataclass(frozen=True)
@@ -146,7 +150,55 @@ class Control:
         "1", "samples by which the reference of the PID in place waits", at_least=0, below=1001
     )
     compensator_elements: int = value("1", "elements N of the friction compensator RFM", at_least=1, below=101)
-    pid: PID = dataclasses.field(kw_only=True)
+    anti_windup: float = value(
+        "s",
+        "time constant by which the integral follows what the rating cuts off (0: it winds up)",
+        at_least=0,
+        at_most=100,
+        because="a slower one takes part in no motion",
+        default=0.0,
+    )
+    pid: PID = dataclasses.field(kw_only=True, default=FROM_CASCADE)
+    cascade: Cascade | None = None
+    filters: Filters = NO_FILTERS
+
+    def __post_init__(self) -> None:
+        """The PID of a cascade, where designs ask for the size of gains, is the one with nearly the cascade's loop."""
+        if self.cascade is not None:
+            object.__setattr__(self, "pid", nearest_pid(self.cascade))
+
+    @property
+    def derived(self) -> frozenset[str]:
+        """The fields that follow from others [-], and which no file states."""
+        return frozenset(() if self.cascade is None else {"pid"})
+
+    @property
+    def law(self) -> Law | None:
+        """The law of the feedback in place [SI], where it is anything but a plain PID."""
+        if self.cascade is None and self.pid.plain and not self.filters.count and self.anti_windup == 0:
+            return None
+        return law_of(self.cascade or self.pid, self.filters, self.anti_windup, self.sample_time)
+
+    @property
+    def feedback(self) -> Feedback:
+        """The feedback in place [SI]: its law, or the PID where it is a plain one."""
+        return self.law or self.pid
+
+    @property
+    def in_words(self) -> str:
+        """What runs, for a reader: "a P/PI cascade with 85 1/s, 4000 N s/m, 12 ms and 2 filters" [SI]."""
+        core, weights = "a PID", (self.pid.proportional_weight, self.pid.derivative_weight)
+        if self.cascade is not None:
+            core = described(self.cascade)
+        elif not self.pid.plain:
+            core += f" with set-point weights of {weights[0]:.4g} and {weights[1]:.4g}"
+        filters = [f"{self.filters.count} filter{'s' * (self.filters.count > 1)}"] if self.filters.count else []
+        limited = [f"an anti-windup of {show(self.anti_windup, 's')}"] if self.anti_windup > 0 else []
+        return listed([core, *filters, *limited])
+
+    def with_pid(self, pid: PID) -> Control:
+        """The same with a plain PID [SI] as the only feedback: no cascade, filters or anti-windup."""
+        return dataclasses.replace(self, pid=pid, cascade=None, filters=NO_FILTERS, anti_windup=0.0)
 
 
 @dataclass(frozen=True)
@@ -250,13 +302,13 @@ class Machine:
         return self.control.sample_time
 
     def feedback_only(self, reference_delay: int | None = None) -> Controller:
-        """The PID in place without a feedforward of its own: u_M is u_fb and what is given to the simulator.
+        """The feedback in place without a feedforward of its own: u_M is u_fb and what is given to the simulator.
 
-        N_ff = 1 and D_ff = 0, so x_T* = r. reference_delay [samples]: that of the PID in place if None.
+        N_ff = 1 and D_ff = 0, so x_T* = r. reference_delay [samples]: that of the feedback in place if None.
         """
         control = self.control
         delay = control.reference_delay if reference_delay is None else reference_delay
-        return Controller(self.sample_time, control.pid, delay, (1.0,), (0.0,))
+        return Controller(self.sample_time, control.pid, delay, (1.0,), (0.0,), law=control.law)
 
     def with_value(self, name: str, number: float | tuple[float, ...], provenance: Provenance) -> Machine:
         """The machine with another value (SI) and its source, so that neither goes without the other.
@@ -324,7 +376,7 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
             raise MachineError(f"name: {cut(name)} must be text; write it in quotes")
         if len(name) > NAME:
             raise MachineError(f"name: {cut(name)} is longer than {NAME} characters; shorten it")
-        machine = read(Machine, {"name": name, **table}, "", sources)
+        machine = read(Machine, in_parallel_form({"name": name, **table}), "", sources)
         machine = dataclasses.replace(machine, sources=sources)
         if "presliding" not in table:
             machine = with_derived_presliding(machine)
@@ -347,8 +399,15 @@ def to_json(machine: Machine) -> dict[str, Any]:
 
 
 def with_pid(machine: Machine, pid: PID, origin: str) -> Machine:
-    """The machine with another PID, whose gains then name `origin` as what they are derived from; SI units."""
+    """The machine with another PID, whose gains then name `origin` as what they are derived from; SI units.
+
+    It is then the whole feedback: a cascade, filters and an anti-windup go.
+    """
     said = {field.name: Provenance("derived", origin) for field in dataclasses.fields(PID)}
+    if machine.control.law is not None:
+        gone = ("control.cascade.", "control.filters.", "control.anti_windup")
+        sources = {path: source for path, source in machine.sources.items() if not path.startswith(gone)}
+        machine = dataclasses.replace(machine, control=machine.control.with_pid(pid), sources=sources)
     return machine.with_part("control.pid", pid, said)
 
 
@@ -482,8 +541,32 @@ def _check_times(machine: Machine) -> None:
         )
 
 
+def _check_feedback(machine: Machine) -> None:
+    """That one feedback is stated, and that the controller can sample its filters."""
+    control, ts = machine.control, machine.sample_time
+    if control.pid is FROM_CASCADE:
+        raise MachineError("control.pid: missing; add it, or control.cascade")
+    if control.cascade is not None and any(name.startswith("control.pid.") for name in machine.sources):
+        raise MachineError("control.pid: control.cascade is stated as well, and only one of them runs; leave one out")
+    for name, frequency in control.filters.frequencies.items():
+        if frequency >= 0.5 / ts:
+            raise MachineError(
+                f"control.filters.{name}.frequency: {show(frequency, 'Hz')} is not below the Nyquist frequency "
+                f"{show(0.5 / ts, 'Hz')} of control.sample_time; leave the filter out"
+            )
+    if 0 < control.anti_windup < ts:
+        raise MachineError(
+            f"control.anti_windup: {show(control.anti_windup, 's')} is below control.sample_time, {show(ts, 's')}, so "
+            "that the integral would move by more than the rating cuts off; give the sample time or more, or 0 s"
+        )
+    integral = control.pid.ki if control.cascade is None else control.cascade.integral_time
+    if control.anti_windup > 0 and integral == 0:
+        raise MachineError("control.anti_windup: there is no integral that could wind up; leave it out")
+
+
 def _check(machine: Machine) -> None:
     """What no single value shows."""
+    _check_feedback(machine)
     _check_times(machine)
     _check_modes(machine)
     if len(machine.effects) > EFFECTS:

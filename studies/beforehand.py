@@ -27,8 +27,13 @@ def require_controller(machine: Machine, option: str = "--machine") -> Controlle
 
 
 def require_stable(machine: Machine, option: str = "--machine") -> None:
-    """Raises BadInputError for a machine whose PID makes an unstable loop; the option that gave it is named."""
+    """Raises BadInputError for a machine whose feedback makes an unstable loop; the option that gave it is named."""
     _ask(feasibility.require_stable, machine, option)
+
+
+def require_pid(machine: Machine, option: str = "--machine") -> None:
+    """Raises BadInputError where another feedback runs than a plain PID, around which the study designs."""
+    _ask(feasibility.require_pid, machine, option)
 
 
 def require_members(members: Iterable[Machine], option: str = "--ensemble") -> None:

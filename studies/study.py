@@ -161,4 +161,9 @@ def _with_pid(machine: Machine, path: Path) -> Machine:
             f"--controller {path}: runs at {controller.sample_time:g} s and the machine at {machine.sample_time:g} s; "
             "design it for this machine's sample time"
         )
+    if controller.law is not None:
+        raise BadInputError(
+            f"--controller {path}: its feedback is no plain PID; state it in the machine file, as [control.cascade] or "
+            "[control.filters], and leave --controller out"
+        )
     return with_pid(machine, controller.pid, f"controller file {path.name}")

@@ -18,8 +18,8 @@ from design.loop import (
     Complex,
     Sensitivity,
     assess,
+    controller_response,
     frequency_response,
-    pid_response,
     sensitivities,
 )
 from design.pid.goal import achieved
@@ -129,7 +129,7 @@ def _tightest(problem: Problem, pid: PID, bounds: Bounds, slots: Sequence[Slot])
 def _shares(problem: Problem, pid: PID, bounds: Bounds, slots: Sequence[Slot]) -> Array:
     """The largest of |S|, |T| and |CS| over their bounds (n,) [1] at each slot."""
     omega, response = np.array([w for w, _ in slots]), np.array([p for _, p in slots])
-    return shares(sensitivities(response, pid_response(pid, problem.sample_time, omega)), bounds)
+    return shares(sensitivities(response, controller_response(pid, problem.sample_time, omega)), bounds)
 
 
 def shares(found: Mapping[Sensitivity, Complex], bounds: Bounds) -> Array:
@@ -153,7 +153,7 @@ def _critical(problem: Problem, pid: PID, bounds: Bounds, share: float) -> list[
     """Where a member's |S|, |T| or |CS| has a maximum above `share` of its bound, also between the check's points."""
     found = []
     for member, (omega, response) in zip(problem.members, problem.check, strict=True):
-        s = sensitivities(response, pid_response(pid, problem.sample_time, omega))
+        s = sensitivities(response, controller_response(pid, problem.sample_time, omega))
         tops = []
         for magnitude, bound in ((s["S"], bounds.ms), (s["T"], bounds.mt), (s["CS"], bounds.mcs)):
             tops += _tops(omega, np.log(np.abs(magnitude)), math.log(share * bound))
@@ -193,7 +193,7 @@ def _solve(
     lower, upper = _trust(problem, guess, 1 + (trust - 1) * (EXACT_TRUST if exact else 1))
     filled = [*slots, *[slots[0]] * (SLOTS - len(slots)), *problem.band]
     omega, response = np.array([w for w, _ in filled]), np.array([value for _, value in filled])
-    towards = 1 + response * pid_response(pid, problem.sample_time, omega)
+    towards = 1 + response * controller_response(pid, problem.sample_time, omega)
     towards /= np.abs(towards)
     p = response * problem.scale.kp
     data = np.vstack([p.real, p.imag, omega * problem.sample_time, towards.real, towards.imag])

@@ -15,7 +15,8 @@ from design.loop import Assessment, assess
 from design.pid.problem import Attempt, Bounds, Problem, Tuning, TuningError, mt_bound
 from design.pid.rules import fast_rule, lambda_rule, simc, slow_rule
 from design.pid.tuning import tune
-from models.controller import PID
+from models.controller import PID, Feedback
+from models.feedback.law import Law
 from models.machine import Machine
 
 SECOND_START: Final = 6  # Only every so many points start from the fast rule too, since that doubles the time.
@@ -25,12 +26,21 @@ LAMBDAS: Final = (5e-3, 6e-3, 7e-3, 8e-3, 10e-3, 14e-3, 20e-3)  # s. The time co
 
 @dataclass(frozen=True)
 class Point:
-    """One PID with its loops over the family, in its order; `bound` is that on |S| it was tuned for, None if not."""
+    """One PID with its loops over the family, in its order; `bound` is that on |S| it was tuned for, None if not.
+
+    law: a feedback of another structure, whose loops they then are; the PID is the one with nearly the same.
+    """
 
     name: str
     pid: PID
     loops: tuple[Assessment, ...]
     bound: float | None = None
+    law: Law | None = None
+
+    @property
+    def feedback(self) -> Feedback:
+        """What makes the loops [SI]."""
+        return self.law or self.pid
 
     @property
     def ms(self) -> float:
@@ -81,9 +91,9 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     return Front(tuple(points), tuple(attempts))
 
 
-def judged(name: str, pid: PID, members: Sequence[Member]) -> Point:
-    """A PID that was not tuned here, with its loops [SI]."""
-    return Point(name, pid, tuple(assess(member.plant, pid) for member in members))
+def judged(name: str, pid: PID, members: Sequence[Member], law: Law | None = None) -> Point:
+    """A PID that was not tuned here, or the law in its place, with its loops [SI]."""
+    return Point(name, pid, tuple(assess(member.plant, law or pid) for member in members), law=law)
 
 
 def rules(machine: Machine, members: Sequence[Member]) -> list[Point]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.family import Member
-from design.loop import disturbance_response, frequency_response, grid, pid_response, sensitivities
+from design.loop import controller_response, disturbance_response, frequency_response, grid, sensitivities
 from models.controller import PID
 
 Array = NDArray[np.float64]
@@ -61,4 +61,4 @@ def _in_band(plant: control.StateSpace, pid: PID, band: tuple[float, float]) -> 
     ends = 2 * math.pi * np.array(band)
     omega = np.concatenate([[ends[0]], omega[(omega > ends[0]) & (omega < ends[1])], [ends[1]]])
     response = frequency_response(plant, omega)
-    return float(np.max(np.abs(sensitivities(response, pid_response(pid, plant.dt, omega))["PS"])))
+    return float(np.max(np.abs(sensitivities(response, controller_response(pid, plant.dt, omega))["PS"])))

@@ -25,9 +25,9 @@ from design.loop import (
     Assessment,
     Complex,
     assess,
+    controller_response,
     frequency_response,
     grid,
-    pid_response,
     sensitivities,
 )
 from design.pid.active_set import LONGEST_FILTER, Result, from_start, shares
@@ -172,7 +172,7 @@ def _with_active_plants(problem: Problem, bounds: Bounds, start: PID, tolerance:
 def _largest_shares(problem: Problem, pid: PID, bounds: Bounds) -> Array:
     """The largest of |S|, |T| and |CS| over their bounds (members,) [1], at the check's frequencies."""
     ts = problem.sample_time
-    looked = [shares(sensitivities(p, pid_response(pid, ts, omega)), bounds) for omega, p in problem.check]
+    looked = [shares(sensitivities(p, controller_response(pid, ts, omega)), bounds) for omega, p in problem.check]
     return np.array([np.max(one) for one in looked])
 
 

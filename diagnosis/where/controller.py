@@ -1,9 +1,10 @@
 """Whether the stated controller made the record: its law, replayed on the logged error, must reproduce the command.
 
-The states of the integral and of the derivative's filter before the first sample are unknown, so that a constant and
-the first STARTING samples are free. What then remains is rounding, or the law is different: another delay, unit, gain
-or filter, or swapped columns. A log in which the reading was rounded, or the command quantised by a converter, leaves
-noise that no other law explains; the resolution of the reading says how large that may be. n samples.
+The states of the integral and of the filters before the first sample are unknown, so that a constant and the first
+samples are free: STARTING of them, or as many as the slowest filter takes. What then remains is rounding, or the law is
+different: another delay, unit, gain, filter or structure, or swapped columns. A log in which the reading was rounded,
+or the command quantised by a converter, leaves noise that no other law explains; the resolution of the reading says how
+large that may be. n samples.
 """
 
 from __future__ import annotations
@@ -17,15 +18,19 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.residual import STARTING
-from models.controller import PID
+from diagnosis.where.structure import Structure, structure
+from models.controller import PID, Feedback
+from models.feedback.law import Law, follow
 from models.machine import Machine
-from models.quantity import listed
+from models.quantity import listed, show
 from models.records.checks import quantisation, replay
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
 LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
+EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
+FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
 FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # factors of the derivative filter's time
 
 
@@ -34,7 +39,8 @@ class Replayed:
     """How far the replayed command is from the logged one: largest and rms difference [N], the tolerance [N], the first
     sample beyond it (departs), and the best of the changes that were tried (remedy) with the rms that remains [N].
 
-    checked: False for a record that has no reference to replay on.
+    checked: False for a record that has no reference to replay on. structure: the PID or P/PI cascade that leaves least
+    of the commands, whose standard deviation is spread [N], where no such change leaves rounding alone.
     """
 
     checked: bool
@@ -44,6 +50,19 @@ class Replayed:
     departs: int | None
     remedy: str | None
     remains: float
+    structure: Structure | None = None
+    spread: float = 0.0
+
+    @property
+    def other(self) -> str | None:
+        """Part of a sentence: the structure that would fit, or that none does."""
+        best = self.structure
+        if best is None:
+            return None
+        left = f"{show(best.leaves, 'N', 2)} (rms)"
+        if best.leaves < EXPLAINS * self.spread:
+            return f"{best.words} leaves {left}"
+        return f"no PID and no P/PI cascade fits, the best of which leaves {left}"
 
     @property
     def replays(self) -> bool:
@@ -52,11 +71,12 @@ class Replayed:
 
 
 def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> Replayed:
-    """The machine's PID and reference delay, replayed on a record; forces in [N]."""
-    pid, delay = machine.control.pid, machine.control.reference_delay
-    difference = _difference(record, replay(record, pid, delay))
+    """The machine's feedback and reference delay, replayed on a record; forces in [N]."""
+    feedback, delay = machine.control.feedback, machine.control.reference_delay
+    begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
+    difference = _difference(record, replay(record, feedback, delay, machine.drive.rated_thrust), begin)
     steps = quantisation(record.command)
-    spread = float(np.std(record.command[STARTING:]))
+    spread = float(np.std(record.command[begin:]))
     tolerance = max(criteria.replay_tolerance * spread, steps, _resolution(machine, record))
     beyond = np.flatnonzero(np.abs(difference) > tolerance)
     largest, rms = float(np.max(np.abs(difference), initial=0.0)), float(np.sqrt(np.mean(difference**2)))
@@ -64,66 +84,88 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
         return Replayed(True, largest, rms, tolerance, None, None, rms)
     if np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution:
         return Replayed(False, largest, rms, tolerance, None, None, rms)
-    remedy, remains = min(_remedies(record, pid, delay), key=lambda one: one[1])
+    remedy, remains = min(_remedies(record, feedback, delay, begin), key=lambda one: one[1])
     noise = criteria.replay_log_noise * _rounded(machine, record)
     most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
     if remains > mended and rms < noise and largest < most:
         return Replayed(True, largest, rms, most, None, None, rms)
-    departs = int(beyond[0]) + STARTING
-    return Replayed(True, largest, rms, tolerance, departs, remedy if remains < mended else None, remains)
+    departs, best = int(beyond[0]) + begin, remedy if remains < mended else None
+    other = structure(record, begin) if remains > tolerance else None
+    return Replayed(True, largest, rms, tolerance, departs, best, remains, other, spread)
+
+
+def starting(feedback: Feedback, sample_time: float) -> int:
+    """Samples after which a replay no longer depends on what was before the record; sample_time [s]."""
+    if isinstance(feedback, Law):
+        poles = np.abs(np.linalg.eigvals(feedback.feedback_matrices()[0]))
+        slowest = float(np.max(poles[poles < 1 - 1e-12], initial=0.0))
+    else:
+        slowest = feedback.pole(sample_time)
+    return STARTING if slowest <= 0 else max(STARTING, round(FORGOTTEN / -float(np.log(slowest))))
 
 
 def _resolution(machine: Machine, record: Record) -> float:
     """Effect on the command [N] of losing a thousandth of the scale's resolution where positions are written."""
-    pid = machine.control.pid
-    return 1e-3 * machine.scale.resolution * (pid.kp + pid.kd / (pid.derivative_filter + record.sample_time))
+    feedback, lost = machine.control.feedback, 1e-3 * machine.scale.resolution
+    if isinstance(feedback, Law):
+        return lost * abs(float(feedback.feedback_matrices()[3][0, 0]))
+    return lost * (feedback.kp + feedback.kd / (feedback.derivative_filter + record.sample_time))
 
 
 def _rounded(machine: Machine, record: Record) -> float:
     """Standard deviation [N] of the replay's error where the readings were rounded after the controller used them."""
-    impulse, nothing = np.zeros(STARTING), np.zeros(STARTING)
-    impulse[0] = 1.0
-    bare = Record(record.sample_time, nothing, nothing, nothing, nothing, impulse)
-    answer = replay(bare, replace(machine.control.pid, ki=0.0), 0)
+    feedback, impulse, nothing = machine.control.feedback, np.zeros(STARTING), np.zeros(STARTING)
+    if isinstance(feedback, Law):
+        impulse[1] = 1.0
+        answer = follow(feedback, nothing, impulse, nothing)
+        answer -= answer[-1]  # what the integral keeps is the free constant
+    else:
+        impulse[0] = 1.0
+        bare = Record(record.sample_time, nothing, nothing, nothing, nothing, impulse)
+        answer = replay(bare, replace(feedback, ki=0.0), 0)
     return float(np.linalg.norm(answer)) * machine.scale.resolution / 12**0.5
 
 
-def _difference(record: Record, made: Array) -> Array:
-    """Logged less replayed command (n - STARTING,) [N], its median removed."""
-    difference = (record.command - made)[STARTING:]
+def _difference(record: Record, made: Array, begin: int) -> Array:
+    """Logged less replayed command (n - begin,) [N], its median removed."""
+    difference = (record.command - made)[begin:]
     return difference - np.median(difference)
 
 
-def _rms(record: Record, made: Array) -> float:
-    return float(np.sqrt(np.mean(_difference(record, made)[LONGEST:-LONGEST] ** 2)))
+def _rms(record: Record, made: Array, begin: int) -> float:
+    return float(np.sqrt(np.mean(_difference(record, made, begin)[LONGEST:-LONGEST] ** 2)))
 
 
-def _remedies(record: Record, pid: PID, delay: int) -> Iterator[tuple[str, float]]:
+def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Iterator[tuple[str, float]]:
     """Changes of the law in words, each with the rms difference [N] that remains."""
-    made = replay(record, pid, delay)
+    made = replay(record, feedback, delay)
     for shift in range(-LONGEST, LONGEST + 1):
         if shift:
             words = f"the command logged {abs(shift)} sample{'s' * (abs(shift) > 1)} {'late' if shift > 0 else 'early'}"
-            yield words, _rms(record, np.roll(made, shift))
+            yield words, _rms(record, np.roll(made, shift), begin)
         if delay + shift >= 0 and shift:
             yield (
                 f"a reference delay of {delay + shift} samples instead of {delay}",
-                _rms(record, replay(record, pid, delay + shift)),
+                _rms(record, replay(record, feedback, delay + shift), begin),
             )
+    if isinstance(feedback, PID):
+        yield from _filters(record, feedback, delay, begin)
+    error = made - record.feedforward
+    groups = [("the whole command", [made]), ("the feedback", [error]), ("the feedforward", [record.feedforward])]
+    if isinstance(feedback, PID):
+        groups.append(_parts(record, feedback, delay))
+    for words, columns in groups:
+        if all(np.ptp(column) > 0 for column in columns):
+            yield _scaled(record, made, words, columns, begin)
+    yield "the feedforward omitted", _rms(record, error, begin)
+
+
+def _filters(record: Record, pid: PID, delay: int, begin: int) -> Iterator[tuple[str, float]]:
+    """Other filters of the PID's derivative, where it has one."""
     for factor in FILTERS if pid.kd > 0 and pid.derivative_filter > 0 else ():
         other = replace(pid, derivative_filter=factor * pid.derivative_filter)
         words = f"the derivative's filter {factor:g} times as slow"
-        yield words, _rms(record, replay(record, other, delay))
-    error = made - record.feedforward
-    for words, columns in (
-        ("the whole command", [made]),
-        ("the feedback", [error]),
-        ("the feedforward", [record.feedforward]),
-        _parts(record, pid, delay),
-    ):
-        if all(np.ptp(column) > 0 for column in columns):
-            yield _scaled(record, made, words, columns)
-    yield "the feedforward omitted", _rms(record, error)
+        yield words, _rms(record, replay(record, other, delay), begin)
 
 
 def _parts(record: Record, pid: PID, delay: int) -> tuple[str, list[Array]]:
@@ -138,10 +180,10 @@ def _parts(record: Record, pid: PID, delay: int) -> tuple[str, list[Array]]:
     return f"the {listed(there)} part", list(there.values())
 
 
-def _scaled(record: Record, made: Array, words: str, columns: list[Array]) -> tuple[str, float]:
+def _scaled(record: Record, made: Array, words: str, columns: list[Array], begin: int) -> tuple[str, float]:
     """The replayed command with each of its parts (n,) [N] times the factor that fits the logged command best."""
     rest = made - sum(columns)
-    basis = np.column_stack([*columns, np.ones(made.size)])[STARTING:]
-    factors = np.linalg.lstsq(basis, (record.command - rest)[STARTING:], rcond=None)[0][:-1]
+    basis = np.column_stack([*columns, np.ones(made.size)])[begin:]
+    factors = np.linalg.lstsq(basis, (record.command - rest)[begin:], rcond=None)[0][:-1]
     again = rest + sum(factor * column for factor, column in zip(factors, columns, strict=True))
-    return f"{words} times {listed(f'{factor:.4g}' for factor in factors)}", _rms(record, again)
+    return f"{words} times {listed(f'{factor:.4g}' for factor in factors)}", _rms(record, again, begin)

@@ -96,6 +96,7 @@ def _controller(where: Where) -> Iterator[Statement]:
             fits = f"with {one.remedy}, {show(one.remains, 'N', 2)} (rms) would remain" if one.remedy else (
                 "none of the delays, gains and filters that were tried reproduces it"
             )  # fmt: skip
+            fits += f"; {one.other}" if one.other else ""
             yield Statement(
                 Topic.CONTROLLER,
                 f"The stated controller did not make {record}: from sample {one.departs} on, its replay differs from "

@@ -89,6 +89,7 @@ def _details(where: Where) -> dict[str, Any]:
                 "departs_at_sample": one.departs,
                 "would_fit": one.remedy,
                 "would_leave_N": one.remains,
+                "other_structure": one.other,
             }
             for one in where.controller
         ],

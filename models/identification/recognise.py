@@ -31,7 +31,7 @@ def read(
         columns or machine.record,
         trusted=trusted,
         limits=limits,
-        pid=machine.control.pid,
+        pid=machine.control.feedback,
         reference_delay=machine.control.reference_delay,
         sample_time=machine.sample_time,
         mass=machine.plant.mass,

@@ -5,6 +5,7 @@ Symbols: n samples; T_s the sample time [s]; u the command [N], x the position [
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -13,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from models.controller import PID
+from models.controller import PID, Feedback
+from models.feedback.law import Law, follow
 from models.quantity import show
 from models.records.record import Record
 from models.records.sizes import RecordError
@@ -82,11 +84,11 @@ def _backward(signals: Mapping[str, Array], names: Mapping[str, str], step: Arra
 class Facts:
     """What is nominally known of a machine [SI], to see more in its records; None: not known.
 
-    The PID that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N], the
-    resolution of the scale [m] and the stiffness of the friction at rest [N/m].
+    The feedback that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N],
+    the resolution of the scale [m] and the stiffness of the friction at rest [N/m].
     """
 
-    pid: PID | None = None
+    pid: Feedback | None = None
     reference_delay: int = 0
     sample_time: float | None = None
     mass: float | None = None
@@ -170,13 +172,28 @@ def quantisation(signal: Array) -> float:
     return step if float(np.max(np.abs(counts - np.round(counts)) / np.maximum(counts, 1))) < 0.02 else 0.0
 
 
-def replay(record: Record, pid: PID, reference_delay: int) -> Array:
-    """u (n,) [N] that this PID makes of the record's reference, feedforward and position; from I = 0, d = 0."""
-    error = _waiting(record, reference_delay) - record.position
+def replay(record: Record, feedback: Feedback, reference_delay: int, limit: float = math.inf) -> Array:
+    """u (n,) [N] that this feedback makes of the record's reference, feedforward and position; a PID from I = 0, d = 0,
+    any other law from a rest at the first sample. limit [N]: the rating that an anti-windup keeps to."""
+    if isinstance(feedback, Law):
+        return _replayed_law(record, feedback, reference_delay, limit)
+    pid, error = feedback, _waiting(record, reference_delay) - record.position
     integral = pid.ki * record.sample_time * np.cumsum(error)
     return np.asarray(
         pid.kp * error + integral + pid.kd * _slope(error, pid, record.sample_time) + record.feedforward, float
     )
+
+
+def _replayed_law(record: Record, law: Law, reference_delay: int, limit: float) -> Array:
+    """The commands (n,) [N] of a law. What its integral held at first shows before the rating is reached."""
+    signals = _waiting(record, reference_delay), record.position, record.feedforward
+    made = follow(law, *signals)
+    reached = np.flatnonzero(np.abs(record.command) >= limit * (1 - 1e-9))
+    if not law.keeps_to_the_rating or reached.size == 0:
+        return made
+    before = slice(reached[0] // 2, max(reached[0], 1))
+    held = float(np.median((record.command - made)[before]))
+    return follow(law, *signals, limit=limit, start=held)
 
 
 def derivative_of_error(record: Record, pid: PID, reference_delay: int) -> Record:
@@ -272,9 +289,9 @@ def _step(record: Record) -> Iterator[str]:
         yield f"The command has steps of {show(force, 'N')}."
 
 
-def _shift(record: Record, pid: PID, reference_delay: int) -> Iterator[str]:
+def _shift(record: Record, feedback: Feedback, reference_delay: int) -> Iterator[str]:
     """A delay between channels: the shift at which the replayed controller agrees best with the logged command."""
-    made = np.diff(replay(record, pid, reference_delay))
+    made = np.diff(replay(record, feedback, reference_delay))
     logged = np.diff(record.command)
     n, most = made.size, LONGEST_SHIFT
     middle = slice(60 + most, n - most)
@@ -296,5 +313,5 @@ def _shift(record: Record, pid: PID, reference_delay: int) -> Iterator[str]:
     elif share > 0.5:
         yield (
             "The stated controller does not reproduce the logged command; its gains, delay or columns differ, or it "
-            "has terms that this PID has not."
+            "has terms that this one has not."
         )

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
 from models.records import response_columns
 from models.records.checks import Facts, check_samples, derivative_of_error, findings
@@ -90,9 +91,14 @@ def read_record(path: str | Path, columns: Columns | None = None) -> Record:
 
 
 def _as_it_ran(record: Record, columns: Columns, facts: Facts) -> Record:
-    """The record for a replay of the PID, whatever its derivative was taken of."""
+    """The record for a replay of the PID, whatever its derivative was taken of. Raises RecordError for another law."""
     if facts.pid is None or columns.derivative == "error":
         return record
+    if isinstance(facts.pid, Law):
+        raise RecordError(
+            "derivative: is of a plain PID, and the machine file states another feedback; leave it out of the columns, "
+            "and for a PID with set-point weights state derivative_weight = 0 in [control.pid]"
+        )
     return derivative_of_error(record, facts.pid, facts.reference_delay)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from models.compiled import compiled, inlined
 from models.effects.base import MOVED, U_LAW, E, Effect, H, Place, T, U, V, X
+from models.feedback.law import LawArrays, advance, output
 from models.friction import Friction
 from models.plant import delay_split
 from models.simulation.hooks import COMMAND, CONTROL, FORCE, FRICTION, LIMIT, PATH, READING, THRUST, Hooks, act, pack
@@ -200,12 +201,14 @@ def _along(
 
 
 @compiled
-def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
-    """Advances one machine over the n samples of `run`; what `models.simulation.kernel.run_one` does, with hooks.
+def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
+    """Advances one machine over the n samples of `run`; what `models.simulation.kernel.run_one` does, with hooks, and
+    with any linear feedback in place of the PID where `law` has states.
 
-    The plant's modes in `loop` have those of the effects behind them. The PID's integral, if it has one, holds the
+    The plant's modes in `loop` have those of the effects behind them. The feedback's integral, if it has one, holds the
     external force of the start, too.
     """
+    follows_law = law.c.size > 0
     phi, gamma, state = loop.phi, loop.gamma, run.state
     modes, n = state.shape[0], run.reference.size
     contact, elements = np.empty((3, run.z.size)), np.empty((2, run.z.size))
@@ -215,8 +218,10 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
     kept_memory, trial_contact = np.empty(hooks.memory.size), contact.copy()
     kept_memory[:], now[H] = hooks.memory, 0.5 * loop.step[1]
     held = act(FORCE, 0.0, hooks, now, contact)
-    start = run.start - held if loop.gains[KI] > 0.0 else run.start
+    has_integral = law.has_integral if follows_law else loop.gains[KI] > 0.0
+    start = run.start - held if has_integral else run.start
     hooks.memory[:] = kept_memory
+    law.state[:] = law.hold * start
     integral, slope, previous = start, 0.0, 0.0
     acceleration = x = v = 0.0
     for j in range(modes):
@@ -229,9 +234,16 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks) -> None:
         run.position[k] = x
         run.reading[k] = quantised(act(READING, x, hooks, now, contact) + run.noise[k], loop.resolution)
         error = run.reference[max(k - loop.delays[1], 0)] - run.reading[k]
-        feedback, integral, slope = pid_step(error, previous, integral, slope, loop.gains, loop.sample_time)
+        if follows_law:
+            waiting = run.reference[max(k - loop.delays[1], 0)]
+            feedback = output(law, waiting, run.reading[k])
+            wanted = feedback + run.feedforward[k]
+            command = clipped(wanted, loop.thrust_limit) if law.keeps_to_the_rating else wanted
+            advance(law, waiting, run.reading[k], command - wanted)
+        else:
+            feedback, integral, slope = pid_step(error, previous, integral, slope, loop.gains, loop.sample_time)
+            command = feedback + run.feedforward[k]
         previous = error
-        command = feedback + run.feedforward[k]
         now[U], now[E], now[U_LAW] = command, error, feedback
         run.command[k] = act(CONTROL, command, hooks, now, contact)
         now[U] = run.command[k]

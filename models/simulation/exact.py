@@ -6,7 +6,7 @@ exponential. The switch times are found to round-off: as the roots of the Chebys
 over the interval, which is exact to round-off there, then refined on the exponential itself.
 
 Shares no step of the simulator: other friction formulation (eq. (3) with the displacement x_ri remembered), other
-dynamics (dense, continuous), its own PID.
+dynamics (dense, continuous), its own PID; a feedback of another structure runs by its matrices.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from models.controller import Controller, references
+from models.feedback.law import Law
 from models.machine import Machine
 from models.plant import state_space
 
@@ -92,10 +93,11 @@ def respond(
     stiffness, limit = np.array(friction.stiffness), np.array(friction.limit)
     offset = np.zeros(limit.size) if initial_friction is None else np.array(initial_friction, float)
     elements = _Elements(stiffness, limit, np.array(friction.damping), offset)
-    start = float(stiffness @ offset) + machine.drive.offset if controller.pid.ki > 0 else 0.0
+    start = float(stiffness @ offset) + machine.drive.offset if controller.has_integral else 0.0
     given = references(controller, target)
     known = given.feedforward + given.compensation
-    feedback = _Feedback(controller, start)
+    law, rated = controller.law, machine.drive.rated_thrust
+    feedback = _Feedback(controller, start) if law is None else _LawFeedback(law, start, rated)
     dynamics = _Dynamics(machine)
     state = np.zeros(dynamics.a.shape[0])
     n = given.position.size
@@ -104,10 +106,10 @@ def respond(
         position[k] = dynamics.x @ state
         force[k] = _force(elements, dynamics, state)
         waiting = given.position[max(k - controller.reference_delay, 0)]
-        command[k] = feedback.step(waiting - _reading(position[k], machine.scale.resolution)) + known[k]
+        command[k] = feedback.step(waiting, _reading(position[k], machine.scale.resolution), known[k])
         for begin, end, sent in _pieces(machine.plant.dead_time, ts, k):
             thrust = command[sent] if sent >= 0 else start
-            bounded = min(max(thrust, -machine.drive.rated_thrust), machine.drive.rated_thrust)
+            bounded = min(max(thrust, -rated), rated)
             state = _advance(elements, dynamics, state, bounded - machine.drive.offset, end - begin)
     return position, force
 
@@ -119,13 +121,29 @@ class _Feedback:
         self.pid, self.ts = controller.pid, controller.sample_time
         self.integral, self.slope, self.previous = integral, 0.0, 0.0
 
-    def step(self, error: float) -> float:
-        pid = self.pid
+    def step(self, reference: float, reading: float, known: float) -> float:
+        pid, error = self.pid, reference - reading
         a = pid.derivative_filter / (pid.derivative_filter + self.ts)
         self.integral += pid.ki * self.ts * error
         self.slope = a * self.slope + (1 - a) * (error - self.previous) / self.ts
         self.previous = error
-        return pid.kp * error + self.integral + pid.kd * self.slope
+        return pid.kp * error + self.integral + pid.kd * self.slope + known
+
+
+class _LawFeedback:
+    """A feedback of any structure, one sample after the other."""
+
+    def __init__(self, law: Law, held: float, rated: float) -> None:
+        self.a, self.b, self.c, self.d = (np.array(part) for part in (law.a, law.b, law.c, law.d))
+        self.reset, self.state = np.array(law.reset), np.array(law.hold) * held
+        self.rated = rated if law.keeps_to_the_rating else math.inf
+
+    def step(self, reference: float, reading: float, known: float) -> float:
+        given = np.array([reference, reading])
+        wanted = float(self.c @ self.state + self.d @ given) + known
+        command = min(max(wanted, -self.rated), self.rated)
+        self.state = self.a @ self.state + self.b @ given + self.reset * (command - wanted)
+        return command
 
 
 class _Dynamics:

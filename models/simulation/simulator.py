@@ -6,9 +6,10 @@ h, as a midpoint rule is, at one evaluation a substep. The thrust changes where 
 it out, also within a sample.
 
 `simulate` runs one machine; `simulate_many` runs variations side by side in one call, equal to `simulate` bit for bit.
-A machine's effects (models/effects) act in both. They set in at the first sample, except that the PID's integral holds
-the external force at the start, too: let a run begin with a halt where they have to settle. The drive's offset is held
-by an integral from the start, too. A PID without one (ki = 0) holds none of these at the start.
+A machine's effects (models/effects) act in both. They set in at the first sample, except that the feedback's integral
+holds the external force at the start, too: let a run begin with a halt where they have to settle. The drive's offset is
+held by an integral from the start, too. A feedback without one holds none of these at the start. A feedback of another
+structure than a PID runs as its law (models/feedback), in the loop that also has the effects.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.controller import Controller, References, references
+from models.feedback.law import Law, arrays
 from models.machine import Machine
 from models.plant import delay_split, matrices, transition
 from models.quantity import show
@@ -75,9 +77,9 @@ def simulate(
     initial_friction: ArrayLike | None = None,
     given: References | None = None,
 ) -> Response:
-    """Response to a target r (n,) [m], from rest at r = 0 with the PID's integral holding the friction's force.
+    """Response to a target r (n,) [m], from rest at r = 0 with the feedback's integral holding the friction's force.
 
-    A PID without an integral holds nothing: the friction then moves the table at the start.
+    A feedback without an integral holds nothing: the friction then moves the table at the start.
 
     substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
     default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
@@ -90,7 +92,7 @@ def simulate(
     """
     r = np.asarray(target, float)
     known = given or references(controller, r)
-    return _alone(machine, r, _prepare(machine, controller, known, substeps, seed, initial_friction))
+    return _alone(machine, controller.law, r, _prepare(machine, controller, known, substeps, seed, initial_friction))
 
 
 def simulate_many(
@@ -106,7 +108,7 @@ def simulate_many(
     """`simulate` for machines[i] with controllers[i], all over the same target, in one call; the same options.
 
     given: for all machines, or given[i] for each. Machines with equal numbers of modes and elements and equal delays in
-    whole samples run side by side, except those with effects, which run one by one.
+    whole samples run side by side, except those with effects or a law, which run one by one.
     """
     r = np.asarray(target, float)
     if given is None:
@@ -120,8 +122,8 @@ def simulate_many(
     groups: dict[object, list[int]] = {}
     responses: dict[int, Response] = {}
     for i, (loop, run) in enumerate(prepared):
-        if machines[i].effects:
-            responses[i] = _alone(machines[i], r, prepared[i])
+        if machines[i].effects or controllers[i].law is not None:
+            responses[i] = _alone(machines[i], controllers[i].law, r, prepared[i])
             continue
         key = (
             loop.sample_time,
@@ -140,11 +142,11 @@ def simulate_many(
     return tuple(responses[i] for i in range(len(prepared)))
 
 
-def _alone(machine: Machine, target: Array, prepared: tuple[Loop, Run]) -> Response:
-    """The response of one machine."""
+def _alone(machine: Machine, law: Law | None, target: Array, prepared: tuple[Loop, Run]) -> Response:
+    """The response of one machine under its PID, or under a law."""
     loop, run = prepared
-    if machine.effects:
-        run_effects(loop, run, pack(machine.effects, run.z.size))
+    if machine.effects or law is not None:
+        run_effects(loop, run, pack(machine.effects, run.z.size), arrays(law))
     else:
         run_one(loop, run)
     return _response(machine, target, run)
@@ -195,7 +197,7 @@ def _prepare(
         reference=given.position,
         feedforward=given.feedforward + given.compensation,
         noise=noise * np.random.default_rng(seed).standard_normal(n) if noise > 0 else np.zeros(n),
-        start=float(loop.stiffness @ z) + machine.drive.offset if pid.ki > 0 else 0.0,
+        start=float(loop.stiffness @ z) + machine.drive.offset if controller.has_integral else 0.0,
         state=np.zeros((modes, 2)),
         z=z,
         **{name: np.empty(n) for name in LOGGED},

@@ -96,6 +96,9 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         checks = _checks(machine, wanted, known.deadbeat, proof, without, known.validation)
     files = {"controller.json": to_json(controller, plain.stroke, plain.settling_time)}
     summary = [("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s"))]
+    if machine.control.law is not None:
+        results["feedback"] = machine.control.in_words
+        summary.append(("feedback kept, its reference entering as the position does", machine.control.in_words))
     return Answer(results, checks, files, summary)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from design.family import Member
-from design.loop import frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
+from design.loop import controller_response, frequency_response, grid, sensitivities, sensitivity, stays_below
 from design.pid.front import Point
 from design.validation import Validation
 from models.machine import Machine
@@ -56,8 +56,8 @@ def _finer(members: Sequence[Member], points: Sequence[Point]) -> float:
     worst = 0.0
     for point in points:
         for member, loop in zip(members, point.loops, strict=True):
-            omega = grid(member.plant, point.pid, 2000)
-            c = pid_response(point.pid, float(member.plant.dt), omega)
+            omega = grid(member.plant, point.feedback, 2000)
+            c = controller_response(point.feedback, float(member.plant.dt), omega)
             s = np.abs(sensitivities(frequency_response(member.plant, omega), c)["S"])
             worst = max(worst, float(np.max(s)) / loop.ms.value)
     return worst
@@ -69,6 +69,6 @@ def _uncertain(members: Sequence[Member], points: Sequence[Point]) -> int:
     for point in points:
         for member, loop in zip(members, point.loops, strict=True):
             for name, peak in (("S", loop.ms), ("T", loop.mt)):
-                system = sensitivity(member.plant, point.pid, name)  # type: ignore[arg-type]
+                system = sensitivity(member.plant, point.feedback, name)  # type: ignore[arg-type]
                 missed += not stays_below(system, peak.value * (1 + CERTAIN))
     return missed

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from design.family import Member, family, slopes
 from design.limits import bode_area, highest_crossover, least_sensitivity
-from design.loop import DIAGRAM, frequency_response, grid, intersample, pid_response, sensitivities
+from design.loop import DIAGRAM, controller_response, frequency_response, grid, intersample, sensitivities
 from design.pid.front import Front, Point, judged, rules, tuned
 from design.pid.goal import OBJECTIVES, Goal
 from design.pid.problem import Bounds, TuningError, mt_bound
 from design.pid.rules import magnitude
 from design.pid.tuning import noise_bound, pose, tune
 from design.validation import Validation, validate_many
-from models.controller import PID, Controller, to_json
+from models.controller import PID, Controller, Feedback, to_json
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.friction import branch
@@ -72,8 +72,8 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     progress(0.7, f"the PIDs on {len(others)} members of the ensemble")
     on_ensemble = _on_ensemble(machine, others, wanted, limits, controller, chosen, tuned=options.ensemble is not None)
     progress(0.8, "published optima, limits and certificates")
-    fit = replace(controller, pid=chosen.pid)
-    compensated = validate_many([with_pid(machine, c.pid, "this study") for c in (controller, fit)], [controller, fit])
+    fit = controller.with_feedback(chosen.pid)
+    compensated = validate_many([machine, with_pid(machine, chosen.pid, "this study")], [controller, fit])
     results = {
         "quick": options.quick,
         "wanted": _asked(wanted, tuning),
@@ -82,7 +82,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         "family": [member.name for member in members],
         **_named(machine, tuning, rows),
         "attempts": [{"ms": ms, **vars(attempt)} for ms, attempt in tuning.front.attempts],
-        "loops": _loops(members, chosen.pid, machine.control.pid, limits.mcs),
+        "loops": _loops(members, chosen.pid, machine.control.feedback, limits.mcs),
         "limits": _limits(machine, members[0], points, tuning.present, limits.mcs),
         "costs": costs,
         "dearest": max(costs, key=lambda cost: cost["ki_N_per_ms"] or 0.0),
@@ -108,7 +108,7 @@ def _tuned(
     """The present PID on the family and the front. Raises BadInputError where no PID keeps to the bounds."""
     members = family(machine, wanted["mode_error"], wanted["mass_error"], others if options.ensemble else ())
     progress(0.02, f"the present PID on {len(members)} plants")
-    present = judged("present", machine.control.pid, members)
+    present = judged("present", machine.control.pid, members, machine.control.law)
     limits = Bounds(wanted["ms"], wanted["mt"], _noise(machine, options.noise, present))
     goal = _goal(machine, options.objective)
     problem = pose(members, goal, magnitude(machine))
@@ -210,14 +210,14 @@ def _on_ensemble(
     """The PIDs' performance on every member and, unless the front was `tuned` for all of them, one PID that is."""
     if not others:
         return None
-    pids = {"present": machine.control.pid, "chosen": chosen.pid}
+    feedbacks: dict[str, Feedback] = {"present": machine.control.feedback, "chosen": chosen.pid}
     outcome = None
     if not tuned:
         errors = wanted["mode_error"], wanted["mass_error"]
         found, outcome = ensemble.held(machine, others, errors, limits)
-        pids |= {"all members": found} if found else {}
+        feedbacks |= {"all members": found} if found else {}
     deadline = machine.specification.settling_time
-    on_every = ensemble.on_every_member(others, controller, pids, limits.ms, deadline)
+    on_every = ensemble.on_every_member(others, controller, feedbacks, limits.ms, deadline)
     return {**on_every, "tuned": tuned, "outcome": outcome}
 
 
@@ -275,14 +275,14 @@ def _costs(
     return rows
 
 
-def _loops(members: Sequence[Member], chosen: PID, present: PID, mcs: float) -> dict[str, Any]:
+def _loops(members: Sequence[Member], chosen: PID, present: Feedback, mcs: float) -> dict[str, Any]:
     """Frequency responses of the nominal plants' loops, and of all for Nyquist's plot and the worst |S|."""
     ts = float(members[0].plant.dt)
     omega = np.geomspace(2e-3, 1, 500) * math.pi / ts
     nominal = [member for member in members if member.nominal]
     curves: dict[str, Any] = {}
-    for label, pid in (("chosen", chosen), ("present", present)):
-        c = pid_response(pid, ts, omega)
+    for label, feedback in (("chosen", chosen), ("present", present)):
+        c = controller_response(feedback, ts, omega)
         curves[label] = {member.name: _curves(frequency_response(member.plant, omega), c) for member in nominal}
     every = [_loop_curve(member, chosen) for member in members]
     return {
@@ -297,7 +297,7 @@ def _loop_curve(member: Member, pid: PID) -> NDArray[np.complex128]:
     """L (n,) at frequencies that are dense where a resonance is, from 5 Hz on: below it is off the plot."""
     omega = grid(member.plant, pid, 250)
     omega = omega[omega > 2 * math.pi * 5]
-    return np.asarray(frequency_response(member.plant, omega) * pid_response(pid, float(member.plant.dt), omega))
+    return np.asarray(frequency_response(member.plant, omega) * controller_response(pid, float(member.plant.dt), omega))
 
 
 def _curves(plant: NDArray[np.complex128], controller: NDArray[np.complex128]) -> dict[str, Any]:
@@ -312,7 +312,7 @@ def _limits(machine: Machine, rolling: Member, points: Sequence[Point], present:
     """Crossovers and areas of Bode's integral of the front, with what they cannot pass."""
     levels = np.linspace(1.15, 3.1, 40)
     areas = [bode_area(rolling, point.pid, point.ms, mcs) for point in points]
-    own = bode_area(rolling, present.pid, present.ms, mcs)
+    own = bode_area(rolling, present.feedback, present.ms, mcs)
     plant, ts = machine.plant, machine.sample_time
     return {
         "ms": levels,
@@ -368,4 +368,5 @@ def _summary(results: dict[str, Any]) -> list[tuple[str, str]]:
     def line(row: dict[str, Any]) -> str:
         return f"Ms {row['ms']:.3g}, ki {row['ki_N_per_ms']:.3g} N/(m s), reversal in {show(row['settling_s'], 's')}"
 
-    return [("present PID", line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
+    stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"
+    return [(stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]

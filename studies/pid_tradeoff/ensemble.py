@@ -16,22 +16,22 @@ from design.pid.problem import Bounds, TuningError, mt_bound
 from design.pid.rules import magnitude, slow_rule
 from design.pid.tuning import pose, tune
 from design.validation import validate_many
-from models.controller import PID, Controller
+from models.controller import PID, Controller, Feedback
 from models.machine import Machine, with_pid
 
 OWN: Final = "own"  # The PID of a member's own file.
 
 
 def on_every_member(
-    others: Sequence[Machine], controller: Controller, pids: Mapping[str, PID], ms: float, deadline: float
+    others: Sequence[Machine], controller: Controller, feedbacks: Mapping[str, Feedback], ms: float, deadline: float
 ) -> dict[str, Any]:
-    """Largest |S| [1] over a member's four plants, as known, and the reversal's settling [s], for each PID and member.
+    """Largest |S| [1] over a member's four plants, as known, and the reversal's settling [s], by feedback and member.
 
     controller: gives the feedforward of all motions, without friction compensation. ms: bound on |S| that is counted;
     deadline [s]: the specified settling time.
     """
-    named: list[tuple[str, list[PID]]] = [(name, [pid] * len(others)) for name, pid in pids.items()]
-    named.append((OWN, [other.control.pid for other in others]))
+    named: list[tuple[str, list[Feedback]]] = [(name, [one] * len(others)) for name, one in feedbacks.items()]
+    named.append((OWN, [other.control.feedback for other in others]))
     rows = {name: _behaviour(others, controller, each) for name, each in named}
     own = rows[OWN]["settling_s"]
     return {
@@ -56,14 +56,17 @@ def held(machine: Machine, others: Sequence[Machine], errors: tuple[float, float
     return found.pid, found.attempts[0].outcome
 
 
-def _behaviour(others: Sequence[Machine], controller: Controller, pids: Sequence[PID]) -> dict[str, Any]:
+def _behaviour(others: Sequence[Machine], controller: Controller, feedbacks: Sequence[Feedback]) -> dict[str, Any]:
     peaks = []
-    for other, pid in zip(others, pids, strict=True):
-        loops = [assess(member.plant, pid) for member in _plants(other)]
+    for other, feedback in zip(others, feedbacks, strict=True):
+        loops = [assess(member.plant, feedback) for member in _plants(other)]
         peaks.append(max(loop.ms.value if loop.stable else math.inf for loop in loops))
     plain = controller.without_compensation()
-    machines = [with_pid(other, pid, "this study") for other, pid in zip(others, pids, strict=True)]
-    validations = validate_many(machines, [replace(plain, pid=pid) for pid in pids], periods=4)
+    machines = [
+        with_pid(other, one, "this study") if isinstance(one, PID) else other
+        for other, one in zip(others, feedbacks, strict=True)
+    ]
+    validations = validate_many(machines, [plain.with_feedback(one) for one in feedbacks], periods=4)
     settling = [one.reversal.settling_time for one in validations]
     return {"ms": peaks, "settling_s": settling}
 

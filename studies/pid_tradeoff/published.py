@@ -21,7 +21,7 @@ import control
 import numpy as np
 
 from design.family import Member
-from design.loop import frequency_response, pid_response
+from design.loop import controller_response, frequency_response
 from design.pid.goal import Goal
 from design.pid.problem import Bounds, Problem
 from design.pid.tuning import pose, tune
@@ -136,7 +136,7 @@ def _second_maximum(problem: Problem, pid: PID) -> float:
     """The second largest maximum of |S| [1]; 0 if there is only one."""
     plant = problem.members[0].plant
     omega = np.geomspace(problem.check[0][0][0], math.pi / plant.dt, 4000)
-    size = np.abs(1 / (1 + frequency_response(plant, omega) * pid_response(pid, plant.dt, omega)))
+    size = np.abs(1 / (1 + frequency_response(plant, omega) * controller_response(pid, plant.dt, omega)))
     inner = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])) + 1
     return float(np.sort(size[inner])[-2]) if inner.size > 1 else 0.0
 

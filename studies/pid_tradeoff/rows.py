@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from design.family import Member
 from design.loop import disturbance_response, rms, sensitivity
 from design.pid.front import Point
 from design.validation import Validation, validate_many
-from models.controller import PID, Controller
+from models.controller import Controller, Feedback
 from models.friction import branch
 from models.machine import Machine, with_pid
 
@@ -23,8 +22,9 @@ Array = NDArray[np.float64]
 
 def nonsmooth(machine: Machine, controller: Controller, points: Sequence[Point]) -> tuple[Validation, ...]:
     """The paper's motions without friction compensation with each point's PID, on the nonsmooth machine."""
-    controllers = [replace(controller.without_compensation(), pid=point.pid) for point in points]
-    machines = [with_pid(machine, point.pid, "this study") for point in points]
+    plain = controller.without_compensation()
+    controllers = [plain.with_feedback(point.feedback) for point in points]
+    machines = [machine if point.law else with_pid(machine, point.pid, "this study") for point in points]
     return validate_many(machines, controllers, periods=4)
 
 
@@ -35,11 +35,12 @@ def point_row(machine: Machine, members: Sequence[Member], point: Point, validat
     worst = members[int(np.argmax([loop.ms.value for loop in loops]))]
     force = float(branch(machine.friction, machine.specification.stroke))
     count = round(machine.specification.settling_time / machine.sample_time)
-    responses = [disturbance_response(member.plant, pid, 3 * count) for member in members if member.nominal]
+    responses = [disturbance_response(member.plant, point.feedback, 3 * count) for member in members if member.nominal]
     errors = [np.abs(response[count - 1 :]) for response in responses]
     return {
         "name": point.name,
         "bound": point.bound,
+        "feedback": machine.control.in_words if point.law else None,
         "kp_N_per_m": pid.kp,
         "ki_N_per_ms": pid.ki,
         "kd_Ns_per_m": pid.kd,
@@ -56,14 +57,14 @@ def point_row(machine: Machine, members: Sequence[Member], point: Point, validat
         "disk_margin": min(loop.disk_margin for loop in loops),
         "error_m": force * max(float(error[0]) for error in errors),
         "error_from_then_on_m": force * max(float(np.max(error)) for error in errors),
-        "noise_N": noise(machine, members[0], pid),
+        "noise_N": noise(machine, members[0], point.feedback),
         "settling_s": validation.reversal.settling_time,
         "slowest_s": validation.slowest.settling_time,
         "dispersion_m": validation.worst_dispersion,
     }
 
 
-def noise(machine: Machine, member: Member, pid: PID) -> float:
+def noise(machine: Machine, member: Member, feedback: Feedback) -> float:
     """Standard deviation of the thrust [N] from the scale's rounding, resolution / sqrt(12), and its noise."""
     reading = math.hypot(machine.scale.resolution / math.sqrt(12), machine.scale.noise)
-    return reading * rms(sensitivity(member.plant, pid, "CS"))
+    return reading * rms(sensitivity(member.plant, feedback, "CS"))

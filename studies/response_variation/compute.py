@@ -17,7 +17,7 @@ from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble, to_text
 from models.machine import Machine, MachineError
 from models.quantity import show
-from studies.beforehand import require_designable, require_members
+from studies.beforehand import require_designable, require_members, require_pid
 from studies.options import BadInputError
 from studies.response_variation.choice import error_against_count
 from studies.response_variation.curves import hysteresis, plants, reference, responses
@@ -43,6 +43,7 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
             "--machine: no [published] outcomes to compare with; add reversal_settling_time, dispersion_without and "
             "dispersion_with to the machine file"
         )
+    require_pid(machine)
     if len(machine.plant.modes) != 3:
         raise BadInputError(
             "--machine: the machine must have a rigid body and two vibration modes, as the paper's table"

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller, usable_thrust
 from design.deadbeat import DesignError
-from design.loop import assess, frequency_response, pid_response, sensitivities, spectral_radius
+from design.loop import assess, controller_response, frequency_response, sensitivities, spectral_radius
 from design.validation import Validation, validate_many
 from models.controller import PID, Controller
 from models.friction import elements
@@ -195,7 +195,7 @@ def largest_sensitivity(machine: Machine) -> float:
     """
     pid, ts, facts = machine.control.pid, machine.sample_time, machine.presliding
     omega = 2 * math.pi * np.geomspace(1.0, 0.499 / ts, FREQUENCIES)
-    law, peaks = pid_response(pid, ts, omega), []
+    law, peaks = controller_response(pid, ts, omega), []
     for slope in (0.0, facts.stiffness_1, facts.stiffness_2):
         plant = sampled(machine.plant, ts, slope)
         if spectral_radius(plant, pid) >= 1:

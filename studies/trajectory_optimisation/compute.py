@@ -26,7 +26,7 @@ from design.validation import PERIODS, sequence
 from models.controller import Controller, to_json
 from models.machine import Machine, parameters
 from models.quantity import show
-from studies.beforehand import require_designable
+from studies.beforehand import require_designable, require_pid
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 from studies.trajectory_optimisation.certificate import certify, held
@@ -172,6 +172,7 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
+    require_pid(machine)
     require_designable(machine)
     specification, rated = machine.specification, machine.drive.rated_thrust
     stroke = specification.stroke if options.stroke is None else options.stroke

@@ -9,7 +9,7 @@ import pytest
 
 from design.family import Member
 from design.limits import bode_area, highest_crossover, least_sensitivity
-from design.loop import frequency_response, pid_response, spectral_radius
+from design.loop import controller_response, frequency_response, spectral_radius
 from models.controller import PID
 from models.machine import load
 from models.plant import Mode, Plant, sampled
@@ -33,7 +33,7 @@ def test_no_pid_of_many_crosses_over_above_the_limit() -> None:
     found: list[float] = []
     for _ in range(300):
         kp, ki, kd, tau = (10 ** rng.uniform(*ends) for ends in ((5, 6.7), (6, 8.5), (3.5, 4.6), (-5, -3.3)))
-        loop = response * pid_response(PID(kp, ki, kd, tau), TS, omega)
+        loop = response * controller_response(PID(kp, ki, kd, tau), TS, omega)
         ms = float(np.max(1 / np.abs(1 + loop)))
         crossings = omega[:-1][(np.abs(loop[:-1]) >= 1) & (np.abs(loop[1:]) < 1)]
         if 1 < ms < 4 and crossings.size and spectral_radius(model, PID(kp, ki, kd, tau)) < 1:

@@ -16,13 +16,13 @@ from design.loop import (
     SENSITIVITIES,
     assess,
     closed_loop,
+    controller_model,
+    controller_response,
     disturbance_response,
     frequency_response,
     grid,
     intersample,
     peak,
-    pid_model,
-    pid_response,
     rms,
     sensitivities,
     sensitivity,
@@ -60,19 +60,19 @@ def test_the_pid_is_the_one_that_runs() -> None:
         command, integral, slope = pid_step(error, previous, integral, slope, gains, TS)
         previous = error
         expected.append(command)
-    c, state, found = pid_model(GAINS, TS), np.zeros(2), []
+    c, state, found = controller_model(GAINS, TS), np.zeros(2), []
     for error in errors:
         found.append(float(c.C[0] @ state + c.D[0, 0] * error))
         state = c.A @ state + c.B[:, 0] * error
     assert found == pytest.approx(expected, rel=1e-10)
     omega = np.geomspace(1, math.pi / TS, 40)
-    assert pid_response(GAINS, TS, omega) == pytest.approx(frequency_response(c, omega), rel=1e-9)
+    assert controller_response(GAINS, TS, omega) == pytest.approx(frequency_response(c, omega), rel=1e-9)
 
 
 @pytest.mark.parametrize("slope", SLOPES)
 def test_the_closed_loops_frequency_responses_are_those_of_the_diagram(slope: float) -> None:
     omega = np.geomspace(20, math.pi / TS, 60)
-    expected = sensitivities(frequency_response(model(slope), omega), pid_response(GAINS, TS, omega))
+    expected = sensitivities(frequency_response(model(slope), omega), controller_response(GAINS, TS, omega))
     for name in SENSITIVITIES:
         found = frequency_response(sensitivity(model(slope), GAINS, name), omega)
         assert np.max(np.abs(found / expected[name] - 1)) < 1e-6
@@ -81,7 +81,7 @@ def test_the_closed_loops_frequency_responses_are_those_of_the_diagram(slope: fl
 
 @pytest.mark.parametrize("slope", SLOPES)
 def test_peaks_margins_and_stability_agree_with_python_control(slope: float) -> None:
-    found, loop = assess(model(slope), GAINS, count=2000), model(slope) * pid_model(GAINS, TS)
+    found, loop = assess(model(slope), GAINS, count=2000), model(slope) * controller_model(GAINS, TS)
     # From the frequency response: the polynomials of three poles at z = 1 have crossings made of round-off there.
     omega = grid(model(slope), GAINS, 2000)[:-1]
     gains, phases, *_ = control.stability_margins(control.frd(loop, omega), returnall=True)
@@ -105,7 +105,7 @@ def test_a_peak_is_proved_at_all_frequencies_and_held_on_a_ten_times_finer_grid(
     found = assess(model(slope), GAINS)
     top = {"S": found.ms, "T": found.mt, "PS": found.mps, "CS": found.mcs}[name]
     omega = grid(model(slope), GAINS, 2000)
-    values = sensitivities(frequency_response(model(slope), omega), pid_response(GAINS, TS, omega))
+    values = sensitivities(frequency_response(model(slope), omega), controller_response(GAINS, TS, omega))
     assert np.max(np.abs(values[name])) <= top.value * (1 + 1e-6)
     system = sensitivity(model(slope), GAINS, name)
     assert stays_below(system, top.value * (1 + 1e-5))

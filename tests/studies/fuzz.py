@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -28,6 +29,32 @@ from models.plant import sampled_matrices
 from models.simulation.simulator import simulate
 
 SHIPPED: Final = (DEFAULT, DEFAULT.parent / "emps.toml")
+CASCADE: Final = """\
+anti_windup = { value = "5 ms" }
+
+[control.cascade]
+position_gain = { value = "100 1/s" }
+velocity_gain = { value = "10000 N s/m" }
+integral_time = { value = "20 ms" }
+velocity_filter = { value = "0.2 ms" }
+velocity_feedforward = { value = "1" }
+acceleration_feedforward = { value = "44 kg" }
+proportional_weight = { value = "1" }
+
+[[control.filters.notch]]
+frequency = { value = "81 Hz" }
+damping = { value = "0.2" }
+depth = { value = "0.5" }
+
+[[control.filters.low_pass]]
+frequency = { value = "600 Hz" }
+damping = { value = "0.7" }
+
+[[control.filters.section]]
+numerator = { value = ["1", "0.2"] }
+denominator = { value = ["1.2", "0.1", "-0.1"] }
+
+"""  # in place of the default machine's PID
 SECONDS: Final = 20  # of the processor for one mutant
 LONGEST_LINE: Final = 600  # characters of a message
 ODD: Final = (
@@ -67,9 +94,17 @@ class Mutant:
     how: str
 
 
+@cache
+def texts() -> tuple[str, ...]:
+    """The machine files that are spoiled: those that are shipped, and the default one under a cascade with filters."""
+    shipped = [path.read_text(encoding="utf-8") for path in SHIPPED]
+    before, _, rest = shipped[0].partition("[control.pid]")
+    return (*shipped, before + CASCADE + rest[rest.index("[specification]") :])
+
+
 def mutant(rng: random.Random) -> Mutant:
     """A shipped machine file with one to three mutations."""
-    text = rng.choice(SHIPPED).read_text(encoding="utf-8")
+    text = rng.choice(texts())
     chosen = rng.choices([one for one, _ in MUTATIONS], [weight for _, weight in MUTATIONS], k=rng.choice((1, 1, 2, 3)))
     for mutation in chosen:
         text = mutation(text, rng)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from design.family import Member, family, slopes
-from design.loop import assess, frequency_response, grid, pid_response, sensitivities, sensitivity, stays_below
+from design.loop import assess, controller_response, frequency_response, grid, sensitivities, sensitivity, stays_below
 from design.pid.goal import Goal, achieved
 from design.pid.problem import Bounds, Problem, TuningError
 from design.pid.rules import lambda_rule, simc
@@ -73,7 +73,9 @@ def test_the_tuned_loop_keeps_its_bounds_over_the_family_and_uses_them(problem: 
     assert max(loop.mcs.value for loop in found.loops) <= BOUNDS.mcs * (1 + 2e-4)
     for member, loop in zip(problem.members, found.loops, strict=True):
         omega = grid(member.plant, found.pid, 2000)
-        s = sensitivities(frequency_response(member.plant, omega), pid_response(found.pid, MACHINE.sample_time, omega))
+        s = sensitivities(
+            frequency_response(member.plant, omega), controller_response(found.pid, MACHINE.sample_time, omega)
+        )
         assert np.max(np.abs(s["S"])) <= loop.ms.value * (1 + 1e-6)
         assert np.max(np.abs(s["T"])) <= BOUNDS.mt * (1 + 2e-4)
         assert stays_below(sensitivity(member.plant, found.pid, "S"), BOUNDS.ms * (1 + 3e-4))

@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from models.controller import Controller, references
 from models.effects.base import Effect
 from models.effects.catalogue import every, in_order
+from models.feedback.law import arrays
 from models.friction import elements
 from models.machine import Machine, load
 from models.plant import Plant, matrices, transition
@@ -28,6 +29,7 @@ from models.simulation.hooks import pack
 from models.simulation.simulator import Response, simulate, simulate_many
 from tests.models.effects.laws import laws
 from tests.models.effects.paths import TS, Array
+from tests.models.feedback.axis import FILTERS, axis
 from tests.models.simulation.test_simulator import controlled, exact_scale, variation
 
 ROOT = File(__file__).parents[3]
@@ -68,7 +70,7 @@ def test_the_loop_without_hooks_is_the_loop_without_effects(index: int) -> None:
     strained = 0.4 * np.array(machine.friction.limit)
     nominal = simulate(machine, CONTROLLER, TARGET, seed=2, initial_friction=strained)
     loop, run = simulator._prepare(machine, CONTROLLER, references(CONTROLLER, TARGET), 10, 2, strained)
-    run_effects(loop, run, pack((), len(machine.friction.limit)))
+    run_effects(loop, run, pack((), len(machine.friction.limit)), arrays(None))
     assert np.array_equal(run.position, nominal.position)
     assert np.array_equal(run.friction, nominal.friction)
     assert np.array_equal(run.command, nominal.record.command)
@@ -145,13 +147,25 @@ def moved(plant: Plant, net: Array, sample_time: float) -> Array:
 
 
 def fingerprint() -> str:
-    """A hash of what a loop and a replay with every effect put out, to ten digits: exp and sin may round otherwise."""
+    """A hash of what a loop and a replay with every effect put out, and a loop under a cascade with filters at the
+    rating, to ten digits: exp and sin may round otherwise."""
     machine = with_effects(TABLE, *(kind.typical() for kind in EVERY.values()))
     response = simulate(machine, CONTROLLER, TARGET[:60], substeps=4)
     path = Path(TS, np.outer(response.position, [1, 1.1]), np.ones((60, 2)), response.position, response.record.command)
     replayed = replay(machine.friction, machine.effects, path, 0.7e-3)
+    other = axis(filters=FILTERS, anti_windup=1e-3)
+    limited = simulate(other, other.feedback_only(), np.full(60, 2e-4), substeps=4)
+    assert np.max(np.abs(limited.record.command)) == other.drive.rated_thrust
     digest = hashlib.sha256()
-    for signal in (response.position, response.record.command, replayed.thrust, replayed.friction, replayed.force):
+    for signal in (
+        limited.position,
+        limited.record.command,
+        response.position,
+        response.record.command,
+        replayed.thrust,
+        replayed.friction,
+        replayed.force,
+    ):
         digest.update(",".join(f"{number:.9e}" for number in signal.ravel()).encode())
     return digest.hexdigest()
 

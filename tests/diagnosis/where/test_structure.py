@@ -1,0 +1,140 @@
+"""Replays of controllers of every structure, and the structure that is named where the stated one does not replay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.where.controller import replayed, starting
+from diagnosis.where.structure import structure
+from models.controller import PID
+from models.feedback.forms import NO_FILTERS, Cascade, Filters, LowPass, Notch
+from models.machine import Machine
+from models.records.record import Record
+from models.simulation.simulator import simulate
+from tests.models.feedback.axis import CASCADE, FILTERS, TS, axis
+
+BARE = Cascade(85.0, 4000.0, 12e-3)
+
+
+def moves(count: int = 3000) -> np.ndarray:
+    """Smooth strokes of two lengths to and fro, with rests."""
+    noise, path = np.random.default_rng(0), [np.zeros(80)]
+    while sum(map(len, path)) < count:
+        share = np.linspace(0, 1, noise.integers(40, 200))
+        stroke = noise.choice([20e-6, -20e-6, 1e-3, -1e-3]) * share**3 * (10 - 15 * share + 6 * share**2)
+        path += [path[-1][-1] + stroke, np.full(noise.integers(50, 150), path[-1][-1] + stroke[-1])]
+    return np.concatenate(path)[:count]
+
+
+def recorded(machine: Machine, noise: float = 5e-9) -> Record:
+    """What the machine does under its own controller, with a scale that rounds and is noisy."""
+    noisy = replace(machine, scale=replace(machine.scale, noise=noise))
+    return simulate(noisy, machine.feedback_only(), moves(), seed=1).record
+
+
+def under(pid: PID, reference_delay: int = 0) -> Machine:
+    machine = axis(None)
+    return replace(machine, control=replace(machine.control, pid=pid, reference_delay=reference_delay))
+
+
+def rounded(record: Record) -> Record:
+    """As a log with three decimals of a micrometre and two of a newton has it."""
+    return replace(record, position=np.round(record.position, 8), command=np.round(record.command, 2))
+
+
+@pytest.mark.parametrize("filters", [NO_FILTERS, FILTERS], ids=["", "filters"])
+@pytest.mark.parametrize("anti_windup", [0.0, 2e-3])
+def test_the_machine_s_own_law_replays_also_from_the_middle_and_at_the_rating(
+    filters: Filters, anti_windup: float
+) -> None:
+    machine = axis(filters=filters, anti_windup=anti_windup)
+    limited = replace(machine, drive=replace(machine.drive, rated_thrust=60.0 if anti_windup else 1e4))
+    record = recorded(limited)
+    assert np.count_nonzero(np.abs(record.command) == 60.0) > 50 or not anti_windup
+    assert replayed(limited, record).replays
+    assert replayed(limited, record.part(40 if anti_windup else 700, 3000)).replays
+    assert not replayed(axis(replace(CASCADE, position_gain=86.0)), record).replays
+
+
+def test_a_slow_filter_s_state_before_the_record_accuses_no_controller() -> None:
+    """A record that begins in motion, on machines with a derivative filter of up to 20 samples."""
+    for samples in (1, 6, 20):
+        machine = under(PID(3e5, 2e7, 4e3, samples * TS))
+        assert starting(machine.control.pid, TS) >= 60
+        assert replayed(machine, recorded(machine).part(300, 3000)).replays
+
+
+FITS = {
+    "a cascade": (axis(BARE), "a P/PI cascade with 85 1/s, 4000 N s/m, 12 ms"),
+    "its speed filtered": (
+        axis(replace(CASCADE, velocity_filter=0.5e-3, velocity_feedforward=0.8)),
+        "a P/PI cascade with 85 1/s, 4000 N s/m, 12 ms, a velocity filter of 500 µs, 80 % of velocity feedforward, "
+        "an acceleration feedforward of 12 kg",
+    ),
+    "full feedforward": (
+        axis(),
+        "a P/PI cascade with 85 1/s, 4000 N s/m, 12 ms, 100 % of velocity feedforward, an acceleration feedforward of "
+        "12 kg (or 83.33 1/s and 11.76 ms, which makes the same commands)",
+    ),
+    "no integral": (axis(replace(BARE, integral_time=0.0)), "a P/PI cascade with 85 1/s, 4000 N s/m"),
+    "a late PID": (
+        under(PID(3e5, 2e7, 4e3, 0.3e-3), 2),
+        "a PID with 300 N/mm, 2e+07 N/(m s), 4000 N s/m, a derivative filter of 300 µs, its reference 2 samples late",
+    ),
+    "a PID with weights": (
+        under(PID(3e5, 2e7, 4e3, 0.3e-3, 0.5, 0.0)),
+        "a PID with 300 N/mm, 2e+07 N/(m s), 4000 N s/m, a derivative filter of 300 µs, set-point weights of 0.5 and 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FITS)
+def test_the_structure_that_made_a_record_is_named_with_its_figures(case: str) -> None:
+    machine, words = FITS[case]
+    record = recorded(machine)
+    found = structure(record, 60)
+    assert found is not None
+    assert found.words == words
+    assert found.leaves < 1e-6 * float(np.std(record.command))
+
+
+def test_figures_are_right_to_the_noise_of_a_rounded_log() -> None:
+    found = structure(rounded(recorded(axis(BARE))), 60)
+    assert found is not None
+    assert found.words.startswith("a P/PI cascade with ")
+    gain, velocity, time = (
+        float(one.split()[0]) for one in found.words.removeprefix("a P/PI cascade with ").split(",")
+    )
+    assert (gain, velocity, time) == pytest.approx((85.0, 4000.0, 12.0), rel=5e-3)
+    lost = 5e-9 / 2**0.5  # rms of the position: every second step of the scale lies between two of the log's
+    step = lost * 4000.0 / TS * 2**0.5
+    assert found.leaves == pytest.approx(step, rel=0.1)
+
+
+def test_a_replay_that_fails_names_the_structure_that_fits() -> None:
+    record = recorded(axis(BARE))
+    wrong = replayed(under(PID(3e5, 2e7, 4e3, 0.0)), record)
+    assert not wrong.replays
+    assert wrong.other is not None
+    assert wrong.other.startswith("a P/PI cascade with 85 1/s, 4000 N s/m, 12 ms leaves ")
+    filtered = replayed(
+        under(PID(3e5, 2e7, 4e3, 0.0)), recorded(axis(BARE, Filters((Notch(300.0, 1.0),), (LowPass(150.0),))))
+    )
+    assert filtered.other is not None
+    assert filtered.other.startswith("no PID and no P/PI cascade fits, the best of which leaves ")
+
+
+def test_a_change_that_leaves_rounding_alone_needs_no_other_structure() -> None:
+    machine = under(PID(3e5, 2e7, 4e3, 0.3e-3), 2)
+    late = replayed(replace(machine, control=replace(machine.control, reference_delay=1)), recorded(machine))
+    assert late.remedy == "a reference delay of 2 samples instead of 1"
+    assert late.other is None
+
+
+def test_too_little_is_not_fitted() -> None:
+    record = recorded(axis(BARE))
+    assert structure(record.part(0, 150), 60) is None
+    assert structure(replace(record, reference=np.zeros(3000)), 60) is None
