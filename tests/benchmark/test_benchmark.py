@@ -17,6 +17,7 @@ from tests.benchmark import __main__ as command
 from tests.benchmark import others, outcome, rows
 from tests.benchmark.job import Job, default_job, prepared, variations
 from tests.benchmark.twin import NoTwinError, build
+from tests.models.feedback.axis import FILTERS, axis
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,22 @@ def test_the_c_twin_agrees_with_the_simulator(short: Job, dead_time: float) -> N
     assert np.max(np.abs(ours.position - theirs.position)) < 1e-12
     assert np.max(np.abs(ours.friction - theirs.friction)) < 1e-6
     assert np.max(np.abs(ours.command - theirs.command)) < 1e-5
+
+
+def test_the_c_twin_agrees_with_the_simulator_under_a_cascade_at_the_rating() -> None:
+    try:
+        twin = build()
+    except NoTwinError as reason:
+        pytest.skip(str(reason))
+    machine, target = axis(filters=FILTERS, anti_windup=1e-3), np.repeat([2e-4, 0.0], 150)
+    controller, bent = machine.feedback_only(), 0.4 * np.array(machine.friction.limit)
+    ours = simulate(machine, controller, target, initial_friction=bent)
+    loop, theirs = prepared(Job(machine, controller, target), 10, bent)
+    twin(loop, theirs, controller.law)
+    assert np.max(np.abs(ours.record.command)) == machine.drive.rated_thrust
+    assert np.max(np.abs(ours.position - theirs.position)) < 1e-12
+    assert np.max(np.abs(ours.friction - theirs.friction)) < 1e-6
+    assert np.max(np.abs(ours.record.command - theirs.command)) < 1e-5
 
 
 @pytest.mark.parametrize("ki", [0.0, 7e7])

@@ -10,6 +10,7 @@
 
 #define MODES 8
 #define ELEMENTS 64
+#define STATES 16
 
 typedef struct {
     double sample_time, thrust_limit, resolution, offset, start;
@@ -18,7 +19,9 @@ typedef struct {
     double phi[2][MODES][4];     /* transition of (q, q') over a substep */
     double gamma[2][MODES][2];   /* effect of the held input on (q, q') */
     double stiffness[ELEMENTS], limit[ELEMENTS], z[ELEMENTS];
+    double a[STATES][STATES], b[STATES][2], c[STATES], d[2], hold[STATES], reset[STATES]; /* a law, models/feedback */
     int64_t counts[2], delay, reference_delay, modes, elements;
+    int64_t states, keeps_to_the_rating; /* without states there is no law: the PID runs */
 } Machine;
 
 static double clipped(double number, double limit) {
@@ -29,6 +32,19 @@ static double quantised(double position, double resolution) {
     return resolution == 0.0 ? position : floor(position / resolution + 0.5) * resolution;
 }
 
+static double law_step(const Machine *m, double *state, double reference, double reading, double feedforward) {
+    double next[STATES], wanted = m->d[0] * reference + m->d[1] * reading;
+    for (int i = 0; i < m->states; i++) wanted += m->c[i] * state[i];
+    wanted += feedforward;
+    const double command = m->keeps_to_the_rating ? clipped(wanted, m->thrust_limit) : wanted;
+    for (int i = 0; i < m->states; i++) {
+        next[i] = m->b[i][0] * reference + m->b[i][1] * reading + m->reset[i] * (command - wanted);
+        for (int j = 0; j < m->states; j++) next[i] += m->a[i][j] * state[j];
+    }
+    for (int i = 0; i < m->states; i++) state[i] = next[i];
+    return command;
+}
+
 void twin(const Machine *machine, size_t n, const double *reference, const double *feedforward, const double *noise,
           double *reading, double *command, double *position, double *friction) {
     const Machine m = *machine; /* a copy no signal can alias */
@@ -36,7 +52,10 @@ void twin(const Machine *machine, size_t n, const double *reference, const doubl
     double x = 0, v = 0, at = 0, integral = m.start, slope = 0, previous = 0;
     const double keep = m.tau / (m.tau + m.sample_time);
 
+    double state[STATES];
+
     for (int i = 0; i < m.elements; i++) z[i] = m.z[i];
+    for (int i = 0; i < m.states; i++) state[i] = m.hold[i] * m.start;
     for (size_t k = 0; k < n; k++) {
         double force = 0;
         for (int i = 0; i < m.elements; i++) force += m.stiffness[i] * clipped(z[i] + (x - at), m.limit[i]);
@@ -45,11 +64,15 @@ void twin(const Machine *machine, size_t n, const double *reference, const doubl
         reading[k] = quantised(x + noise[k], m.resolution);
 
         size_t waited = k >= (size_t)m.reference_delay ? k - (size_t)m.reference_delay : 0;
-        double error = reference[waited] - reading[k];
-        integral += m.ki * m.sample_time * error;
-        slope = keep * slope + (1 - keep) * (error - previous) / m.sample_time;
-        previous = error;
-        command[k] = m.kp * error + integral + m.kd * slope + feedforward[k];
+        if (m.states > 0) {
+            command[k] = law_step(&m, state, reference[waited], reading[k], feedforward[k]);
+        } else {
+            double error = reference[waited] - reading[k];
+            integral += m.ki * m.sample_time * error;
+            slope = keep * slope + (1 - keep) * (error - previous) / m.sample_time;
+            previous = error;
+            command[k] = m.kp * error + integral + m.kd * slope + feedforward[k];
+        }
 
         for (int part = 0; part < 2; part++) {
             int64_t sent = (int64_t)k - m.delay - 1 + part;

@@ -6,20 +6,25 @@ import ctypes
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
+from models.feedback.law import Law
 from models.simulation.kernel import Loop, Run
 
 SOURCE: Final = Path(__file__).with_name("twin.c")
 FLAGS: Final = ("-O3", "-march=native", "-Wall", "-Wextra", "-shared", "-fPIC")
 MODES: Final = 8
 ELEMENTS: Final = 64
+STATES: Final = 16  # of a law in place of the PID
 
-Twin = Callable[[Loop, Run], None]
+
+class Twin(Protocol):
+    """Fills `run` as `kernel.run_one` does, and under a law as `effect_kernel.run_effects` does."""
+
+    def __call__(self, loop: Loop, run: Run, law: Law | None = None) -> None: ...
 
 
 class NoTwinError(Exception):
@@ -36,8 +41,13 @@ class _Machine(ctypes.Structure):
         ("phi", ctypes.c_double * 4 * MODES * 2),
         ("gamma", ctypes.c_double * 2 * MODES * 2),
         *((name, ctypes.c_double * ELEMENTS) for name in ("stiffness", "limit", "z")),
+        ("a", ctypes.c_double * STATES * STATES),
+        ("b", ctypes.c_double * 2 * STATES),
+        *(("c", ctypes.c_double * STATES), ("d", ctypes.c_double * 2)),
+        *((name, ctypes.c_double * STATES) for name in ("hold", "reset")),
         ("counts", ctypes.c_int64 * 2),
         *((name, ctypes.c_int64) for name in ("delay", "reference_delay", "modes", "elements")),
+        *((name, ctypes.c_int64) for name in ("states", "keeps_to_the_rating")),
     )
 
 
@@ -57,14 +67,14 @@ def build() -> Twin:
     function.argtypes = [ctypes.POINTER(_Machine), ctypes.c_size_t, *[signal] * 7]
     function.restype = None
 
-    def run_twin(loop: Loop, run: Run) -> None:
+    def run_twin(loop: Loop, run: Run, law: Law | None = None) -> None:
         signals = (run.reference, run.feedforward, run.noise, run.reading, run.command, run.position, run.friction)
-        function(_machine(loop, run), run.reference.size, *signals)
+        function(_machine(loop, run, law), run.reference.size, *signals)
 
     return run_twin
 
 
-def _machine(loop: Loop, run: Run) -> _Machine:
+def _machine(loop: Loop, run: Run, law: Law | None) -> _Machine:
     modes, elements = run.state.shape[0], run.z.size
     if modes > MODES or elements > ELEMENTS or np.any(loop.damping > 0):
         raise ValueError(f"the twin takes up to {MODES} modes and {ELEMENTS} elements without damping")
@@ -77,4 +87,13 @@ def _machine(loop: Loop, run: Run) -> _Machine:
     np.ctypeslib.as_array(machine.gamma)[:, :modes] = loop.gamma
     for field, values in (("stiffness", loop.stiffness), ("limit", loop.limit), ("z", run.z)):
         np.ctypeslib.as_array(getattr(machine, field))[:elements] = values
+    if law is not None:
+        states = len(law.c)
+        if states > STATES:
+            raise ValueError(f"the twin takes a law of up to {STATES} states")
+        machine.states, machine.keeps_to_the_rating = states, law.keeps_to_the_rating
+        np.ctypeslib.as_array(machine.a)[:states, :states] = law.a
+        for name in ("b", "c", "hold", "reset"):
+            np.ctypeslib.as_array(getattr(machine, name))[:states] = getattr(law, name)
+        np.ctypeslib.as_array(machine.d)[:] = law.d
     return machine

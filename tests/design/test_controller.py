@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from design.controller import default_controller, waiting
+from design.deadbeat import DesignError
+from design.feasibility import require_pid, require_stable
 from design.linear_response import linear_response
 from models.controller import references
+from models.feedback.forms import NO_FILTERS, Filters
 from models.friction import elements
 from models.machine import Machine, load
 from models.simulation.simulator import simulate
+from tests.models.feedback.axis import CASCADE, FILTERS, axis
 
 
 def with_dead_time(dead_time: float) -> Machine:
@@ -49,3 +53,35 @@ def test_without_friction_the_feedback_has_nothing_to_do(dead_time: float) -> No
     target = np.full(200, machine.specification.stroke)
     record = simulate(free, controller, target).record
     assert np.max(np.abs(record.command - record.feedforward)) < 1e-5 * np.max(np.abs(record.feedforward))
+
+
+@pytest.mark.parametrize("filters", [NO_FILTERS, FILTERS], ids=["", "filters"])
+def test_a_deadbeat_keeps_a_cascade_which_then_has_nothing_to_do_without_friction(filters: Filters) -> None:
+    """Though its own reference path, with feedforwards and an unfiltered speed, would act on x_T* itself."""
+    cascade = replace(CASCADE, velocity_filter=0.4e-3, velocity_feedforward=0.7, acceleration_feedforward=5.0)
+    machine = axis(cascade, filters)
+    free = replace(machine, friction=elements([1e-3], [1e-3]), drive=replace(machine.drive, offset=0.0))
+    free = replace(free, scale=replace(free.scale, resolution=0.0))
+    controller = default_controller(machine).without_compensation()
+    assert controller.law is not None
+    assert machine.control.law is not None
+    for kept, stated in zip(controller.law.feedback_matrices(), machine.control.law.feedback_matrices(), strict=True):
+        assert np.array_equal(kept, stated)
+    target = np.full(300, machine.specification.stroke)
+    record = simulate(free, controller, target).record
+    most = np.max(np.abs(record.feedforward))
+    assert np.max(np.abs(record.command - record.feedforward)) < 1e-5 * most
+    own = simulate(free, replace(controller, law=machine.control.law), target).record
+    assert np.max(np.abs(own.command - own.feedforward)) > 0.1 * most
+
+
+def test_a_design_around_a_pid_refuses_another_feedback_in_a_line() -> None:
+    require_pid(load())
+    for machine in (axis(), axis(None, FILTERS), axis(None, anti_windup=1e-3)):
+        with pytest.raises(
+            DesignError, match=r"and this study designs around a plain PID alone; state the PID"
+        ) as said:
+            require_pid(machine)
+        assert machine.control.in_words in str(said.value)
+    with pytest.raises(DesignError, match=r"the loop is unstable: with control\.cascade on a mass of 12 kg"):
+        require_stable(axis(replace(CASCADE, velocity_gain=1e6)))

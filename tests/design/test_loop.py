@@ -11,6 +11,7 @@ import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import sosfreqz
 
 from design.loop import (
     SENSITIVITIES,
@@ -22,6 +23,7 @@ from design.loop import (
     frequency_response,
     grid,
     intersample,
+    largest_pole,
     peak,
     rms,
     sensitivities,
@@ -31,12 +33,15 @@ from design.loop import (
 )
 from models.controller import PID, Controller
 from models.ensemble import load_ensemble
+from models.feedback.forms import nearest_pid, sections
 from models.friction import elements
 from models.machine import Machine, load
 from models.plant import Mode, Plant, sampled
 from models.plant import frequency_response as continuous_response
 from models.simulation.kernel import pid_step
 from models.simulation.simulator import simulate
+from tests.models.feedback.axis import CASCADE, FILTERS, PLANT, axis
+from tests.models.feedback.axis import TS as CASCADE_TS
 
 Array = NDArray[np.float64]
 
@@ -257,3 +262,39 @@ def test_the_bound_of_stability_is_where_the_simulated_loop_begins_to_ring() -> 
     simulated = [largest(rings_down, slope) for slope in slopes_of(machine)]
     assert 2.0 < min(simulated) < 4.0
     assert [largest(is_stable, slope) for slope in slopes_of(machine)] == pytest.approx(simulated, rel=0.01)
+
+
+def test_a_cascade_s_loop_is_assessed_as_that_of_the_pid_with_the_same_loop() -> None:
+    """Without a filter of its speed the cascade's loop is a PID's, whose response is a closed form."""
+    plant, law = sampled(PLANT, CASCADE_TS), axis().control.law
+    assert law is not None
+    found, expected = (assess(plant, one) for one in (law, nearest_pid(CASCADE)))
+    assert found.stable
+    for name in ("ms", "mt", "mps", "mcs"):
+        assert getattr(found, name).value == pytest.approx(getattr(expected, name).value, rel=1e-6)
+    for name in ("crossover", "bandwidth", "gain_margin", "phase_margin", "disk_margin", "spectral_radius"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-6)
+    assert largest_pole(PLANT, law, CASCADE_TS) == pytest.approx(found.spectral_radius, rel=1e-9)
+
+
+def test_a_filtered_cascade_s_peaks_and_margins_are_those_of_its_own_response() -> None:
+    """From P and C at each frequency, with C the product of the cascade's and the filters' closed forms in z."""
+    cascade = replace(CASCADE, velocity_filter=0.4e-3)
+    law = axis(cascade, FILTERS).control.law
+    assert law is not None
+    plant = sampled(PLANT, CASCADE_TS)
+    found = assess(plant, law)
+    omega = grid(plant, law, 20_000)[:-1]
+    z = np.exp(1j * omega * CASCADE_TS)
+    keep = 0.4e-3 / (0.4e-3 + CASCADE_TS)
+    speed = (1 - keep) / (1 - keep / z) * (1 - 1 / z) / CASCADE_TS
+    core = 4000.0 * (1 + CASCADE_TS / 12e-3 / (1 - 1 / z)) * (85.0 + speed)
+    _, filtered = sosfreqz(sections(FILTERS, CASCADE_TS), omega, fs=2 * math.pi / CASCADE_TS)
+    loop = frequency_response(plant, omega) * core * filtered
+    assert found.ms.value == pytest.approx(np.max(np.abs(1 / (1 + loop))), rel=1e-4)
+    assert found.mt.value == pytest.approx(np.max(np.abs(loop / (1 + loop))), rel=1e-4)
+    crossings = omega[1:][(np.abs(loop[1:]) < 1) & (np.abs(loop[:-1]) >= 1)]
+    assert found.crossover == pytest.approx(crossings[-1], rel=1e-2)
+    path = np.abs(disturbance_response(plant, law, 4000))
+    assert found.stable
+    assert path[-1] < 1e-3 * np.max(path)  # the step of the friction is held in the end
