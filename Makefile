@@ -36,7 +36,7 @@ check: $(ENVIRONMENT)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# Ten thousand spoiled machine files, of which the tests try five hundred; about half an hour.
+# Ten thousand spoiled machine files, of which the tests try five hundred; a few minutes.
 fuzz: $(ENVIRONMENT)
 	$(BIN)/python -m tests.studies.fuzz
 

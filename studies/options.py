@@ -209,6 +209,9 @@ class Options:
     output: Path | None = path("FOLDER", "where results go (default: reports/out/{study})")
     quick: bool = flag("coarser curves, for a smoke test; the report says so")
     seed: int = whole("N", "of all that is random (default: 0)", 0, default=0)
+    time_limit: float | None = quantity(
+        "s", "TIME", 'begin no work that is expected to take longer, such as "8 h" (default: 4 h)', above=0
+    )
     overwrite: bool = flag(
         "replace files in --output that no earlier run of this study wrote, or that were edited since",
         reviewable=False,

@@ -25,6 +25,7 @@ from studies.blind_trial.options import TrialOptions
 from studies.blind_trial.packs import Pack, open_key, read_pack
 from studies.blind_trial.scoring import OUTCOMES, KeyFileError, Label, Score, groups_of, label_of, score
 from studies.blind_trial.sealing import SEALING, Sealed, close, measure_again, reveal, seal
+from studies.effort import DIAGNOSED, DIAGNOSING, foresee, seconds_a_sample
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
@@ -34,6 +35,7 @@ CACHE: Final = Path("reports/out/.null")  # The diagnosis caches thresholds per 
 AGAIN: Final = "answers_again.json"  # beside the key: the answers to second measurements
 DEFAULT: Final = 60
 QUICK: Final = 4
+RECORDED: Final = 30.0  # s of records in a case
 ANSWERED: Final = 0.93  # The share of a trial's time for its cases; the rest is for second measurements.
 FULL: Final = 300  # From this number of cases on, a trial may take at most A_CASE per case on CORES cores.
 A_CASE: Final = 12.0  # s
@@ -73,6 +75,8 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     for one in (file, committed.with_name(AGAIN)):
         require_committed(committed, read_answers(one), one)
     begun = time.monotonic() if _timed(options, output) else None
+    if options.pack is None:
+        _foresee(machine, options, progress)
     trial = _trial(options, output, progress)
     conditions = Conditions(
         options.seed if options.pack is None else 0,
@@ -114,6 +118,18 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     return Answer(results, tuple(checks), {"answers.json": answers}, tuple(_summary(results)))
 
 
+def _foresee(machine: Machine, options: TrialOptions, progress: Progress) -> None:
+    """The time of all cases, each with half a minute of records, on the cores of this computer."""
+    samples = RECORDED / machine.sample_time
+    taken = _cases(options) * samples * DIAGNOSING * seconds_a_sample(machine) / (cpu_count() * ANSWERED)
+    foresee({f"{_cases(options)} cases": taken}, cpu_count() * samples * DIAGNOSED, options, progress)
+
+
+def _cases(options: TrialOptions) -> int:
+    """How many cases are sealed."""
+    return options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
+
+
 def _timed(options: TrialOptions, output: Path) -> bool:
     """Whether the time of this run is that of a whole trial: it seals its own pack, no earlier run has left part of the
     work in its folder, and it has the number of cores that the limit refers to. Thresholds in CACHE may be reused."""
@@ -132,8 +148,7 @@ def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
         return Trial(read_pack(options.pack), options.key)
     if options.key is not None:
         raise BadInputError("--key: opens a given pack; give --pack too, or leave it out")
-    cases = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
-    sealed = seal(cases, options.seed, output, progress)
+    sealed = seal(_cases(options), options.seed, output, progress)
     return Trial(read_pack(sealed.pack), sealed=sealed)
 
 

@@ -7,6 +7,7 @@ motion, on the nonsmooth machine by simulation over the sequence of Fig. 5.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
@@ -25,7 +26,7 @@ from design.deadbeat import (
     synthesise,
 )
 from design.linear_response import linear_response
-from design.validation import Validation, agreement, validate
+from design.validation import LONGER, PERIODS, Validation, agreement, validate
 from models.controller import Controller, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, Specification, load
@@ -35,6 +36,7 @@ from models.variation import Variation, at_mode, varied_plant
 from studies.beforehand import require_designable
 from studies.deadbeat_design.effects import compensate
 from studies.deadbeat_design.options import DeadbeatOptions
+from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
@@ -42,6 +44,7 @@ Array = NDArray[np.float64]
 
 SHOWN: Final = 4.0  # Settling times of each motion that results.json keeps, for the figures.
 VIBRATION_WINDOW: Final = 0.1  # [s] Window after the settling time in which the residual vibration is evaluated.
+BISECTIONS: Final = 25  # linear programs that two searches for the shortest settling time solve, about
 AGREEMENT: Final = 0.03  # The largest relative difference at which a result agrees with the published one.
 RESIDUAL_LIMIT: Final = 1e-9  # The largest residual after a deadbeat's settling time, relative to the stroke.
 
@@ -51,6 +54,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     wanted = _wanted(machine, options)
     progress(0.05, "synthesising the deadbeat feedforward")
     try:
+        _foresee(machine, wanted, options, progress)
         plain = _synthesise(machine, wanted, wanted["objective"])
         robust = _synthesise(machine, wanted, "mode_robustness")
     except DesignError as error:
@@ -100,6 +104,24 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         results["feedback"] = machine.control.in_words
         summary.append(("feedback kept, its reference entering as the position does", machine.control.in_words))
     return Answer(results, checks, files, summary)
+
+
+def _foresee(machine: Machine, wanted: Mapping[str, Any], options: DeadbeatOptions, progress: Progress) -> None:
+    """The time of two validations that never become periodic, and of the linear programs of the trade-off."""
+    samples, count = period(machine), 2 * len(_counts(machine, wanted, quick=options.quick)) + BISECTIONS
+    begin = time.process_time()
+    least_peak_thrust(machine.plant, machine.sample_time, _whole(machine, wanted), machine.specification.stroke)
+    program = time.process_time() - begin
+    seconds = {
+        "the validation": 2 * (PERIODS + sum(LONGER)) * samples * seconds_a_sample(machine),
+        "the trade-off": 2 * count * program,
+    }
+    foresee(seconds, max(LONGER) * samples * SIMULATED, options, progress)
+
+
+def _whole(machine: Machine, wanted: Mapping[str, Any]) -> float:
+    """The settling time [s], rounded to whole samples: one that is not is refused later, with the nearest that is."""
+    return float(max(round(wanted["settling_time_s"] / machine.sample_time), 1) * machine.sample_time)
 
 
 def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
@@ -179,12 +201,17 @@ def _bode(machine: Machine, *, quick: bool) -> dict[str, Any]:
     return curves
 
 
+def _counts(machine: Machine, wanted: Mapping[str, Any], *, quick: bool) -> range:
+    """The settling times, in samples, at which the least peak thrust is found."""
+    target = round(wanted["settling_time_s"] / machine.sample_time)
+    least, step = max(target // 2, 2 * len(machine.plant.modes)), max(target // (8 if quick else 20), 1)
+    return range(least, 2 * target + 1, step)
+
+
 def _trade_off(machine: Machine, wanted: Mapping[str, Any], *, quick: bool) -> dict[str, Any]:
     """Least peak thrust against the settling time, free and with a monotone x_T*, and the shortest within the limit."""
     ts, stroke, plant = machine.sample_time, wanted["stroke_m"], machine.plant
-    target = round(wanted["settling_time_s"] / ts)
-    counts = range(max(target // 2, 2 * len(plant.modes)), 2 * target + 1, max(target // (8 if quick else 20), 1))
-    times = [count * ts for count in counts]
+    times = [count * ts for count in _counts(machine, wanted, quick=quick)]
     peaks = {
         name: [least_peak_thrust(plant, ts, time, stroke, monotone=monotone) for time in times]
         for name, monotone in (("free_N", False), ("monotone_N", True))

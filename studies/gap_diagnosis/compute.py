@@ -3,6 +3,7 @@ next experiment."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from models.machine import Machine
 from models.machine_file import to_toml
 from models.records.record import Record
 from studies.beforehand import require_designable, require_stable
+from studies.effort import DIAGNOSED, DIAGNOSING, foresee, seconds_a_sample
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.options import DiagnosisOptions
@@ -49,8 +51,12 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     require_stable(machine)  # as thresholds are those of simulated tables, whose loop is closed by the machine's PID
     if not options.record:
         require_designable(machine)
+        samples = own_records.duration(quick=options.quick) / machine.sample_time
+        _foresee(machine, samples, samples * DIAGNOSED, options, progress)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
+    if options.record:
+        _foresee(machine, sum(record.position.size for record in given.records), 0.0, options, progress)
 
     def say(share: float, text: str) -> None:
         progress(0.05 + 0.8 * share, text)
@@ -71,6 +77,12 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         if part in {"where", "which", "how_far"}
     ]
     return Answer(results, tuple(_checks(found, given)), files, summary)
+
+
+def _foresee(machine: Machine, samples: float, memory: float, options: DiagnosisOptions, progress: Progress) -> None:
+    """The time of a diagnosis of so many samples, and its memory [bytes]: of records given, their reader bounds it."""
+    taken = samples * DIAGNOSING * seconds_a_sample(machine) / min(os.cpu_count() or 1, 2)
+    foresee({f"{samples:.3g} samples": taken}, memory, options, progress)
 
 
 def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Given:

@@ -5,6 +5,7 @@ The table's nominal values are off by their tolerances, its friction starts in a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,9 @@ from diagnosis.null import simulated
 from models.effects.base import Effect
 from models.effects.friction_laws import FrictionRelaxation
 from models.machine import Machine
+from models.quantity import show
 from models.records.record import Record
+from studies.options import BadInputError
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,26 @@ def made(machine: Machine, seed: int, *, quick: bool) -> Made:
     theta = bounded(layout, layout.deviation * np.clip(draw.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, (effect,))
     records = tuple(simulated(truth, _template(known, one), i, 100 * seed + i) for i, one in enumerate(schedules))
+    _require_followed(known, records)
     return Made(known, records, effect)
+
+
+def _require_followed(machine: Machine, records: Sequence[Record]) -> None:
+    """Raises BadInputError for records in which the table is further off its reference than it was to go."""
+    for record in records:
+        span, away = float(np.ptp(record.reference)), float(np.max(np.abs(record.position - record.reference)))
+        if not away <= span:
+            raise BadInputError(
+                "--machine: the simulated table is up to "
+                f"{show(away, 'm', 3)} off references over {show(span, 'm', 3)}: "
+                f"its loop cannot follow them within drive.rated_thrust, {show(machine.drive.rated_thrust, 'N')}; give "
+                "a stronger drive or slower gains, or records of the machine"
+            )
+
+
+def duration(*, quick: bool) -> float:
+    """Of the records [s], about."""
+    return 8.0 if quick else 55.0
 
 
 def _schedules(machine: Machine, *, quick: bool) -> tuple[Schedule, ...]:

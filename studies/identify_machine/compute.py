@@ -20,6 +20,7 @@ from models.records.kinds import KINDS
 from models.records.record import Record, cut
 from models.records.sizes import RecordError
 from studies.beforehand import require_controller
+from studies.effort import IDENTIFIED, IDENTIFYING, foresee, seconds_a_sample
 from studies.identify_machine import own_records, round_trip
 from studies.identify_machine.options import IdentificationOptions
 from studies.identify_machine.shown import checks_of, results_of
@@ -34,6 +35,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
     if not options.record:
         require_controller(machine)
+        _foresee(machine, options, progress)
     given = _loaded(machine, options, progress) if options.record else _own(machine, options.seed)
     kinds, records = zip(*given, strict=True)
     try:
@@ -87,6 +89,14 @@ def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress
             raise BadInputError(str(error)) from error
         found.append((recognised(machine, loaded) if kind == "auto" else kind, loaded))
     return found
+
+
+def _foresee(machine: Machine, options: IdentificationOptions, progress: Progress) -> None:
+    """The time of simulated records and of identifying from them, for the machine and for each table."""
+    tables = 1 + (min(options.tables, QUICK_TABLES) if options.quick else options.tables)
+    samples = own_records.DURATION / machine.sample_time
+    taken = tables * samples * IDENTIFYING * seconds_a_sample(machine)
+    foresee({"the simulated records": taken}, samples * IDENTIFIED, options, progress)
 
 
 def _own(machine: Machine, seed: int) -> list[tuple[str, Loaded]]:

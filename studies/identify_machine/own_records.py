@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 SPEED: Final = 0.01  # m/s at which the axis rolls under the excitation
 PERIODS: Final = 10
+DURATION: Final = 28.0  # s of the three records of a table, about
 BAND: Final = (4.0, 400.0)  # Hz
 LINES: Final = 80
 AMPLITUDE: Final = 0.08  # of the rated thrust, over the square root of the lines

@@ -22,6 +22,7 @@ from models.ensemble import load_ensemble
 from models.machine import Machine, MachineError
 from models.quantity import show
 from studies.beforehand import require_designable, require_members
+from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.paper_gap import shown
 from studies.paper_gap.candidates import BOUND, FRICTION, every
@@ -51,6 +52,7 @@ Tell = Callable[[float, str], None]
 
 TABLES: Final = 12
 QUICK: Final = 3
+EFFECT: Final = 1.6  # A simulation with an effect takes so many times as long as one without.
 STAYS: Final = 0.8  # The least share of draws that show the pattern at a finer step too: some lie at its edge.
 TOLD: Final = 0.9  # The least share of pairs of candidates that the experiments should discriminate.
 
@@ -61,6 +63,7 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
     require_designable(machine)
     tables = _tables(machine, options)
     effort = _effort(len(tables), quick=options.quick)
+    _foresee(machine, effort, options, progress)
     bare = [_without(table, pattern) for table in tables]
     with _pool(options) as pool:
         explored = by_name(_explored(tables, pattern, effort, options, pool, progress))
@@ -97,6 +100,14 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
         "decided": decided,
     }
     return Answer(results, _checks(results), _references(machine, decided), _summary(results))
+
+
+def _foresee(machine: Machine, effort: Effort, options: PaperOptions, progress: Progress) -> None:
+    """The time of all candidates alone and beside a wrong friction, with half a motion of rest before the sequence."""
+    cases, cores = 2 * len(every()), 1 if options.quick else min(os.cpu_count() or 1, 2)
+    samples = (PERIODS + 1) * period(machine)
+    taken = cases * effort.simulations * samples * EFFECT * seconds_a_sample(machine) / cores
+    foresee({"the candidates": taken}, samples * SIMULATED, options, progress)
 
 
 def _references(machine: Machine, decided: Mapping[str, Any]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -12,13 +13,13 @@ from numpy.typing import NDArray
 
 from design.family import Member, family, slopes
 from design.limits import bode_area, highest_crossover, least_sensitivity
-from design.loop import DIAGRAM, controller_response, frequency_response, grid, intersample, sensitivities
-from design.pid.front import Front, Point, judged, rules, tuned
+from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
+from design.pid.front import LAMBDAS, RULE_TIMES, Front, Point, judged, rules, tuned
 from design.pid.goal import OBJECTIVES, Goal
 from design.pid.problem import Bounds, TuningError, mt_bound
 from design.pid.rules import magnitude
 from design.pid.tuning import noise_bound, pose, tune
-from design.validation import Validation, validate_many
+from design.validation import BATCH, Validation, validate_many
 from models.controller import PID, Controller, Feedback, to_json
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
@@ -27,6 +28,7 @@ from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
 from studies.beforehand import require_controller
+from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.pid_tradeoff import ensemble
 from studies.pid_tradeoff.checks import made
@@ -39,6 +41,7 @@ Array = NDArray[np.float64]
 
 LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # The bounds on |S| that PIDs are tuned for.
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
+ASSESSMENTS: Final = 10  # of each plant's loop that the tuning of one level takes the time of, about
 QUICK_MEMBERS: Final = 10  # A quick run takes one machine of an ensemble out of so many.
 SHOWN: Final = 4.0  # The figures show so many settling times of the reversal.
 BETWEEN: Final = 0.05  # s. The path between the samples is shown for so long after a step of friction.
@@ -61,6 +64,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted, others = _wanted(options), _ensemble(options)
     controller = require_controller(machine)
+    _foresee(machine, options, len(others), progress)
     tuning = _tuned(machine, wanted, options, others, progress)
     members, limits, points, chosen = tuning.members, tuning.limits, tuning.front.points, tuning.chosen
     progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
@@ -120,6 +124,21 @@ def _tuned(
         raise BadInputError(f"--ms, --mt, --noise: {error}{_dead_time(machine, levels[-1])}") from error
     chosen = front.nearest(wanted["ms"])
     return _TradeOff(members, goal, replace(limits, ms=chosen.bound or wanted["ms"]), present, front, chosen)
+
+
+def _foresee(machine: Machine, options: TradeoffOptions, others: int, progress: Progress) -> None:
+    """The time of all points and members over four periods, and of tuning: so many assessments of a loop a level."""
+    levels = len(QUICK_LEVELS if options.quick else LEVELS) + 1
+    feedback, plants = machine.control.feedback, family(machine, options.mode_error, options.mass_error)
+    begin = time.process_time()
+    assess(plants[0].plant, feedback)
+    loop = time.process_time() - begin
+    runs = levels + len(RULE_TIMES) + len(LAMBDAS) + 4 * others
+    seconds = {
+        "the motions": runs * 4 * period(machine) * seconds_a_sample(machine),
+        "tuning": levels * ASSESSMENTS * (len(plants) + others) * loop,
+    }
+    foresee(seconds, min(runs, BATCH) * 4 * period(machine) * SIMULATED, options, progress)
 
 
 def _dead_time(machine: Machine, ms: float) -> str:

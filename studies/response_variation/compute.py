@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from design.deadbeat import DesignError
-from design.validation import validate_many
+from design.validation import BATCH, PERIODS, validate_many
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble, to_text
 from models.machine import Machine, MachineError
 from models.quantity import show
 from studies.beforehand import require_designable, require_members, require_pid
+from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.response_variation.choice import error_against_count
 from studies.response_variation.curves import hysteresis, plants, reference, responses
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 
 LEAST_ELEMENTS: Final = 3  # of friction: two whose forces have a trend in Region 1, and one for Region 2
 LEAST: Final = 50  # tables that the set should have
+SEARCHED: Final = 2000  # tables that a search simulates, about
+EXCHANGE: Final = 7  # periods in the exchange of a table's histories
 QUICK: Final = 6  # of them that a quick run simulates
 SECONDS: Final = {"search": 50.0, "simulate": 2.0, "exchange": 1.0, "choice": 18.0, "report": 4.0}
 
@@ -50,6 +53,7 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
         )
     require_designable(machine)
     _require_regions(machine)
+    _foresee(machine, options, progress)
     tell = _Steps(options, progress)
     tell("search", 0.0, "collecting the tables")
     members = _searched(machine, options, tell) if options.search else _kept(machine, options)
@@ -86,6 +90,16 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
     }
     files = _files(tables, options) if options.search else {}
     return Answer(results, _checks(central, tables, results), files)
+
+
+def _foresee(machine: Machine, options: VariationOptions, progress: Progress) -> None:
+    """The time of a search, of two validations of each table and of its exchange of histories."""
+    sample, samples = seconds_a_sample(machine), period(machine)
+    tables = options.members if options.search else 1 if _alone(options) else len(_kept(machine, options))
+    seconds = {"the tables": (tables + 1) * (2 * PERIODS + EXCHANGE) * samples * sample}
+    if options.search:
+        seconds["the search"] = SEARCHED * PERIODS * samples * sample
+    foresee(seconds, 2 * tables * samples * SIMULATED + BATCH * PERIODS * samples * SIMULATED, options, progress)
 
 
 def _require_regions(machine: Machine) -> None:

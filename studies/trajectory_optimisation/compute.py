@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -22,11 +23,12 @@ from design.trajectory.history_aware import (
 )
 from design.trajectory.robust import RobustTrajectory
 from design.trajectory.schemes import Wanted, profile_of
-from design.validation import PERIODS, sequence
+from design.validation import BATCH, PERIODS, sequence
 from models.controller import Controller, to_json
 from models.machine import Machine, parameters
 from models.quantity import show
 from studies.beforehand import require_designable, require_pid
+from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 from studies.trajectory_optimisation.certificate import certify, held
@@ -48,6 +50,9 @@ LONGEST_STROKE: Final = (
     10.0  # Beyond so many times the distance over which the last element slips, history hardly counts.
 )
 MOST_SAMPLES: Final = 120  # A motion has at most three times as many samples as the paper's.
+SCHEMES: Final = 10  # that are judged on every table, those that learn counting more
+DESIGNS: Final = 60  # times the time of the first design that all of them take
+DESIGNS_QUICK: Final = 10
 RESERVE: Final = 0.7  # So much of T_fc is kept of the rated thrust, for the feedback and for tables with more friction.
 
 
@@ -76,6 +81,7 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted = _wanted(machine, options)
     aim = Aim(wanted.stroke, wanted.tolerance, wanted.settling_time)
+    _foresee(machine, options, progress)
     made = _designed(machine, wanted, options, progress)
     progress(0.35, "certificate of the smoothing")
     certificate = _certificate(machine, wanted, made, options)
@@ -112,12 +118,27 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
     return Answer(results, _checks(wanted, results), files, _summary(results))
 
 
+def _foresee(machine: Machine, options: TrajectoryOptions, progress: Progress) -> None:
+    """The time of judging; that of the designs is bounded by MOST_SAMPLES, and known once the first is made."""
+    tables = 1 + (options.tables or (12 if options.quick else 200))
+    samples = PERIODS * period(machine)
+    judged = 2 * SCHEMES * tables * samples * seconds_a_sample(machine)
+    foresee({"judging": judged}, BATCH * samples * SIMULATED, options, progress)
+
+
+def _foresee_designs(taken: float, options: TrajectoryOptions, progress: Progress) -> None:
+    """The time of all designs after the shortest motion's, whose processor time [s] says what a program takes."""
+    foresee({"the designs": (DESIGNS_QUICK if options.quick else DESIGNS) * taken}, 0.0, options, progress)
+
+
 def _designed(machine: Machine, wanted: Wanted, options: TrajectoryOptions, progress: Progress) -> _Designs:
     """All designs. Raises BadInputError where no motion keeps to the thrust."""
     progress(0.02, "the shortest motion that the thrust allows")
     try:
         aimed = schemes.samples_for(machine, wanted.settling_time)
+        begin = time.process_time()
         shortest, tried = schemes.quickest(machine, wanted, aimed)
+        _foresee_designs(time.process_time() - begin, options, progress)
         samples = max(shortest, aimed)
         deadbeat = _deadbeat(machine, wanted)
     except DesignError as error:

@@ -1,10 +1,12 @@
 """Machine files spoiled by a seeded mutation: each is refused in one line or answered; `make fuzz` tries ten thousand.
 
-python -m tests.studies.fuzz [COUNT [SEED]]
+python -m tests.studies.fuzz [--count N] [--seed N]; every 500 mutants are counted on stderr, and Ctrl-C ends it with
+what it has.
 """
 
 from __future__ import annotations
 
+import argparse
 import random
 import re
 import signal
@@ -13,7 +15,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -55,6 +57,7 @@ numerator = { value = ["1", "0.2"] }
 denominator = { value = ["1.2", "0.1", "-0.1"] }
 
 """  # in place of the default machine's PID
+TOLD: Final = 500  # mutants from one count to the next
 SECONDS: Final = 20  # of the processor for one mutant
 LONGEST_LINE: Final = 600  # characters of a message
 ODD: Final = (
@@ -274,10 +277,19 @@ def _designed(machine: Machine) -> None:
 
 
 def fuzz(count: int, seed: int) -> tuple[Counter[str], list[str]]:
-    """How often each outcome came, and what went wrong, one line each."""
-    rng, outcomes, wrong = random.Random(seed), Counter[str](), list[str]()
-    with tempfile.TemporaryDirectory() as folder:
+    """How often each outcome came, and what went wrong, one line each; as far as an interruption lets it come."""
+    outcomes, wrong = Counter[str](), list[str]()
+    with tempfile.TemporaryDirectory() as folder, suppress(KeyboardInterrupt):
+        rng = random.Random(seed)
         for i in range(count):
+            if i and i % TOLD == 0:
+                print(
+                    f"{i} of {count}: {len(wrong)} wrong, {dict(outcomes)}",
+                    *wrong,
+                    sep="\n",
+                    file=sys.stderr,
+                    flush=True,
+                )
             one, begin = mutant(rng), time.process_time()
             try:
                 with at_most(SECONDS):
@@ -293,10 +305,11 @@ def fuzz(count: int, seed: int) -> tuple[Counter[str], list[str]]:
 
 def main() -> int:
     """Prints the outcomes; 1 if anything went wrong."""
-    count, seed = (
-        (int(text) for text in (*sys.argv[1:], "10000", "0")[:2]) if len(sys.argv) != 2 else (int(sys.argv[1]), 0)
-    )
-    outcomes, wrong = fuzz(count, seed)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=10_000, help="of mutants (default: 10000)")
+    parser.add_argument("--seed", type=int, default=0, help="of the mutations (default: 0)")
+    given = parser.parse_args()
+    outcomes, wrong = fuzz(given.count, given.seed)
     print(*(f"{number:6d} {name}" for name, number in sorted(outcomes.items())), *wrong, sep="\n")
     return int(bool(wrong))
 

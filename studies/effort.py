@@ -1,0 +1,79 @@
+"""How long a study will take and how much memory, said before the work and refused beyond a bound.
+
+What is simulated is counted, and a short simulation of this very machine on this computer says what one sample takes.
+Other work is given as the number of samples that could be simulated in its time, a ratio that hardly depends on the
+computer. It was measured on the default machine, so that an estimate may be off by a factor of two or three.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+
+from models.machine import Machine
+from models.quantity import show
+from models.simulation.simulator import simulate
+from studies.options import BadInputError, Options
+
+LONGEST: Final = 4 * 3600.0  # s that a study may be expected to take where --time-limit does not say otherwise
+MOST: Final = 4 << 30  # bytes that it may be expected to hold
+SAID: Final = 20.0  # s from which on the time is said before the work
+PROBE: Final = 4000  # samples of the short simulation
+SIMULATED: Final = 150  # bytes that a simulated sample takes: its signals, of one machine
+DIAGNOSED: Final = 1500  # bytes that a sample takes in a diagnosis, most of it for the columns of the null
+IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
+DIAGNOSING: Final = 300  # samples simulated in the time in which one is diagnosed
+IDENTIFYING: Final = 35  # samples simulated in the time in which one is identified from
+
+
+def seconds_a_sample(machine: Machine) -> float:
+    """Processor time [s] that one sample of this machine's simulation takes here."""
+    law, target = machine.feedback_only(), np.full(PROBE, machine.specification.stroke)
+    simulate(machine, law, target[:2])  # compiles what is not yet compiled
+    taken = []
+    for _ in range(2):
+        begin = time.process_time()
+        simulate(machine, law, target)
+        taken.append(time.process_time() - begin)
+    return min(taken) / PROBE
+
+
+def period(machine: Machine) -> float:
+    """Samples in one period of the specified motions."""
+    wanted = machine.specification
+    return 2 * wanted.motions * wanted.interval / machine.sample_time
+
+
+def foresee(
+    seconds: Mapping[str, float], memory: float, options: Options, progress: Callable[[float, str], None]
+) -> None:
+    """Says how long the work will take, by what it is [s], and how much it holds [bytes], where it takes long.
+
+    Raises BadInputError where that is more than --time-limit or MOST.
+    """
+    whole, limit = sum(seconds.values()), LONGEST if options.time_limit is None else options.time_limit
+    most = max(seconds, key=lambda what: seconds[what])
+    said = f"about {lasting(whole)} and {memory / 1e9:.2g} GB, most of the time for {most}"
+    if memory > MOST:
+        raise BadInputError(
+            f"--machine: this would take {said}; more than {MOST / 1e9:.1f} GB is refused: give fewer or shorter "
+            "motions, fewer tables or a longer sample time"
+        )
+    if whole > limit:
+        raise BadInputError(
+            f"--time-limit: this would take {said}, more than {lasting(limit)}; give fewer or shorter motions, fewer "
+            f'tables, --quick, or --time-limit "{lasting(1.5 * whole)}"'
+        )
+    if whole > SAID:
+        progress(0.0, f"this will take {said}")
+
+
+def lasting(seconds: float) -> str:
+    """A time [s] in the unit that it is told in."""
+    for size, unit in ((3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return show(seconds, "s", 2)
