@@ -16,7 +16,7 @@ SOURCES: Final = ("models", "design", "diagnosis", "studies", "reports")
 PROJECT: Final = "rolling-friction-positioning"
 FORMAT: Final = f"{PROJECT}/manifest/1"
 """What says of a manifest.json that it is of a run of this project, and in which form."""
-NOT_ASKED: Final = {"output", "overwrite", "tls_ca", "tls_cert", "tls_key"}
+NOT_ASKED: Final = {"output", "overwrite", "tls_ca", "tls_cert", "tls_key", "time_limit"}
 """Options that say where the work is done and its answer goes, not what it is."""
 SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua"}
 

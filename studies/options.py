@@ -76,7 +76,7 @@ def _listed(value: Any, kind: Callable[[Any], Any]) -> tuple[Any, ...]:
     return tuple(kind(item) for item in items)
 
 
-def quantity(
+def quantity(  # noqa: PLR0913  # each keyword says one thing of an option
     unit: str,
     metavar: str,
     meaning: str,
@@ -86,6 +86,7 @@ def quantity(
     above: float | None = None,
     at_least: float | None = None,
     below: float | None = None,
+    reviewable: bool = True,
 ) -> Any:
     """A field in the SI unit `unit` ("1": dimensionless), given as text with a unit or as an SI number.
 
@@ -108,7 +109,7 @@ def quantity(
             raise BadInputError(f"{name}: {error}") from error
         return number
 
-    return _field(default, accepted, reviewable=True, metavar=metavar, help=meaning, default=text)
+    return _field(default, accepted, reviewable=reviewable, metavar=metavar, help=meaning, default=text)
 
 
 def whole(metavar: str, meaning: str, low: int, high: int | None = None, *, default: int | None = None) -> Any:
@@ -210,7 +211,11 @@ class Options:
     quick: bool = flag("coarser curves, for a smoke test; the report says so")
     seed: int = whole("N", "of all that is random (default: 0)", 0, default=0)
     time_limit: float | None = quantity(
-        "s", "TIME", 'begin no work that is expected to take longer, such as "8 h" (default: 4 h)', above=0
+        "s",
+        "TIME",
+        'begin no work that is expected to take longer, such as "8 h" (default: 4 h)',
+        above=0,
+        reviewable=False,
     )
     overwrite: bool = flag(
         "replace files in --output that no earlier run of this study wrote, or that were edited since",
