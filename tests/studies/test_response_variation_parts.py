@@ -64,6 +64,15 @@ def test_an_exchanged_history_gives_the_motion_that_it_comes_from(shown: list[Sh
         assert _settling(one.machine, one.controller, last) == pytest.approx(positive[-1].settling_time, abs=1.5 * ts)
 
 
+def test_of_motions_that_are_soon_over_all_is_shown() -> None:
+    machine = load()
+    soon = over_the_sequence(replace(machine, specification=replace(machine.specification, interval=0.03, motions=2)))
+    curves = responses(soon.without, [soon.without])
+    assert len(curves["time_s"]) == 60
+    for signal in (curves["dispersion_m"], curves["reversal_low_m"], curves["motions"][1]["friction_N"]):
+        assert len(signal) == 60
+
+
 def achieving(validation: Validation, reversal: float, inching: float, dispersion: float) -> Validation:
     """The validation with these settling times [s] and this dispersion [m] instead of its own."""
     times = [reversal if one.motion.reversal else inching for one in validation.achieved]
