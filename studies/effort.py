@@ -23,7 +23,7 @@ MOST: Final = 4 << 30  # bytes that it may be expected to hold
 SAID: Final = 20.0  # s from which on the time is said before the work
 PROBE: Final = 4000  # samples of the short simulation
 SIMULATED: Final = 150  # bytes that a simulated sample takes: its signals, of one machine
-DIAGNOSED: Final = 1500  # bytes that a sample takes in a diagnosis, most of it for the columns of the null
+DIAGNOSED: Final = 14_000  # bytes that a sample takes in a diagnosis: 150,000 samples took 2.2 GB
 IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
 DIAGNOSING: Final = 300  # samples simulated in the time in which one is diagnosed
 IDENTIFYING: Final = 35  # samples simulated in the time in which one is identified from
@@ -48,19 +48,23 @@ def period(machine: Machine) -> float:
 
 
 def foresee(
-    seconds: Mapping[str, float], memory: float, options: Options, progress: Callable[[float, str], None]
+    seconds: Mapping[str, float],
+    memory: float,
+    options: Options,
+    progress: Callable[[float, str], None],
+    most: float = MOST,
 ) -> None:
     """Says how long the work will take, by what it is [s], and how much it holds [bytes], where it takes long.
 
-    Raises BadInputError where that is more than --time-limit or MOST.
+    Raises BadInputError where that is more than --time-limit, or than `most` [bytes].
     """
     whole, limit = sum(seconds.values()), LONGEST if options.time_limit is None else options.time_limit
-    most = max(seconds, key=lambda what: seconds[what])
-    said = f"about {lasting(whole)} and {memory / 1e9:.2g} GB, most of the time for {most}"
-    if memory > MOST:
+    longest = max(seconds, key=lambda what: seconds[what])
+    said = f"about {lasting(whole)} and {memory / 1e9:.2g} GB, most of the time for {longest}"
+    if memory > most:
         raise BadInputError(
-            f"--machine: this would take {said}; more than {MOST / 1e9:.1f} GB is refused: give fewer or shorter "
-            "motions, fewer tables or a longer sample time"
+            f"--machine: this would take {said}; more than {most / 1e9:.1f} GB is refused: give fewer or shorter "
+            "motions, fewer tables, a longer sample time or --quick"
         )
     if whole > limit:
         raise BadInputError(

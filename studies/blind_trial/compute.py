@@ -122,7 +122,7 @@ def _foresee(machine: Machine, options: TrialOptions, progress: Progress) -> Non
     """The time of all cases, each with half a minute of records, on the cores of this computer."""
     samples = RECORDED / machine.sample_time
     taken = _cases(options) * samples * DIAGNOSING * seconds_a_sample(machine) / (cpu_count() * ANSWERED)
-    foresee({f"{_cases(options)} cases": taken}, cpu_count() * samples * DIAGNOSED, options, progress)
+    foresee({f"{_cases(options)} cases": taken}, samples * DIAGNOSED, options, progress)
 
 
 def _cases(options: TrialOptions) -> int:

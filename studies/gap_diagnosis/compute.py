@@ -3,6 +3,7 @@ next experiment."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from models.machine import Machine
 from models.machine_file import to_toml
 from models.records.record import Record
 from studies.beforehand import require_designable, require_stable
-from studies.effort import DIAGNOSED, DIAGNOSING, foresee, seconds_a_sample
+from studies.effort import DIAGNOSED, DIAGNOSING, MOST, foresee, seconds_a_sample
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.options import DiagnosisOptions
@@ -52,11 +53,11 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     if not options.record:
         require_designable(machine)
         samples = own_records.duration(quick=options.quick) / machine.sample_time
-        _foresee(machine, samples, samples * DIAGNOSED, options, progress)
+        _foresee(machine, samples, options, progress)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
     if options.record:
-        _foresee(machine, sum(record.position.size for record in given.records), 0.0, options, progress)
+        _foresee(machine, sum(record.position.size for record in given.records), options, progress)
 
     def say(share: float, text: str) -> None:
         progress(0.05 + 0.8 * share, text)
@@ -79,10 +80,11 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     return Answer(results, tuple(_checks(found, given)), files, summary)
 
 
-def _foresee(machine: Machine, samples: float, memory: float, options: DiagnosisOptions, progress: Progress) -> None:
-    """The time of a diagnosis of so many samples, and its memory [bytes]: of records given, their reader bounds it."""
+def _foresee(machine: Machine, samples: float, options: DiagnosisOptions, progress: Progress) -> None:
+    """The time and the memory of a diagnosis of so many samples; of records given, their reader bounds them."""
     taken = samples * DIAGNOSING * seconds_a_sample(machine) / min(os.cpu_count() or 1, 2)
-    foresee({f"{samples:.3g} samples": taken}, memory, options, progress)
+    most = math.inf if options.record else MOST
+    foresee({f"{samples:.3g} samples": taken}, samples * DIAGNOSED, options, progress, most)
 
 
 def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Given:
