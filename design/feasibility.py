@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 from design.deadbeat import DesignError
 from design.loop import largest_pole
 from design.pid.rules import slow_rule
 from models.machine import Machine
 from models.quantity import show
+from models.simulation.simulator import simulate
 
+TRIED: Final = 200  # samples of a short simulation: what doubles in each of them would be beyond all numbers
 UNSTABLE: Final = 1e-6  # A pole so far beyond the unit circle is not one on it that round-off has moved.
 
 
@@ -22,6 +26,7 @@ def require_designable(machine: Machine) -> None:
     >>> require_designable(load())
     """
     require_stable(machine)
+    _require_simulable(machine)
     drive, scale, wanted = machine.drive, machine.scale, machine.specification
     friction = machine.friction.coulomb_force
     if abs(drive.offset) + friction >= drive.rated_thrust:
@@ -53,6 +58,19 @@ def require_pid(machine: Machine) -> None:
             f"{control.in_words} runs on this machine, and this study designs around a plain PID alone; state the PID "
             "to design for in [control.pid], without set-point weights, cascade, filters and anti_windup "
             "(deadbeat_design and pid_tradeoff take any feedback)"
+        )
+
+
+def _require_simulable(machine: Machine) -> None:
+    """Raises DesignError where forces grow so fast with the speed that the simulation's step does not follow them."""
+    if not machine.effects and not any(machine.friction.damping):
+        return
+    with np.errstate(all="ignore"):
+        response = simulate(machine, machine.feedback_only(), np.full(TRIED, machine.specification.stroke))
+    if not np.all(np.isfinite(response.position)):
+        raise DesignError(
+            f"effects, friction.damping: their forces make a mass of {show(machine.plant.mass, 'kg')} run away within "
+            f"{show(TRIED * machine.sample_time, 's')} of simulation; correct coefficients that multiply a speed"
         )
 
 

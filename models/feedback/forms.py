@@ -34,6 +34,7 @@ System = tuple[Array, Array, Array, Array]
 SECTIONS: Final = 20  # that a controller may have: drives have up to ten, and each is computed at every sample
 MANY: Final = f"drives have up to ten filters; the simulator computes {SECTIONS} at most"
 BEHIND: Final = "it would filter all motion"
+FILTERED: Final = "no loop filters what is slower, and none samples what is faster"
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Cascade:
 class Notch:
     """F(s) = (s^2 + 2 d zeta w s + w^2) / (s^2 + 2 zeta w s + w^2): d at its frequency, also as it is sampled."""
 
-    frequency: float = value("Hz", "frequency of the notch", above=0, at_most=1e7, because="no controller samples it")
+    frequency: float = value("Hz", "frequency of the notch", at_least=0.1, at_most=1e7, because=FILTERED)
     damping: float = value(
         "1", "damping ratio zeta of its poles", above=0, at_most=10, because="it would filter all motion"
     )
@@ -107,7 +108,7 @@ class Notch:
 class LowPass:
     """F(s) = w^2 / (s^2 + 2 zeta w s + w^2), sampled so that its gain at w stays 1 / (2 zeta)."""
 
-    frequency: float = value("Hz", "corner frequency", above=0, at_most=1e7, because="no controller samples it")
+    frequency: float = value("Hz", "corner frequency", at_least=0.1, at_most=1e7, because=FILTERED)
     damping: float = value(
         "1", "damping ratio zeta", above=0, at_most=10, because="it would filter all motion", default=math.sqrt(0.5)
     )

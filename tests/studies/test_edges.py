@@ -31,9 +31,17 @@ REFUSED = (
     (('resolution = { value = "0.1 um"', 'resolution = { value = "5 um"'), "scale.resolution: 5 µm is above"),
     (('noise = { value = "0 um"', 'noise = { value = "5 um"'), "scale.noise: 5 µm is above specification.tolerance"),
     (('stroke = { value = "20 um"', 'stroke = { value = "1 nm"'), "so that standing still would settle"),
+    (
+        (r"\[published\]", '[effects.viscous_friction]\ncoefficient = "1e7 N s/m"\n\n[published]'),
+        "their forces make a mass of 44.74 kg run away within",
+    ),
     (('"1.7486e.06 N/m"', '"0 N/m"'), "control.pid.kp is 0, so that nothing pulls the table to its target; give gains"),
 )
 NOT_LOADED = (
+    (
+        (r"\[specification\]", '[[control.filters.notch]]\nfrequency = "2e-6 Hz"\ndamping = "0.2"\n\n[specification]'),
+        "control.filters.notch.1.frequency: 2 µHz must be at least 100 mHz",
+    ),
     ((r"(?m)^stiffness = .*$", 'stiffness = { value = ["0 N/mm"] }'), "friction"),
     (("motions = { value = 5", "motions = { value = 1"), "specification.motions: 1 must be at least 2"),
     (('interval = { value = "0.5 s"', 'interval = { value = "20 ms"'), "interval have to follow each other"),
