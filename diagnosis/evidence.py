@@ -62,7 +62,10 @@ def examined(
 
 
 def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
-    lies = locate(found.nominal, found.records, found.pieces, seed=seed, spike=found.spike, criteria=found.criteria)
+    spike, replays, criteria = found.spike, found.replays, found.criteria
+    lies = locate(
+        found.nominal, found.records, found.pieces, seed=seed, spike=spike, replays=replays, criteria=criteria
+    )
     return lies, confusability(found.nominal, found.records, disabled, found.criteria)
 
 

@@ -93,9 +93,13 @@ def locate(
     *,
     seed: int = 0,
     spike: float = Criteria().spike,
+    replays: Sequence[Replayed] | None = None,
     criteria: Criteria = Criteria(),
 ) -> Where:
-    """Where the fitted model leaves the records; pieces: those of `motions.pieces`; spike [1]: see `Null.spike`."""
+    """Where the fitted model leaves the records; pieces: those of `motions.pieces`; spike [1]: see `Null.spike`.
+
+    replays: of the controller on each record, where they are known already.
+    """
     nominal = fitted.candidate.nominal
     motion = numbered(pieces, records)
     settling_time = fitted.candidate.machine.specification.settling_time
@@ -105,7 +109,7 @@ def locate(
     dependence = _dependence(fitted, records, unknown.centred(samples), known, samples, seed)
     most = largest(fitted)
     return Where(
-        controller=tuple(replayed(nominal, record, criteria) for record in records),
+        controller=tuple(replays or (replayed(nominal, record, criteria) for record in records)),
         unknown=unknown,
         energy=_energy(fitted, records, unknown, samples, seed),
         dependence=dependence,

@@ -32,12 +32,12 @@ def range_rows(priors: Priors) -> Iterator[tuple[str, tuple[float, ...], Declara
 
 
 def left_out(part: Any, field: dataclasses.Field[Any], where: str, sources: Mapping[str, Provenance]) -> bool:
-    """Whether nothing states this field of a machine's part: it has no source, and stands at its default or follows
+    """Whether nothing states this field of a machine's part: it has no source and stands at its default, or it follows
     from other fields, as its part says by `derived`."""
     path = join(where, field.name)
     stated = any(name == path or name.startswith(f"{path}.") for name in sources)
     follows = field.name in getattr(part, "derived", ())
-    return not stated and (follows or getattr(part, field.name) == field.default)
+    return follows or (not stated and getattr(part, field.name) == field.default)
 
 
 def rows_of(part: Any, where: str, sources: Mapping[str, Provenance]) -> Iterator[Parameter]:

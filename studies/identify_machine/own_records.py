@@ -91,9 +91,12 @@ def hysteresis(machine: Machine, seed: int) -> Record:
 def motions(machine: Machine, seed: int, nominal: Machine | None = None) -> Record:
     """Strokes of the specification and half as long; SI.
 
-    The feedforward is the nominal machine's, as the controller is designed before identification.
+    The feedforward is the nominal machine's, as the controller is designed before identification. The feedback is the
+    one that the machine states, because it is the one that is replayed.
     """
-    controller = default_controller(nominal or machine).without_compensation()
+    controller, control = default_controller(nominal or machine).without_compensation(), machine.control
+    if control.law is not None:
+        controller = replace(controller, law=control.law, reference_delay=control.reference_delay)
     ts, stroke = machine.sample_time, machine.specification.stroke
     short = feeding_sequence(stroke, machine.specification.motions, 0.15, ts)
     target = np.concatenate([short, feeding_sequence(0.5 * stroke, 4, 0.15, ts), short])

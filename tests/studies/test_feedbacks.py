@@ -11,14 +11,17 @@ import pytest
 from design.controller import default_controller
 from design.family import family
 from design.pid.front import judged
+from diagnosis.where.controller import replayed
 from models.controller import load as load_controller
-from models.machine import Machine
+from models.machine import Machine, load
 from models.machine_file import to_toml
+from models.simulation.simulator import simulate
 from studies.catalogue import STUDIES
+from studies.identify_machine.own_records import motions
 from studies.options import BadInputError
 from studies.pid_tradeoff.rows import nonsmooth, point_row
 from studies.study import machine_for
-from tests.models.feedback.axis import FILTERS, axis
+from tests.models.feedback.axis import CASCADE, FILTERS, axis
 
 
 def machine() -> Machine:
@@ -66,3 +69,19 @@ def test_a_machine_file_with_a_cascade_is_used_as_it_stands(tmp_path: Path) -> N
     path.write_text(to_toml(machine()), encoding="utf-8")
     study = STUDIES.deadbeat_design
     assert machine_for(study.options(machine=path))[0].control == machine().control
+
+
+def test_the_records_that_are_identified_are_made_by_the_law_that_is_replayed() -> None:
+    """The deadbeat's form of the cascade would make others, with which the fit of a motion diverges."""
+    table = machine()
+    record = motions(table, 0)
+    assert replayed(table, record).replays
+    assert not replayed(table, simulate(table, default_controller(table), record.target).record).replays
+
+
+def test_a_cascade_that_a_program_puts_in_a_machine_goes_into_its_file_alone(tmp_path: Path) -> None:
+    table = load().with_part("control.cascade", CASCADE, {})
+    path = tmp_path / "table.toml"
+    path.write_text(to_toml(table), encoding="utf-8")
+    assert load(path).control == table.control
+    assert "[control.pid]" not in to_toml(table)
