@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 ALIKE: Final = 0.95  # correlation from which on two parameters can hardly be told apart
 STRONG: Final = 10.0  # by which BIC must fall for a parameter more: strong evidence (Kass and Raftery, 1995)
+FAR: Final = 10.0  # times its value: beyond, a deviation's share of it says nothing
 LOOSE: Final = 0.5  # relative standard deviation from which on a record does not show a parameter
 
 
@@ -55,9 +56,8 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
     said = []
     for name, value, std in zip(estimate.names, estimate.values, estimate.deviations, strict=True):
         if name not in may_be_zero and not std < LOOSE * abs(value):
-            said.append(
-                f"This record does not show the {name}: its standard deviation is {100 * std / abs(value):.0f} % of it."
-            )
+            size = f"{100 * std / abs(value):.0f} % of it" if std < FAR * abs(value) else f"more than {FAR:g} times it"
+            said.append(f"This record does not show the {name}: its standard deviation is {size}.")
     for group in _alike(np.abs(estimate.correlation) > ALIKE):
         names = [estimate.names[i] for i in group]
         said.append(
@@ -65,6 +65,20 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
             f"{ALIKE:g}): only combinations of them are known well."
         )
     return tuple(said)
+
+
+def combined(found: Sequence[tuple[float, float]]) -> tuple[float, float, float]:
+    """One value from several (value, standard deviation) of the same parameter [any unit]: their mean, each weighted by
+    the inverse of its variance, its deviation, and by how many deviations the two that differ most are apart [1].
+
+    Values that scatter beyond their deviations widen the mean's by the root of their reduced chi-square (Birge, 1932).
+    """
+    values, stds = (np.array(column) for column in zip(*found, strict=True))
+    weights = 1 / np.maximum(stds, 1e-300) ** 2
+    mean = float(weights @ values / np.sum(weights))
+    chi_square = float(weights @ (values - mean) ** 2) / max(values.size - 1, 1)
+    between = np.abs(values[:, None] - values) / np.maximum(np.hypot(stds[:, None], stds), 1e-300)
+    return mean, float(np.sqrt(max(1.0, chi_square) / np.sum(weights))), float(np.max(between))
 
 
 def _alike(near: NDArray[np.bool_]) -> list[list[int]]:

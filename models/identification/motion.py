@@ -8,9 +8,9 @@ disturbance (Box-Jenkins with C = 1; Ljung, System Identification, 4.2):
 What is minimised are the one-step prediction errors e = A(q) (u - u_sim - offset); A is fitted to what is left, twice.
 In closed loop the position hides what the model leaves out and the command carries it, so the command is predicted.
 theta scales the mass, the friction and its presliding lengths, and shifts the dead time; damping of the elements comes
-in where it shows. What the friction remembers at
-the record's start is not known: the fit begins where the axis first is as far away as it gets, and what an element that
-did not slip until then still carries acts as a constant force, part of the offset. n samples.
+in where it shows. What the friction remembers at the record's start is not known: the fit begins where the axis first
+is as far away as it gets, and what an element that did not slip until then still carries acts as a constant force,
+part of the offset. So the offset's deviation covers all that it may carry. n samples.
 """
 
 from __future__ import annotations
@@ -226,10 +226,12 @@ def _told(job: _Job, found: _Solution, whole: _Solution) -> MotionFit:
     offset = float(found.values[-1])
     machine = _changed(job.machine, theta)
     friction = machine.friction
+    covariance = found.covariance.copy()
     way = float(np.max(np.abs(job.record.position[: job.first + 1] - job.record.position[0])))
     carried = [k * (2 * x - way) for k, x in zip(friction.stiffness, friction.limit, strict=True) if 2 * x > way]
+    covariance[-1, -1] += sum(carried) ** 2 / 3  # what they carry is equally likely anywhere within
     return MotionFit(
-        Estimate(names, units, found.values, found.covariance),
+        Estimate(names, units, found.values, covariance),
         replace(machine, drive=replace(machine.drive, offset=offset)),
         command,
         _simulated(job.record, job.still, theta) + offset,

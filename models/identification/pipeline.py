@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.identification import force, modes, motion, response
-from models.identification.estimate import STRONG, Estimate, not_identifiable
+from models.identification.estimate import LOOSE, STRONG, Estimate, combined, not_identifiable
 from models.identification.force_fit import SURE, ForceFit
 from models.identification.into_machine import (
     Found,
@@ -38,7 +39,9 @@ from models.identification.into_machine import (
 )
 from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
 from models.identification.recognise import read, recognised
+from models.identification.response import FrequencyResponse
 from models.machine import Machine
+from models.quantity import show
 from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.record import Record
@@ -46,6 +49,11 @@ from models.records.sizes import RecordError
 
 Array = NDArray[np.float64]
 
+CAUSES: Final = {
+    "mass": "another payload or thrust constant, or friction that is not the model's",
+    "delay": "commands or positions logged a sample apart, or another current loop",
+    "offset": "gravity by another tilt, a cable, or what friction still remembers",
+}
 SIGMAS: Final = 3.0  # beyond which two records differ by more than their noise
 SLOW_BAND: Final = 20.0  # Hz, of the low-pass for friction in a slow record
 FAST_BAND: Final = 40.0  # Hz, the same in a fast record
@@ -108,7 +116,7 @@ class Step:
     kind: str
     loaded: Loaded
     gave: ResponseStep | ForceStep | MotionStep
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
     @property
     def result(self) -> str:
@@ -242,6 +250,7 @@ def _from_response(found: Identified, kind: str, loaded: Loaded, settings: Setti
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
     fit = modes.fit(measured, count=settings.modes)
+    _check_excited(fit, measured)
     step = ResponseStep(measured, fit, level=level)
     earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
     remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
@@ -252,10 +261,26 @@ def _from_response(found: Identified, kind: str, loaded: Loaded, settings: Setti
         )
         step = replace(step, together=best)
         remarks += on_disagreement([one.loaded.name for one in earlier] + [loaded.name], steps)
-        names, hashes = zip(*((one.loaded.name, one.loaded.sha256) for one in earlier), strict=True)
-        together = replace(loaded, name=", ".join([*names, loaded.name]), sha256=", ".join([*hashes, loaded.sha256]))
+        together = _together([*earlier, Step(kind, loaded, step)])
         source = Found(together, "response")
     return _with(found, with_response(found.machine, best, source), kind, loaded, step, remarks)
+
+
+def _check_excited(fit: modes.Fit, measured: FrequencyResponse) -> None:
+    """Raises ValueError where the response leaves mass [kg] or dead time [s] open: the phase of its highest line by a
+    radian."""
+    gain, gain_std, late_std = (
+        *(fit.estimate.values[0], fit.estimate.deviations[0]),
+        fit.estimate.deviation("dead time"),
+    )
+    top = float(np.max(measured.frequency[fit.used]))
+    if gain_std < LOOSE * gain and 2 * np.pi * top * late_std < 1:
+        return
+    raise ValueError(
+        f"does not excite the axis: from {measured.frequency[0]:.3g} to {top:.3g} Hz it leaves the mass open by "
+        f"{100 * gain_std / gain:.2g} % and the dead time by {1e3 * late_std:.2g} ms; excite with more force, over two "
+        "octaves or more, or name another kind"
+    )
 
 
 def _from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
@@ -274,14 +299,21 @@ def _from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Set
     if _drags(fit, dragged):
         fit = dragged
     slip, spread = fit.slip_force()
+    steps = [*_steps(found, "hysteresis"), Step(kind, loaded, ForceStep(fit))]
+    fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
+    best = min(range(len(fits)), key=lambda i: _vagueness(fits[i]))
     remarks = (
         f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
         _on_damping(fit),
         _on_drag(dragged, taken=fit is dragged),
+        *_on_agreement(steps, ("offset",)),
+        *_on_slip(steps),
     )
     source, e = Found(loaded, "hysteresis"), fit.estimate
-    machine = with_friction(found.machine, fit, source)
-    machine = with_offset(machine, e.value("offset"), e.deviation("offset"), source)
+    offset = _joint_estimate([one.estimate for one in fits], ("offset",))
+    machine = with_friction(found.machine, fits[best], Found(steps[best].loaded, "hysteresis"))
+    together = Found(_together(steps), "hysteresis")
+    machine = with_offset(machine, offset.value("offset"), offset.deviation("offset"), together)
     if fit is dragged:
         machine = with_drag(machine, (e.value("viscous friction"), e.deviation("viscous friction")), None, source)
     return _with(found, machine, kind, loaded, ForceStep(fit), remarks)
@@ -393,20 +425,135 @@ def _on_motion(fit: motion.MotionFit) -> Iterator[str]:
 def _from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
     """Inverse dynamics of a fast record, fitted to its first half; what no other record gave goes into the machine.
 
-    Friction that grows with speed and the offset go together, so that both are taken from the last fast record.
+    Of several fast records mass, delay, drag, asymmetry and offset are the means by their deviations, and the elements
+    those of the record that knows the slip force best. Friction that grows with speed and the offset go together: where
+    records show different forms of it, both are that record's.
     """
     record = record_of(loaded)
     fit = force.identify(record, DYNAMICS, pass_band=settings.pass_band or FAST_BAND, fit_until=half_of(record))
-    held, source = holdable(fit), Found(loaded, "dynamics")
-    machine = found.machine
-    if not found.has("response", "dynamics"):
-        machine = with_inertia(machine, fit.estimate, source)
-    if not found.has("hysteresis", "dynamics"):
-        machine = with_friction(machine, fit, source)
+    if not fit.estimate.deviation("mass") < LOOSE * abs(fit.estimate.value("mass")):
+        raise ValueError(
+            f"does not excite the axis: its mass, {fit.estimate.value('mass'):.3g} kg, has a standard deviation of "
+            f"{fit.estimate.deviation('mass'):.2g} kg; record faster strokes, or name its kind hysteresis"
+        )
+    steps = [*_steps(found, "dynamics"), Step(kind, loaded, ForceStep(fit, holdable(fit)))]
+    fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
+    source, best = Found(_together(steps), "dynamics"), min(range(len(fits)), key=lambda i: _vagueness(fits[i]))
+    machine, remarks = found.machine, [*_on_agreement(steps, ("mass", "delay")), *_on_slip(steps)]
+    if found.has("response"):
+        remarks += _on_plant(found, fit)
+    else:
+        inertia = _joint_estimate([one.estimate for one in fits], ("mass", "delay"))
+        machine = with_inertia(machine, inertia, source)
+        remarks += _on_delay(inertia, machine.sample_time)
+    if not found.has("hysteresis"):
+        machine = with_friction(machine, fits[best], Found(steps[best].loaded, "dynamics"))
+    helds = [step.gave.held for step in steps if isinstance(step.gave, ForceStep) and step.gave.held is not None]
+    held, joint = _joint_force(helds, best)
+    if not joint:
+        source = Found(steps[best].loaded, "dynamics")
     if held.drag is not None or held.asymmetry is not None:
         machine = with_drag(machine, held.drag, held.asymmetry, source)
     machine = with_offset(machine, *held.offset, source)
-    return _with(found, machine, kind, loaded, ForceStep(fit, held), (_on_offset(held), _on_damping(fit)))
+    step = ForceStep(fit, holdable(fit))
+    return _with(found, machine, kind, loaded, step, (_on_offset(helds[-1]), _on_damping(fit), *remarks))
+
+
+def _steps(found: Identified, kind: str) -> list[Step]:
+    """The steps of one kind so far."""
+    return [step for step in found.steps if step.kind == kind]
+
+
+def _together(steps: Sequence[Step]) -> Loaded:
+    """The last of the files, with the names and hashes of all."""
+    names, hashes = zip(*((step.loaded.name, step.loaded.sha256) for step in steps), strict=True)
+    return replace(steps[-1].loaded, name=", ".join(names), sha256=", ".join(hashes))
+
+
+def _vagueness(fit: ForceFit) -> float:
+    """The relative standard deviation of the slip force [1]."""
+    slip, std = fit.slip_force()
+    return std / slip
+
+
+def _joint_estimate(estimates: Sequence[Estimate], names: Sequence[str]) -> Estimate:
+    """Some parameters of all the estimates together."""
+    joint = [combined([(one.value(name), one.deviation(name)) for one in estimates]) for name in names]
+    units = tuple(estimates[0].units[estimates[0].names.index(name)] for name in names)
+    values, stds = (np.array([one[i] for one in joint]) for i in range(2))
+    return Estimate(tuple(names), units, values, np.diag(stds**2))
+
+
+def _joint_force(helds: Sequence[Holdable], best: int) -> tuple[Holdable, bool]:
+    """What a machine file holds of all records together, and whether it is of all: of the best one where their forms
+    differ."""
+    forms = {(held.drag is None, held.asymmetry is None) for held in helds}
+    if len(forms) > 1:
+        return helds[best], False
+    drag, asymmetry, offset = (
+        None if None in parts else combined([part for part in parts if part is not None])[:2]
+        for parts in zip(*((held.drag, held.asymmetry, held.offset) for held in helds), strict=True)
+    )
+    assert offset is not None
+    return replace(helds[best], drag=drag, asymmetry=asymmetry, offset=offset), True
+
+
+def _on_agreement(steps: Sequence[Step], names: Sequence[str]) -> Iterator[str]:
+    """In which parameters the last record disagrees with those before it."""
+    new = steps[-1].gave.estimate
+    for step, name in product(steps[:-1], names):
+        old = step.gave.estimate
+        pair = [(one.value(name), one.deviation(name)) for one in (old, new)]
+        apart = combined(pair)[2]
+        if apart > SIGMAS:
+            unit, cause = old.units[old.names.index(name)], CAUSES.get(name, "the axis or its surroundings changed")
+            said = [f"{show(value, unit)} ± {show(std, unit, 2)}" for value, std in pair]
+            yield (
+                f"{step.loaded.name} and {steps[-1].loaded.name} disagree in the {name}, {said[0]} and {said[1]}, by "
+                f"{apart:.1f} standard deviations ({cause}); the machine file has their mean, with a deviation as wide."
+            )
+
+
+def _on_slip(steps: Sequence[Step]) -> Iterator[str]:
+    """Where the last record's slip force disagrees with those before it."""
+    forces = [step.gave.fit.slip_force() for step in steps if isinstance(step.gave, ForceStep)]
+    for step, slip in zip(steps[:-1], forces[:-1], strict=True):
+        apart = combined([slip, forces[-1]])[2]
+        if apart > SIGMAS:
+            yield (
+                f"{step.loaded.name} and {steps[-1].loaded.name} disagree in the slip force, {slip[0]:.4g} N and "
+                f"{forces[-1][0]:.4g} N, by {apart:.1f} standard deviations (temperature, lubrication, preload or "
+                "another place of the guide); the machine file has the elements of the record that knows it best."
+            )
+
+
+def _on_plant(found: Identified, fit: ForceFit) -> Iterator[str]:
+    """Where a fast record disagrees with the frequency response, whose values the machine file has."""
+    (gain, gain_std), (dead, dead_std) = (found.earlier(name)[-1] for name in ("rigid body gain", "dead time"))
+    late = dead + lag_of(found.machine) + 0.5 * found.machine.sample_time
+    for name, unit, known in (("mass", "kg", (1 / gain, gain_std / gain**2)), ("delay", "s", (late, dead_std))):
+        here = fit.estimate.value(name), fit.estimate.deviation(name)
+        apart = combined([known, here])[2]
+        if apart > SIGMAS:
+            yield (
+                f"This record's {name}, {show(here[0], unit)}, differs from the frequency response's, "
+                f"{show(known[0], unit)}, by {apart:.1f} standard deviations ({CAUSES[name]}); the machine file has "
+                "the latter."
+            )
+
+
+def _on_delay(inertia: Estimate, sample_time: float) -> Iterator[str]:
+    """The delay with the hold, and that a dead time below none was clipped."""
+    delay, std = inertia.value("delay"), inertia.deviation("delay")
+    yield (
+        f"From a command to the middle of its action it takes {1e3 * delay:.3g} ms with a standard deviation of "
+        f"{1e3 * std:.2g} ms, half a sample of hold included."
+    )
+    if delay < 0.5 * sample_time:
+        yield (
+            f"The dead time came out {show(0.5 * sample_time - delay, 's')} below none and was set to 0: the position "
+            "is logged before its command, or friction bends the force where it is fast."
+        )
 
 
 def half_of(record: Record) -> float:

@@ -11,7 +11,7 @@ from scipy.signal import chirp
 from models.controller import Controller, References
 from models.friction import branch, elements
 from models.identification import force, modes, motion, response
-from models.identification.estimate import Estimate, newey_west, not_identifiable
+from models.identification.estimate import Estimate, combined, newey_west, not_identifiable
 from models.identification.force_fit import ForceFit
 from models.identification.response import FrequencyResponse
 from models.machine import Machine, load
@@ -273,6 +273,7 @@ def test_what_friction_remembers_at_the_start_does_not_mislead_a_motion_fit() ->
     assert np.all(wrong < 4 * found.estimate.deviations[:4])
     assert found.carried[0] == 1
     assert 1.0 < abs(found.estimate.value("offset")) < found.carried[1]
+    assert abs(found.estimate.value("offset")) < 2 * found.estimate.deviation("offset")  # it covers that memory
 
 
 def test_a_motion_record_that_does_not_move_or_has_another_clock_is_refused() -> None:
@@ -290,6 +291,17 @@ def test_newey_west_is_right_for_white_and_for_coloured_errors() -> None:
     assert newey_west(x, white, 0) == pytest.approx(np.linalg.inv(x.T @ x), rel=0.1, abs=3e-5)
     coloured = np.convolve(draw.standard_normal(4009), np.ones(10) / np.sqrt(10), "valid")
     assert newey_west(x, coloured, 40)[0, 0] == pytest.approx(10 / 4000, rel=0.5)
+
+
+def test_values_of_several_records_are_one_whose_deviation_covers_their_scatter() -> None:
+    value, std, apart = combined([(1.0, 0.1), (1.1, 0.2)])
+    assert value == pytest.approx(1.02)
+    assert std == pytest.approx(0.2 / np.sqrt(5))
+    assert apart == pytest.approx(0.1 / np.hypot(0.1, 0.2))
+    value, std, apart = combined([(332e-6, 45e-6), (672e-6, 30e-6)])
+    assert 332e-6 < value < 672e-6
+    assert std > 0.4 * (672e-6 - value)
+    assert apart == pytest.approx(6.29, abs=0.01)
 
 
 def test_what_can_not_be_identified_is_said() -> None:
