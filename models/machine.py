@@ -17,6 +17,7 @@ from models.effects.base import Effect
 from models.effects.priors import USUAL, Priors
 from models.friction import Friction, branch
 from models.machines.ideal_form import in_parallel_form
+from models.machines.missing import complete
 from models.machines.parts import (
     FROM_CASCADE,
     FROM_ELEMENTS,
@@ -31,7 +32,7 @@ from models.machines.parts import (
     Tolerance,
 )
 from models.machines.plain import Parameter, left_out, plain_of, range_rows, rows_of
-from models.machines.provenance import SOURCES, MachineError, Provenance
+from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
 from models.machines.reading import read, read_table
 from models.plant import Plant
 from models.quantity import QuantityError, check, cut, declaration, show
@@ -195,7 +196,7 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
             raise MachineError(f"name: {cut(name)} must be text; write it in quotes")
         if len(name) > NAME:
             raise MachineError(f"name: {cut(name)} is longer than {NAME} characters; shorten it")
-        machine = read(Machine, in_parallel_form({"name": name, **table}), "", sources)
+        machine = _read({"name": name, **table}, sources)
         machine = dataclasses.replace(machine, sources=sources)
         if "presliding" not in table:
             machine = with_derived_presliding(machine)
@@ -203,6 +204,15 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
     except ValueError as error:
         raise MachineError(f"{path}: {error}") from error
     return machine
+
+
+def _read(table: Mapping[str, Any], sources: dict[str, Provenance]) -> Machine:
+    """The machine in a file's tables, its values' sources put into `sources`. Raises MachineError."""
+    try:
+        content = in_parallel_form(table)
+        return read(Machine, content, "", sources)
+    except MissingError as error:
+        raise complete(error, Machine, table) from error
 
 
 def parameters(machine: Machine) -> tuple[Parameter, ...]:

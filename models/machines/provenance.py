@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-SOURCES: Final = ("paper", "datasheet", "derived", "identified", "assumed")
+SOURCES: Final = ("paper", "datasheet", "given", "derived", "identified", "assumed")
 
 
 class MachineError(ValueError):
@@ -15,6 +15,10 @@ class MachineError(ValueError):
     Traceback (most recent call last):
     models.machines.provenance.MachineError: nowhere.toml: can't be read (No such file or directory); ...
     """
+
+
+class MissingError(MachineError):
+    """A machine file that lacks a value."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import difflib
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
@@ -20,7 +21,7 @@ from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.priors import Priors
-from models.machines.provenance import SOURCES, MachineError, Provenance
+from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
 from models.machines.text_file import brief, text_of
 from models.quantity import Declaration, QuantityError, check, cut, declaration, parse
 
@@ -59,7 +60,7 @@ def read(kind: type[Part], table: object, where: str, sources: dict[str, Provena
         if name not in table and field.default is not dataclasses.MISSING:
             continue
         if name not in table:
-            raise MachineError(f"{path}: missing; add it{_unit_hint(declaration(field))}")
+            raise MissingError(f"{path}: missing; add it{unit_hint(declaration(field))}")
         arguments[name] = _entry(hints[name], declaration(field), table[name], path, sources)
     try:
         return kind(**arguments)
@@ -158,7 +159,19 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
             raise QuantityError(f"{len(text)} numbers are more than {declared.most}; join those that are alike")
         return tuple(_number(item, declared) for item in text)
     except QuantityError as error:
-        raise MachineError(f"{where}: {error}") from error
+        raise MachineError(f"{where}: {error}{_of_motor(text)}") from error
+
+
+def _of_motor(text: object) -> str:
+    """Where the force constant of a motor belongs, for a message about a value that is one; empty for any other."""
+    for unit in ("N/A", "N/V"):
+        with suppress(QuantityError):
+            parse(text, unit)
+            return (
+                f"; a motor's force constant scales the column of a record's command: write [record] with command = "
+                f'"NAME [{unit[2:]}] * {" ".join(str(text).split())[:40]}", and give forces here in N'
+            )
+    return ""
 
 
 def _plain_number(number: int) -> float:
@@ -220,7 +233,8 @@ def _nearest(key: str, known: list[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
 
 
-def _unit_hint(declared: Declaration | None) -> str:
+def unit_hint(declared: Declaration | None) -> str:
+    """What a message about a missing value says of it: its meaning, and its SI unit unless that is 1."""
     if declared is None:
         return ""
     return f", {declared.meaning}" + (f", in {declared.unit}" if declared.unit != "1" else "")

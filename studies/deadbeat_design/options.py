@@ -18,7 +18,8 @@ class DeadbeatOptions(Options):
     settling_time: float | None = quantity(
         "s",
         "TIME",
-        'time by which x_T* rests on the target, such as "20 ms" '
+        'time by which x_T* rests on the target, such as "20 ms"; the time within which the motions are checked to '
+        "settle stays the machine file's specification.settling_time "
         "(default: the machine file's specification.reference_settling_time; 20 ms for the default machine)",
     )
     stroke: float | None = quantity(

@@ -1,0 +1,1 @@
+"""A commented machine file to begin with, from ten answers."""
