@@ -43,6 +43,8 @@ SPACING: Final = 1.25  # least ratio of two neighbouring limits
 # every element until it slips. With 4 the longest limit came out a quarter too sure; 32 changes nothing.
 TOGETHER: Final = 16
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
+AT_END: Final = 0.95  # of the longest limit looked at: an element from there on may be longer
+LONGER: Final = 2.0  # times as long as the search went, such an element is taken to be
 LAGS: Final = ("delay", DAMPING)  # parameters beside the limits [s]
 LAG_RANGE: Final = (np.array([-5.0, -5.0]), np.array([5.0, 100.0]))  # sample times
 LAG_ORIGIN: Final = 10.0  # sample times; steps of 1e-3 from there on are as long near no lag as elsewhere
@@ -139,7 +141,32 @@ def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, mo
     if terms.damped:
         where = found.estimate.names.index(DAMPING)
         covariance[where, where] += terms.known_delay_std**2
-    return replace(found, estimate=replace(found.estimate, covariance=covariance))
+    remembered, short = _remembered(data, found)
+    offset = found.estimate.names.index("offset")
+    covariance[offset, offset] += remembered**2 / 3  # equally likely anywhere within
+    if short:  # no reversal has shown where the longest element ends
+        covariance[-1, -1] += float(limits[-1]) ** 2 / 3
+    return replace(found, estimate=replace(found.estimate, covariance=covariance), remembered=remembered, short=short)
+
+
+def _remembered(data: _Data, found: ForceFit) -> tuple[float, bool]:
+    """The constant force [N] that elements may carry from before the record, by the share of the samples over which
+    they do, and whether the path is too short for the longest one.
+
+    The states are those of full slip at the first extreme. An element that is longer than half the way to there may
+    have had another one, until the path has come back by twice its limit. One at the end of the search never shows,
+    and counts as LONGER times as long.
+    """
+    start, path = _memory_ends(data.path), data.path
+    way, kept = abs(path[start] - path[0]), data.keep[data.fitted]
+    back = np.maximum.accumulate(np.abs(path[start:] - path[start]))
+    total, limit = 0.0, np.array(found.friction.limit)
+    short = bool(limit[-1] > AT_END * _range(data)[1])
+    for i, (k, x) in enumerate(zip(found.friction.stiffness, limit, strict=True)):
+        known = start + int(np.searchsorted(back, 2 * x))
+        share = 1.0 if short and i == limit.size - 1 else float(np.mean(kept < known))
+        total += k * max(2 * x - way, LONGER * x if short and i == limit.size - 1 else 0.0) * share
+    return total, short
 
 
 def _prepared(

@@ -24,6 +24,8 @@ class ForceFit:
 
     time [s], measured and modelled force [N], path [m], friction's share [N] (n,); used: which were fitted.
     lag: tau = D_i / K_i and its standard deviation [s] where damping was sought, whether it was taken or not.
+    remembered: the force [N] that elements may carry from before the record, which the offset's deviation covers;
+    short: the path is too short to show where the longest element ends.
     """
 
     friction: Friction
@@ -36,6 +38,8 @@ class ForceFit:
     rolling: Array
     used: NDArray[np.bool_]
     lag: tuple[float, float] | None = None
+    remembered: float = 0.0
+    short: bool = False
 
     @property
     def damped(self) -> bool:

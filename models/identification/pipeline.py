@@ -308,6 +308,7 @@ def _from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Set
         _on_drag(dragged, taken=fit is dragged),
         *_on_agreement(steps, ("offset",)),
         *_on_slip(steps),
+        *_on_memory(fit),
     )
     source, e = Found(loaded, "hysteresis"), fit.estimate
     offset = _joint_estimate([one.estimate for one in fits], ("offset",))
@@ -512,6 +513,21 @@ def _on_agreement(steps: Sequence[Step], names: Sequence[str]) -> Iterator[str]:
                 f"{step.loaded.name} and {steps[-1].loaded.name} disagree in the {name}, {said[0]} and {said[1]}, by "
                 f"{apart:.1f} standard deviations ({cause}); the machine file has their mean, with a deviation as wide."
             )
+
+
+def _on_memory(fit: ForceFit) -> Iterator[str]:
+    """What elements may carry from before a slow record."""
+    if fit.short:
+        span = float(np.ptp(fit.path))
+        yield (
+            f"The path, {show(span, 'm')} from end to end, is too short for the longest element: the friction may go "
+            "on rising beyond it; record slow loops twice as wide."
+        )
+    if fit.remembered > 0:
+        yield (
+            f"Friction may carry up to {fit.remembered:.2g} N from before the record, on the mean over its samples, as "
+            "part of the offset; the offset's standard deviation covers it."
+        )
 
 
 def _on_slip(steps: Sequence[Step]) -> Iterator[str]:

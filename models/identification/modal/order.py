@@ -121,9 +121,7 @@ def fitted(problem: Problem, structure: Structure, start: Array, evaluations: in
     inverse = np.linalg.pinv((slopes / size).T @ (slopes / size), rcond=1e-14, hermitian=True) / np.outer(size, size)
     cost = float(left @ left)
     chi_square = cost / max(problem.size - theta.size, 1)
-    stated = problem.known and all(one.command is None for one in problem.lines)
-    # One sweep's noise is estimated with what its ends leave in it, so that its lines are better than their deviations.
-    return Candidate(structure, theta, inverse * (max(1.0, chi_square) if stated else chi_square), cost)
+    return Candidate(structure, theta, inverse * (max(1.0, chi_square) if problem.known else chi_square), cost)
 
 
 def faults(problem: Problem, one: Candidate) -> tuple[str, ...]:

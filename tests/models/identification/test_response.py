@@ -178,6 +178,27 @@ def test_the_elements_come_back_from_a_clean_hysteresis() -> None:
     assert found.curve(distance)[0] == pytest.approx(branch(table.friction, distance), abs=0.1)
 
 
+def test_a_path_that_is_too_short_leaves_the_offset_open_by_what_friction_remembers() -> None:
+    """Loops of half of the longest element's range, which began strained: its force looks like an offset."""
+    table = own_records.another(MACHINE, 5)
+    limit, stiffness = table.friction.limit[-1], table.friction.stiffness[-1]
+    t = np.arange(round(8 / table.sample_time)) * table.sample_time
+    reference = limit / 2 * np.sin(np.pi * t / 2)
+    zero = np.zeros(t.size)
+    strained = np.where(np.arange(3) == 2, -limit, 0.0)
+    given = References(reference, zero, zero)
+    record = simulate(table, table.feedback_only(), reference, given=given, seed=5, initial_friction=strained).record
+    terms = force.Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
+    found = force.identify(record, terms, pass_band=20.0)
+    wrong = found.estimate.value("offset") - table.drive.offset
+    assert wrong < -0.5 * stiffness * limit
+    assert found.short
+    assert abs(wrong) < 3 * found.estimate.deviation("offset")
+    long = force.identify(own_records.hysteresis(table, 5), terms, pass_band=20.0)
+    assert not long.short
+    assert long.remembered == 0.0
+
+
 def slow(seed: int, time: float, late: float = 0.0, late_std: float = 0.0) -> tuple[Machine, ForceFit]:
     """A table with D_i = time K_i, and what its slow record shows if the delay is taken `late` too short."""
     table = own_records.another(MACHINE, seed)
