@@ -33,6 +33,8 @@ QUICK_TABLES: Final = 3
 
 def compute(machine: Machine, options: IdentificationOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
+    if options.write_references is not None:
+        raise BadInputError("--write-references: is for the command line; call references.write from Python")
     if not options.record:
         require_controller(machine)
         _foresee(machine, options, progress)

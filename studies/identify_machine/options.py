@@ -8,7 +8,7 @@ from pathlib import Path
 from models.identification.modes import MOST_MODES
 from models.records.kinds import KINDS
 from models.records.sizes import LIMITS
-from studies.options import Options, flag, paths, quantity, text, texts, whole
+from studies.options import Options, flag, path, paths, quantity, text, texts, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +51,11 @@ class IdentificationOptions(Options):
     rolling: bool = flag(
         "frequency responses given as files were measured while the axis rolled in one direction, so that friction "
         "bends none of their lines",
+    )
+    write_references: Path | None = path(
+        "FOLDER",
+        "write what to run on this machine, as references (CSV): slow loops, a sweep at two levels, strokes and a "
+        "suite for a diagnosis; nothing is identified",
     )
     tables: int = whole(
         "N", "simulated tables of the round trip, at least 1 (default: 50; 3 with --quick)", 1, default=50
