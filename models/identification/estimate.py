@@ -73,6 +73,8 @@ def combined(found: Sequence[tuple[float, float]]) -> tuple[float, float, float]
 
     Values that scatter beyond their deviations widen the mean's by the root of their reduced chi-square (Birge, 1932).
     """
+    if len(found) == 1:
+        return *found[0], 0.0  # to the last digit
     values, stds = (np.array(column) for column in zip(*found, strict=True))
     weights = 1 / np.maximum(stds, 1e-300) ** 2
     mean = float(weights @ values / np.sum(weights))
