@@ -124,11 +124,11 @@ def _table(path: Path, wanted: Collection[str] | None, limits: Limits) -> _Table
         if not stat.S_ISREG(path.stat().st_mode):
             raise RecordError("is not a plain file; give the file that holds the record")
         columns, names = _columns(path, wanted, limits)
-    except OSError as error:
-        raise RecordError(f"{path}: can't be read ({error.strerror or error}); give an existing record") from error
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     except Exception as error:  # the readers of three formats raise what they like
+        if isinstance(error, OSError) and error.strerror:
+            raise RecordError(f"{path}: can't be read ({error.strerror}); give an existing record") from error
         text = " ".join(str(error).split())[:200]
         raise RecordError(f"{path}: can't be read as a {path.suffix} file ({text}); export it again") from error
     return _Table({name: column for name, column in columns.items() if column.ndim == 1 and column.size > 1}, names)
