@@ -11,6 +11,7 @@ Nothing here goes over a network, and the working folder is temporary: what the 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import resource
@@ -33,6 +34,8 @@ def main() -> int:
     """Does the task and returns the exit status of a study."""
     task = json.load(sys.stdin)
     end_with(task.pop("alive"))
+    # Its BLAS asks for the memory that it is loaded with again and again, for ever where the bound allows none.
+    importlib.import_module("scipy.linalg")
     _bound(**task.pop("bounds"))
     sys.addaudithook(no_network)
     return guarded(lambda: {"run": _run, "render": _render, "compare": _compare}[task["do"]](task))
