@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.identification import MOST_MODES
 from models.identification.estimate import Estimate
 from models.identification.modal.fitting import decoded, left_of, problem_of
 from models.identification.modal.order import HEAVY, Candidate, Order, chosen
@@ -22,7 +23,6 @@ from models.identification.modal.transfer import Array, Complex, response
 from models.identification.response import FrequencyResponse
 from models.plant import Plant
 
-MOST_MODES: Final = 8
 FEWEST_LINES: Final = 12
 POOR: Final = 0.1  # squared relative error of the lines from which on no model fits them at all
 LAG: Final = "current loop lag"

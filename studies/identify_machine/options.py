@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from models.identification.modes import MOST_MODES
+from models.identification import MOST_MODES
 from models.records.kinds import KINDS
 from models.records.sizes import LIMITS
 from studies.options import Options, flag, path, paths, quantity, text, texts, whole

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from models.effects.catalogue import every
-from studies.blind_trial.packs import Case, open_key, read_pack
+from studies.blind_trial.packs import Case, read_pack
 from studies.blind_trial.scoring import label_of
-from studies.blind_trial.sealing import seal
+from studies.blind_trial.sealing import reveal, seal
 
 ROOT = Path(__file__).parents[2]
 TARGET = 30.0  # s, with the null's thresholds still to be found
@@ -44,7 +44,7 @@ def times(cases: int, seed: int, folder: Path, say: Callable[[str], None]) -> It
     """Each table of a freshly sealed pack below `folder`, diagnosed twice."""
     sealed = seal(cases, seed, folder, lambda _share, text: say(text))
     pack = read_pack(sealed.pack)
-    labels = {name: label_of(name, body, tuple(every())) for name, body in open_key(sealed.key, pack).items()}
+    labels = {name: label_of(name, body, tuple(every())) for name, body in reveal(sealed).items()}
     for case in pack.cases:
         say(f"diagnosing {case.name}")
         place = folder / case.name
