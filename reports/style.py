@@ -6,6 +6,7 @@ and its list of open figures are not used.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -14,8 +15,10 @@ import matplotlib as mpl
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation
 
 TEXT_WIDTH = 160.0
 """Width of the text on paper, mm: figures are drawn at the size at which they are printed."""
@@ -31,6 +34,8 @@ COLOURS = (BLUE, VERMILION, BLACK, GREEN, PURPLE, ORANGE, SKY)
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)), (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----", "++++")
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -85,12 +90,35 @@ def save(draw: Callable[[Mapping[str, Any]], Figure], results: Mapping[str, Any]
     """Writes what `draw` makes of `results` to `path` as SVG, in the report's style and without a date."""
     with mpl.rc_context(STYLE):
         figure = draw(results)
+        for axes in figure.axes:
+            for axis in (axes.xaxis, axes.yaxis):
+                _write_powers(axis)
         FigureCanvasSVG(figure)  # so that the layout is found with the letters of the file
         layout = figure.get_layout_engine()
         if layout is not None:  # done here, as savefig would draw everything once more for it
             layout.execute(figure)
             figure.set_layout_engine("none")
         figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+
+
+class _Powers(LogFormatterSciNotation):
+    """Powers of ten in letters, 10⁻³: as formulas they took a third of the time of drawing."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """The label of a tick."""
+        formula = str(super().__call__(x, pos))
+        parts = re.fullmatch(r"\$\\mathdefault\{(.*?)(?:\^\{(-?\d+)\})?\}\$", formula)
+        if parts is None:
+            return formula
+        return parts[1].replace(r"\times", "×") + (parts[2] or "").translate(RAISED)
+
+
+def _write_powers(axis: Axis) -> None:
+    """Gives a logarithmic axis its labels in letters."""
+    if type(axis.get_major_formatter()) is LogFormatterSciNotation:
+        axis.set_major_formatter(_Powers())
+    if type(axis.get_minor_formatter()) is LogFormatterSciNotation:
+        axis.set_minor_formatter(_Powers(minor_thresholds=(1, 0.4)))
 
 
 def subplots(

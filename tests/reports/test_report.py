@@ -14,7 +14,7 @@ import jinja2
 import pytest
 from matplotlib.figure import Figure as Drawing
 
-from reports import pages
+from reports import pages, style
 from reports.markup import Markdown
 from reports.report import Figure, Report, render
 from tests.reports import demo
@@ -295,3 +295,19 @@ def test_the_style_holds_only_while_a_figure_is_drawn(tmp_path: Path) -> None:
 def test_pyplot_is_not_loaded() -> None:
     code = "import sys, reports.report; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
+
+
+def test_powers_of_ten_are_letters_that_say_where_the_tick_is(tmp_path: Path) -> None:
+    figure, axes = style.subplots()
+    axes[0, 0].loglog([1e-4, 3e2], [2.0, 9.0])
+    style.save(lambda _: figure, {}, tmp_path / "one.svg")
+    told: list[tuple[float, str]] = []
+    for axis in (axes[0, 0].xaxis, axes[0, 0].yaxis):
+        for minor in (False, True):
+            labels = [label.get_text() for label in axis.get_ticklabels(minor=minor)]
+            told += [(at, text) for at, text in zip(axis.get_ticklocs(minor=minor), labels, strict=True) if text]
+    assert len(told) >= 6
+    for at, text in told:
+        factor, _, power = text.rpartition("10")
+        exponent = int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")))
+        assert float(factor.rstrip("×") or 1) * 10.0**exponent == pytest.approx(at)
