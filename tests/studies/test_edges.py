@@ -97,6 +97,40 @@ def test_a_machine_on_which_nothing_can_be_designed_is_refused_by_every_study(
     assert_refused(capsys.readouterr(), says)
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "says"),
+    [
+        (
+            "identify_machine",
+            ('stroke = { value = "20 um"', 'stroke = { value = "20 mm"'),
+            "a stroke of 20 mm cannot settle",
+        ),
+        ("gap_diagnosis", ('"150 N"', '"40 N"'), "its loop cannot follow them within drive.rated_thrust, 40 N"),
+    ],
+)
+def test_what_a_study_would_have_to_simulate_for_itself_is_refused(
+    name: str, change: tuple[str, str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Others may work on such a machine, and this study on its records."""
+    assert run(name, machine_file(tmp_path, *change)) == BAD_INPUT
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1].startswith("error: --machine: ")
+    assert says in lines[-1]
+    assert all(line.startswith("[") for line in lines[:-1])  # progress, which has no end of line on a terminal
+
+
+def test_friction_of_one_element_has_no_two_regions_to_vary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine = machine_file(tmp_path, r"(?ms)^\[presliding\].*?(?=^\[)", "")
+    one = {"limit": "97.518 um", "stiffness": "169.2 N/mm", "damping": "0 N s/m"}
+    text = machine.read_text(encoding="utf-8")
+    for name, size in one.items():
+        text, count = re.subn(rf"(?m)^{name} = {{ value = \[[^]]*\]", f'{name} = {{ value = ["{size}"]', text)
+        assert count == 1
+    machine.write_text(text, encoding="utf-8")
+    assert run("response_variation", machine) == BAD_INPUT
+    assert_refused(capsys.readouterr(), "friction has 1 element")
+
+
 @pytest.mark.parametrize("name", STUDIES)
 @pytest.mark.parametrize(("change", "says"), NOT_LOADED, ids=[new for (_, new), _ in NOT_LOADED])
 def test_a_machine_that_is_none_is_refused_by_every_study(
