@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from models.quantity import show
 from models.records.record import Record, cut
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -45,7 +45,7 @@ from models.quantity import show
 from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.record import Record
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from models.machine import Machine
 from models.records.columns import Columns
 from models.records.files import Loaded, load
 from models.records.record import Record
-from models.records.sizes import LIMITS, Limits
+from models.records.tables.sizes import LIMITS, Limits
 
 SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
 STRAIGHT: Final = 0.01  # of the way: by so much a reference of one speed may depart from a straight line

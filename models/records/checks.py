@@ -18,7 +18,7 @@ from models.controller import PID, Feedback
 from models.feedback.law import Law, follow
 from models.quantity import show
 from models.records.record import Record
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import stat
-from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -22,12 +20,11 @@ from models.identification.response import FrequencyResponse
 from models.records import response_columns
 from models.records.checks import Facts, check_samples, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
-from models.records.delimited import columns_of_csv
-from models.records.matlab import columns_of_mat
-from models.records.parquet_table import columns_of_parquet
 from models.records.plausible import TRUST, doubts
 from models.records.record import Record
-from models.records.sizes import LIMITS, Limits, RecordError
+from models.records.tables.reader import read_table
+from models.records.tables.sizes import LIMITS, Limits, RecordError
+from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 NEEDED: Final = ("time", "command", "position")
@@ -56,7 +53,7 @@ def load(
     """
     columns, facts = columns or Columns(), Facts(**known)
     names = {signal: columns.source(signal).name for signal in UNITS}
-    table = _table(path, {*names.values(), *response_columns.ALSO}, limits)
+    table = read_table(path, {*names.values(), *response_columns.ALSO}, limits)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     try:
@@ -107,47 +104,10 @@ def read(path: Path, limits: Limits = LIMITS) -> dict[str, Array]:
 
     Raises RecordError for what can't be read, or holds more than `limits` says.
     """
-    return dict(_table(path, None, limits).columns)
+    return dict(read_table(path, None, limits).columns)
 
 
-@dataclass(frozen=True)
-class _Table:
-    """Columns (n,) of a file that were read, and the names of all that it has."""
-
-    columns: Mapping[str, Array]
-    names: Sequence[str]
-
-
-def _table(path: Path, wanted: Collection[str] | None, limits: Limits) -> _Table:
-    """The wanted columns of a file, or all for None. Raises RecordError."""
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise RecordError("is not a plain file; give the file that holds the record")
-        columns, names = _columns(path, wanted, limits)
-    except RecordError as error:
-        raise RecordError(f"{path}: {error}") from error
-    except Exception as error:  # the readers of three formats raise what they like
-        if isinstance(error, OSError) and error.strerror:
-            raise RecordError(f"{path}: can't be read ({error.strerror}); give an existing record") from error
-        text = " ".join(str(error).split())[:200]
-        raise RecordError(f"{path}: can't be read as a {path.suffix} file ({text}); export it again") from error
-    return _Table({name: column for name, column in columns.items() if column.ndim == 1 and column.size > 1}, names)
-
-
-def _columns(path: Path, wanted: Collection[str] | None, limits: Limits) -> tuple[dict[str, Array], Sequence[str]]:
-    kind = path.suffix.lower()
-    if kind in {".csv", ".gz"}:
-        return columns_of_csv(path, limits, wanted)
-    if kind == ".parquet":
-        return columns_of_parquet(path, limits, wanted)
-    if kind != ".mat":
-        raise RecordError(f"ends in {path.suffix or 'nothing'}; give a .csv, .csv.gz, .mat or .parquet file")
-    found = columns_of_mat(path, limits)
-    limits.check_samples(max((column.size for column in found.values()), default=0))
-    return found, list(found)
-
-
-def _record(table: _Table, columns: Columns) -> tuple[Record, tuple[str, ...]]:
+def _record(table: Table, columns: Columns) -> tuple[Record, tuple[str, ...]]:
     """The record in SI units and the signals that the file has. Raises RecordError."""
     signals = {signal: _signal(table, columns, signal) for signal in NEEDED}
     for signal in OPTIONAL:
@@ -169,7 +129,7 @@ def _record(table: _Table, columns: Columns) -> tuple[Record, tuple[str, ...]]:
     return record, tuple(signals)
 
 
-def _response(table: _Table, columns: Columns) -> FrequencyResponse:
+def _response(table: Table, columns: Columns) -> FrequencyResponse:
     """A measured frequency response, sorted; phase in degrees or radians, magnitude plain or in decibels."""
     frequency, magnitude = _signal(table, columns, "frequency"), _signal(table, columns, "magnitude")
     phase = np.deg2rad(_signal(table, columns, "phase"))
@@ -187,7 +147,7 @@ def _response(table: _Table, columns: Columns) -> FrequencyResponse:
     return FrequencyResponse(frequency[order], response[order], deviation[order] ** 2, unknown, 0.0, rolled)
 
 
-def _signal(table: _Table, columns: Columns, signal: str) -> Array:
+def _signal(table: Table, columns: Columns, signal: str) -> Array:
     source = columns.source(signal)
     if source.name not in table.columns:
         close = difflib.get_close_matches(source.name, table.names, n=1, cutoff=0.0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.records.columns import Columns
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from models.records.checks import (
 )
 from models.records.files import Loaded
 from models.records.record import Record
-from models.records.sizes import LIMITS, WAY_OUT, RecordError
+from models.records.tables.sizes import LIMITS, WAY_OUT, RecordError
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.options import BadInputError
 from studies.record_columns import columns_of

@@ -18,7 +18,7 @@ from models.quantity import show
 from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.record import Record, cut
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 from studies.beforehand import require_controller
 from studies.effort import IDENTIFIED, IDENTIFYING, foresee, seconds_a_sample
 from studies.identify_machine import own_records, round_trip

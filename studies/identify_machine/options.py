@@ -7,7 +7,7 @@ from pathlib import Path
 
 from models.identification import MOST_MODES
 from models.records.kinds import KINDS
-from models.records.sizes import LIMITS
+from models.records.tables.sizes import LIMITS
 from studies.options import Options, flag, path, paths, quantity, text, texts, whole
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from diagnosis.model.motions import FEWEST, MotionKind, check_count, pieces, repeated
 from models.records.record import Record
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 TS = 1e-3
 

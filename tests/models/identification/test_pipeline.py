@@ -18,7 +18,7 @@ from models.machine import Machine, Provenance, Tolerance, load
 from models.plant import frequency_response
 from models.records.files import Loaded
 from models.records.record import Record
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 MACHINE = load()
 FREQUENCY = np.geomspace(5, 400, 120)

@@ -10,7 +10,7 @@ import pytest
 
 from models.records.checks import check_movement, check_one_machine, check_sample_time, rolling_mass
 from models.records.record import Record
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 TS = 5e-4
 MASS, FRICTION, OFFSET = 20.0, 3.0, 0.5

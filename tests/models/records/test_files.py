@@ -22,7 +22,7 @@ from models.records.checks import derivative_of_error, quantisation, replay
 from models.records.columns import Columns
 from models.records.files import Loaded, load, read
 from models.records.record import Record, cut, feeding_sequence
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]

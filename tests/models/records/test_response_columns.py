@@ -10,7 +10,7 @@ import pytest
 from models.identification.response import FrequencyResponse
 from models.records.columns import Columns
 from models.records.files import load
-from models.records.sizes import RecordError
+from models.records.tables.sizes import RecordError
 
 FREQUENCY = np.geomspace(5, 400, 20)
 MAGNITUDE = 1e-3 / FREQUENCY**2

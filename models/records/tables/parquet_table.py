@@ -9,17 +9,13 @@ from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from models.records.sizes import Limits, RecordError, bounded_memory
-
-Array = NDArray[np.float64]
+from models.records.tables.sizes import Limits, RecordError, bounded_memory
+from models.records.tables.table import Table
 
 
-def columns_of_parquet(
-    path: Path, limits: Limits, wanted: Collection[str] | None
-) -> tuple[dict[str, Array], list[str]]:
-    """The wanted columns (n,) [as the file has them], or all that hold no text for None, and the names of all.
+def table_of_parquet(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
+    """The wanted columns (n,) [as the file has them], or all that hold no text for None.
 
     Raises RecordError for a file that is too large, and what Arrow raises for one that is spoiled.
     """
@@ -41,4 +37,4 @@ def columns_of_parquet(
         found = {
             name: np.asarray(table.read([name], use_threads=False).column(name).to_numpy(), float) for name in names
         }
-    return found, schema.names
+    return Table(found, schema.names)

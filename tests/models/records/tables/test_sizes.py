@@ -19,7 +19,7 @@ from pyarrow.parquet import write_table
 from scipy.io import savemat
 
 from models.records.files import load, read
-from models.records.sizes import LIMITS, Limits, RecordError
+from models.records.tables.sizes import LIMITS, Limits, RecordError
 from tests.models.records.test_files import with_head
 
 FEW = Limits(samples=1_000, numbers=5_000, text=1_300_000, line=2_000, columns=20, memory=1 << 26)

@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.records.sizes import Limits, RecordError, bounded_memory
+from models.records.tables.sizes import Limits, RecordError, bounded_memory
+from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 
@@ -25,11 +26,18 @@ MATRIX, COMPRESSED = 14, 15
 HOLDING: Final = {1, 2, 3}  # classes of arrays whose members are arrays: cells, structures, objects
 
 
-def columns_of_mat(path: Path, limits: Limits) -> dict[str, Array]:
-    """Every numeric array of a MAT file [as the file has it]; fields of structures as dotted names: data.t, data.x.
+def table_of_mat(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
+    """The wanted columns (n,) [as the file has them], or all for None, of the arrays that `_arrays` finds.
 
-    Raises RecordError for one that is too large, and what SciPy or h5py raise for one that is spoiled.
+    Raises RecordError for a file that is too large, and what SciPy or h5py raise for one that is spoiled.
     """
+    found = _arrays(path, limits)
+    limits.check_samples(max((column.size for column in found.values()), default=0))
+    return Table({name: column for name, column in found.items() if wanted is None or name in wanted}, list(found))
+
+
+def _arrays(path: Path, limits: Limits) -> dict[str, Array]:
+    """Every numeric array of a MAT file [as the file has it]; fields of structures as dotted names: data.t, data.x."""
     from scipy.io import loadmat, whosmat  # noqa: PLC0415
 
     with path.open("rb") as file:

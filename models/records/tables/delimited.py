@@ -13,13 +13,14 @@ from typing import IO, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from models.records.sizes import CHUNK, Limits, RecordError
+from models.records.tables.sizes import CHUNK, Limits, RecordError
+from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 
 
-def columns_of_csv(path: Path, limits: Limits, wanted: Collection[str] | None) -> tuple[dict[str, Array], list[str]]:
-    """The wanted columns (n,) [as the file has them], or all for None, and the names of all. Raises RecordError."""
+def table_of_csv(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
+    """The wanted columns (n,) [as the file has them], or all for None. Raises RecordError."""
     lines = _counted(path, limits)
     with _opened(path) as file:
         first = file.readline(limits.line + 1).decode("utf-8-sig").rstrip("\r\n")
@@ -40,7 +41,7 @@ def columns_of_csv(path: Path, limits: Limits, wanted: Collection[str] | None) -
         raise RecordError("has no rows below its first line; export the samples too")
     for column in kept.values():
         column.resize(rows, refcheck=False)
-    return {names[i]: column for i, column in kept.items()}, names
+    return Table({names[i]: column for i, column in kept.items()}, names)
 
 
 def _opened(path: Path) -> IO[bytes]:

@@ -1,0 +1,1 @@
+"""Tables as files hold them: names, columns, units, whatever the format; what is too large is refused."""

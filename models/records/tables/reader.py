@@ -1,0 +1,50 @@
+"""The table in a file of any format that is known; which format it is follows from the end of the file's name."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from models.records.tables.delimited import table_of_csv
+from models.records.tables.matlab import table_of_mat
+from models.records.tables.parquet_table import table_of_parquet
+from models.records.tables.sizes import LIMITS, Limits, RecordError
+from models.records.tables.table import Table
+
+# A reader takes the path, the limits and the names of the columns that are wanted (None: all), and returns the table.
+Reader = Callable[[Path, Limits, Collection[str] | None], Table]
+
+READERS: Final[Mapping[str, Reader]] = {
+    ".csv": table_of_csv,
+    ".gz": table_of_csv,
+    ".mat": table_of_mat,
+    ".parquet": table_of_parquet,
+}
+FORMATS: Final = ".csv, .csv.gz, .mat or .parquet"
+
+
+def read_table(path: Path, wanted: Collection[str] | None = None, limits: Limits = LIMITS) -> Table:
+    """The table in a file, its columns (n,) [as the file has them]: the wanted ones, or all for None.
+
+    Columns that are no row of samples (single numbers, matrices) are left out. Raises RecordError for what can't be
+    read, or holds more than `limits` says.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise RecordError("is not a plain file; give the file that holds the record")
+        reader = READERS.get(path.suffix.lower())
+        if reader is None:
+            raise RecordError(f"ends in {path.suffix or 'nothing'}; give a {FORMATS} file")
+        table = reader(path, limits, wanted)
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from error
+    except Exception as error:  # the libraries behind the readers raise what they like
+        if isinstance(error, OSError) and error.strerror:
+            raise RecordError(f"{path}: can't be read ({error.strerror}); give an existing record") from error
+        text = " ".join(str(error).split())[:200]
+        raise RecordError(f"{path}: can't be read as a {path.suffix} file ({text}); export it again") from error
+    samples = {name: column for name, column in table.columns.items() if column.ndim == 1 and column.size > 1}
+    return replace(table, columns=samples)
