@@ -5,6 +5,7 @@ An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from typing import Final
@@ -59,8 +60,11 @@ class Columns:
         for signal in UNITS:
             self.source(signal)
 
-    def source(self, signal: str) -> Source:
-        """The column of a signal and its factor to SI units [UNITS]. Raises ValueError, a sentence, for a bad entry."""
+    def source(self, signal: str, stated: str = "") -> Source:
+        """The column of a signal and its factor to SI units [UNITS]. Raises ValueError, a sentence, for a bad entry.
+
+        stated: the unit that the file states for the column, which counts where the entry states none.
+        """
         entry = getattr(self, signal)
         match = _ENTRY.fullmatch(entry) if isinstance(entry, str) else None
         if match is None:
@@ -68,7 +72,8 @@ class Columns:
                 f"{signal}: {entry!r} must be a column with its unit; "
                 f'write it like "{signal} [mm]" or "x [V] * 35.2 N/V"'
             )
-        unit, factor = match["unit"] or "", (match["factor"] or "1").strip()
+        factor = (match["factor"] or "1").strip()
+        unit = match["unit"] or ("" if _has_unit_of(factor, signal) else stated.strip())
         if unit.lower() == "db":
             return Source(match["name"], _factor("", factor, "1", signal), decibels=True)
         if signal == "phase":
@@ -92,6 +97,15 @@ UNITS: Final = {
     "phase": "1",
     "deviation": "1",
 }
+
+
+def _has_unit_of(factor: str, signal: str) -> bool:
+    """Whether a factor is a quantity of the signal itself, such as "5 nm" for each of the counts in a column."""
+    match = _NUMBER.fullmatch(factor)
+    try:
+        return match is not None and bool(match[2]) and math.isfinite(parse(factor, UNITS[signal]))
+    except QuantityError:
+        return False
 
 
 def _factor(unit: str, factor: str, wanted: str, signal: str) -> float:

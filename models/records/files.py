@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
+from models.quantity import cut
 from models.records import response_columns
 from models.records.checks import Facts, check_samples, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
+from models.records.grids import on_one_grid
 from models.records.plausible import TRUST, doubts
 from models.records.record import Record
 from models.records.tables.reader import read_table
@@ -59,8 +61,8 @@ def load(
     try:
         if names["frequency"] in table.names and names["position"] not in table.names:
             return Loaded(path.name, digest, _response(table, columns), (), ())
-        record, given = _record(table, columns)
-        said = findings(_as_it_ran(record, columns, facts), given, facts)
+        record, given, placed = _record(table, columns)
+        said = (*placed, *findings(_as_it_ran(record, columns, facts), given, facts))
         doubted = doubts(record, set(given), facts)
         if trusted:
             said = (*(f"{one[0].upper()}{one[1:]}." for one in doubted), *said)
@@ -107,18 +109,17 @@ def read(path: Path, limits: Limits = LIMITS) -> dict[str, Array]:
     return dict(read_table(path, None, limits).columns)
 
 
-def _record(table: Table, columns: Columns) -> tuple[Record, tuple[str, ...]]:
-    """The record in SI units and the signals that the file has. Raises RecordError."""
-    signals = {signal: _signal(table, columns, signal) for signal in NEEDED}
-    for signal in OPTIONAL:
-        own = getattr(columns, signal) != getattr(Columns(), signal)  # what was mapped must be there
-        if own or columns.source(signal).name in table.columns:
-            signals[signal] = _signal(table, columns, signal)
+def _record(table: Table, columns: Columns) -> tuple[Record, tuple[str, ...], tuple[str, ...]]:
+    """The record in SI units, the signals that the file has, and what was done to bring them onto one grid of times.
+
+    Raises RecordError.
+    """
+    signals, names, said = _signals(table, columns)
     lengths = {signal: column.size for signal, column in signals.items()}
     if len(set(lengths.values())) > 1:
-        said = ", ".join(f"{signal} {length}" for signal, length in lengths.items())
-        raise RecordError(f"columns of different lengths ({said}); export them over the same samples")
-    sample_time = check_samples(signals, {signal: columns.source(signal).name for signal in signals})
+        shown = ", ".join(f"{signal} {length}" for signal, length in lengths.items())
+        raise RecordError(f"columns of different lengths ({shown}); export them over the same samples")
+    sample_time = check_samples(signals, names)
     zero = np.zeros(lengths["time"])
     target, reference = signals.get("target"), signals.get("reference")
     target = target if target is not None else reference if reference is not None else zero
@@ -126,7 +127,30 @@ def _record(table: Table, columns: Columns) -> tuple[Record, tuple[str, ...]]:
     record = Record(
         sample_time, target, reference, signals.get("feedforward", zero), signals["command"], signals["position"]
     )
-    return record, tuple(signals)
+    return record, tuple(signals), said
+
+
+def _signals(table: Table, columns: Columns) -> tuple[dict[str, Array], dict[str, str], tuple[str, ...]]:
+    """The signals (n,) [SI] of a record, the column of each, and what was done to bring them onto one grid of times.
+
+    The time is the column that is mapped to it, or the clock that the file states for the other signals.
+    """
+    mapped = [s for s in (*NEEDED, *OPTIONAL) if getattr(columns, s) != getattr(Columns(), s)]  # these must be there
+    names = {signal: columns.source(signal).name for signal in (*NEEDED, *OPTIONAL)}
+    clocks = {signal: table.clocks[name] for signal, name in names.items() if name in table.clocks}
+    if names["time"] in clocks.values():
+        clocks["time"] = names["time"]
+    wanted = [s for s in NEEDED if s != "time" or s in mapped or names[s] in table.columns or not clocks]
+    wanted += [s for s in OPTIONAL if s in mapped or names[s] in table.columns]
+    signals = {signal: _signal(table, columns, signal) for signal in wanted}
+    if not clocks or not set(clocks) >= set(wanted) or ("time" in wanted and len(set(clocks.values())) == 1):
+        return signals, names, ()
+    used = sorted({clocks[signal] for signal in wanted})
+    times = {clock: _in_si(table, columns, "time", clock) for clock in used}
+    placed, grid, said = on_one_grid(signals, clocks, times)
+    if "time" not in placed:
+        placed, names["time"] = {"time": grid, **placed}, used[0]
+    return placed, names, said
 
 
 def _response(table: Table, columns: Columns) -> FrequencyResponse:
@@ -156,5 +180,17 @@ def _signal(table: Table, columns: Columns, signal: str) -> Array:
             f"column {source.name!r} for the {signal} is missing; {nearest}; rename it, or map it by "
             f'{signal} = "NAME [unit] * factor" in the machine file\'s [record] or by --column'
         )
-    column = table.columns[source.name]
+    return _in_si(table, columns, signal, source.name)
+
+
+def _in_si(table: Table, columns: Columns, signal: str, name: str) -> Array:
+    """A column (n,) as this signal [SI]: by the unit of the mapping, else by that of the file. Raises RecordError."""
+    column, stated = table.columns[name], table.units.get(name, "")
+    try:
+        source = columns.source(signal, stated)
+    except ValueError as error:
+        raise RecordError(
+            f"column {name!r} is in {cut(stated, 30)}, as the file states: {error}; map it with its unit or factor, as "
+            f'in {signal} = "{name} [{UNITS[signal]}]" or "{name} * 35 N/V"'
+        ) from error
     return source.factor * 10.0 ** (column / 20) if source.decibels else column * source.factor

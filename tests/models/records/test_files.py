@@ -154,6 +154,23 @@ def test_a_wrong_mapping_is_said(entry: dict[str, str], says: str) -> None:
         Columns(**entry)
 
 
+@pytest.mark.parametrize(
+    ("entry", "stated", "factor"),
+    [
+        ("x", "mm", 1e-3),
+        ("x * -1", "mm", -1e-3),
+        ("x [um]", "mm", 1e-6),  # what the user says counts more than what the file says
+        ("x * 5 nm", "counts", 5e-9),
+        ("x", "", 1.0),
+    ],
+)
+def test_the_unit_that_a_file_states_counts_where_the_mapping_states_none(
+    entry: str, stated: str, factor: float
+) -> None:
+    assert Columns(position=entry).source("position", stated).factor == pytest.approx(factor, rel=1e-15)
+    assert Columns(command="u * 35 N/V").source("command", "mV").factor == pytest.approx(0.035)
+
+
 def test_a_record_is_cut_into_its_motions(record: Record) -> None:
     found = cut(record)
     assert [motion.reversal for motion in found] == [True, False, False, True, False, False]
