@@ -191,6 +191,6 @@ def _in_si(table: Table, columns: Columns, signal: str, name: str) -> Array:
     except ValueError as error:
         raise RecordError(
             f"column {name!r} is in {cut(stated, 30)}, as the file states: {error}; map it with its unit or factor, as "
-            f'in {signal} = "{name} [{UNITS[signal]}]" or "{name} * 35 N/V"'
+            f'in {signal} = "{name} [{UNITS[signal]}]" or "{name} [V] * 35 N/V"'
         ) from error
     return source.factor * 10.0 ** (column / 20) if source.decibels else column * source.factor

@@ -168,7 +168,6 @@ def test_the_unit_that_a_file_states_counts_where_the_mapping_states_none(
     entry: str, stated: str, factor: float
 ) -> None:
     assert Columns(position=entry).source("position", stated).factor == pytest.approx(factor, rel=1e-15)
-    assert Columns(command="u * 35 N/V").source("command", "mV").factor == pytest.approx(0.035)
 
 
 def test_a_record_is_cut_into_its_motions(record: Record) -> None:
