@@ -13,19 +13,10 @@ from scipy.stats import norm
 from models.identification import force, inverse_dynamics, modes, motion
 from models.identification.force_fit import ForceFit
 from models.identification.into_machine import WAYS, Holdable
+from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, FAST_BAND, half_of
+from models.identification.joint.steps import Difference, Identified, MotionStep, Step, record_of
 from models.identification.modal.order import SAME, Order
 from models.identification.modal.remarks import ResponseStep
-from models.identification.pipeline import (
-    BY_DIRECTION,
-    DYNAMICS,
-    FAST_BAND,
-    Difference,
-    Identified,
-    MotionStep,
-    Step,
-    half_of,
-    record_of,
-)
 from models.records.record import Record
 from studies.study import Check
 

@@ -1,0 +1,1 @@
+"""Several records of one machine: what each kind gives, and one estimate of all."""

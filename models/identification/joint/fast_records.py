@@ -1,0 +1,125 @@
+"""Fast records: inverse dynamics gives mass, delay, friction, and what depends on direction and speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+from models.identification import force
+from models.identification.estimate import LOOSE, Estimate, combined
+from models.identification.force_fit import ForceFit
+from models.identification.into_machine import (
+    Found,
+    Holdable,
+    holdable,
+    lag_of,
+    with_drag,
+    with_friction,
+    with_inertia,
+    with_offset,
+)
+from models.identification.joint.agreement import (
+    CAUSES,
+    SIGMAS,
+    joint_estimate,
+    joint_force,
+    on_agreement,
+    on_slip,
+    steps_of,
+    together,
+    vagueness,
+)
+from models.identification.joint.slow_records import on_damping
+from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
+from models.quantity import show
+from models.records.files import Loaded
+from models.records.record import Record
+
+FAST_BAND: Final = 40.0  # Hz, of the low-pass for friction in a fast record
+BY_DIRECTION: Final = force.Terms(viscous=True, by_direction=True)
+DYNAMICS: Final = replace(BY_DIRECTION, delay=True, damped=True)  # what is identified of a fast record
+
+
+def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
+    """Inverse dynamics of a fast record, fitted to its first half; what no other record gave goes into the machine.
+
+    Of several fast records mass, delay, drag, asymmetry and offset are the means by their deviations, and the elements
+    those of the record that knows the slip force best. Friction that grows with speed and the offset go together: where
+    records show different forms of it, both are that record's.
+    """
+    record = record_of(loaded)
+    fit = force.identify(record, DYNAMICS, pass_band=settings.pass_band or FAST_BAND, fit_until=half_of(record))
+    if not fit.estimate.deviation("mass") < LOOSE * abs(fit.estimate.value("mass")):
+        raise ValueError(
+            f"does not excite the axis: its mass, {fit.estimate.value('mass'):.3g} kg, has a standard deviation of "
+            f"{fit.estimate.deviation('mass'):.2g} kg; record faster strokes, or name its kind hysteresis"
+        )
+    steps = [*steps_of(found, "dynamics"), Step(kind, loaded, ForceStep(fit, holdable(fit)))]
+    fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
+    source, best = Found(together(steps), "dynamics"), min(range(len(fits)), key=lambda i: vagueness(fits[i]))
+    machine, remarks = found.machine, [*on_agreement(steps, ("mass", "delay")), *on_slip(steps)]
+    if found.has("response"):
+        remarks += _on_plant(found, fit)
+    else:
+        inertia = joint_estimate([one.estimate for one in fits], ("mass", "delay"))
+        machine = with_inertia(machine, inertia, source)
+        remarks += _on_delay(inertia, machine.sample_time)
+    if not found.has("hysteresis"):
+        machine = with_friction(machine, fits[best], Found(steps[best].loaded, "dynamics"))
+    helds = [step.gave.held for step in steps if isinstance(step.gave, ForceStep) and step.gave.held is not None]
+    held, joint = joint_force(helds, best)
+    if not joint:
+        source = Found(steps[best].loaded, "dynamics")
+    if held.drag is not None or held.asymmetry is not None:
+        machine = with_drag(machine, held.drag, held.asymmetry, source)
+    machine = with_offset(machine, *held.offset, source)
+    step = ForceStep(fit, holdable(fit))
+    return with_step(found, machine, kind, loaded, step, (_on_offset(helds[-1]), on_damping(fit), *remarks))
+
+
+def _on_plant(found: Identified, fit: ForceFit) -> Iterator[str]:
+    """Where a fast record disagrees with the frequency response, whose values the machine file has."""
+    (gain, gain_std), (dead, dead_std) = (found.earlier(name)[-1] for name in ("rigid body gain", "dead time"))
+    late = dead + lag_of(found.machine) + 0.5 * found.machine.sample_time
+    for name, unit, known in (("mass", "kg", (1 / gain, gain_std / gain**2)), ("delay", "s", (late, dead_std))):
+        here = fit.estimate.value(name), fit.estimate.deviation(name)
+        apart = combined([known, here])[2]
+        if apart > SIGMAS:
+            yield (
+                f"This record's {name}, {show(here[0], unit)}, differs from the frequency response's, "
+                f"{show(known[0], unit)}, by {apart:.1f} standard deviations ({CAUSES[name]}); the machine file has "
+                "the latter."
+            )
+
+
+def _on_delay(inertia: Estimate, sample_time: float) -> Iterator[str]:
+    """The delay with the hold, and that a dead time below none was clipped."""
+    delay, std = inertia.value("delay"), inertia.deviation("delay")
+    yield (
+        f"From a command to the middle of its action it takes {1e3 * delay:.3g} ms with a standard deviation of "
+        f"{1e3 * std:.2g} ms, half a sample of hold included."
+    )
+    if delay < 0.5 * sample_time:
+        yield (
+            f"The dead time came out {show(0.5 * sample_time - delay, 's')} below none and was set to 0: the position "
+            "is logged before its command, or friction bends the force where it is fast."
+        )
+
+
+def half_of(record: Record) -> float:
+    """The time [s] up to which a fast record is fitted; the rest of it judges."""
+    return 0.5 * record.position.size * record.sample_time
+
+
+def _on_offset(held: Holdable) -> str:
+    """What a fast record says of a constant force."""
+    value, std = held.offset
+    if held.asymmetry is None:
+        return f"A constant force of {value:.3g} N is held beside friction, with a standard deviation of {std:.2g} N."
+    share, way = 100 * abs(held.asymmetry[0]), "larger" if held.asymmetry[0] > 0 else "smaller"
+    return (
+        f"The machine file has friction by direction as a share of the force, {share:.2g} % {way} forwards than the "
+        f"mean, and beside it an offset of {value:.3g} N with a standard deviation of {std:.2g} N; the offset above is "
+        "what goes with viscous friction of its own for each direction."
+    )

@@ -1,0 +1,89 @@
+"""Motions: they judge what the other records gave, and give what is missing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.identification import motion
+from models.identification.estimate import Estimate
+from models.identification.force_fit import SURE
+from models.identification.into_machine import (
+    Found,
+    with_damping_of_motion,
+    with_offset,
+    with_scaled_friction,
+    with_scaled_plant,
+)
+from models.identification.joint.agreement import SIGMAS
+from models.identification.joint.steps import Difference, Identified, MotionStep, Settings, record_of, with_step
+from models.records.files import Loaded
+
+Array = NDArray[np.float64]
+
+
+def from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:  # noqa: ARG001
+    """Prediction-error fit with the controller replayed; what no other record gave goes into the machine."""
+    fit = motion.identify(record_of(loaded), found.machine, friction_covariance=_shape(found))
+    differences = tuple(_differences(found, fit.estimate))
+    remarks = [
+        f"The motion record shows a {one.name} that differs by {100 * one.size:+.2g} % from the other record, "
+        f"{abs(one.size / one.std):.1f} standard deviations: noise does not explain it, the model's form may."
+        for one in differences
+        if abs(one.size) > SIGMAS * one.std
+    ]
+    machine, source, e = found.machine, Found(loaded, "motion"), fit.estimate
+    if not found.has("response", "dynamics"):
+        machine = with_scaled_plant(machine, fit, source)
+    if not found.has("hysteresis", "dynamics"):
+        machine = with_offset(machine, e.value("offset"), e.deviation("offset"), source)
+        machine = with_scaled_friction(machine, fit, source)
+    known = found.slow.lag if found.slow else None
+    if known is None or fit.lag[1] <= known[1]:  # else the slow record knows the damping better
+        machine = with_damping_of_motion(machine, fit, source)
+    return with_step(found, machine, kind, loaded, MotionStep(fit, differences), [*remarks, *_on_motion(fit)])
+
+
+def _shape(found: Identified) -> Array | None:
+    """Covariance (2 N, 2 N) of stiffnesses [N/m] and limits [m], as the last slow record knows them."""
+    if found.slow is None:
+        return None
+    last = slice(-2 * len(found.slow.friction.limit), None)
+    return found.slow.estimate.covariance[last, last]
+
+
+def _differences(found: Identified, estimate: Estimate) -> Iterator[Difference]:
+    """How far the motion record departs from what the others said."""
+    gains, delays = found.earlier("rigid body gain"), found.earlier("dead time")
+    if gains:
+        (gain, gain_std), (delay, delay_std), ts = gains[-1], delays[-1], found.machine.sample_time
+        spread = math.hypot(estimate.deviation("mass"), gain_std / gain)
+        yield Difference("mass", estimate.value("mass") - 1, spread)
+        spread = math.hypot(estimate.deviation("dead time"), delay_std) / ts
+        yield Difference("dead time", (estimate.value("dead time") - delay) / ts, spread)
+    if found.slow:
+        slip, slip_std = found.slow.slip_force()
+        spread = math.hypot(estimate.deviation("friction level"), slip_std / slip)
+        yield Difference("friction level", estimate.value("friction level") - 1, spread)
+
+
+def _on_motion(fit: motion.MotionFit) -> Iterator[str]:
+    """What the motion record says of damping, and of what friction remembered when it began."""
+    time, std = (1e3 * number for number in fit.lag)
+    if fit.damped:
+        yield f"Motions show damped elements: D = {time:.3g} ms times K, with a standard deviation of {std:.2g} ms."
+    else:
+        yield (
+            f"Motions show no damping of the elements: by {SURE:g} standard deviations D is at most "
+            f"{max(time, 0.0) + SURE * std:.2g} ms times K."
+        )
+    count, size = fit.carried
+    if count:
+        yield (
+            f"{count} of the elements {'is' if count == 1 else 'are'} longer than half the motion record's first way: "
+            f"a force from before, {size:.2g} N at most, may stay in {'it' if count == 1 else 'them'} throughout and "
+            "then counts as part of the offset."
+        )

@@ -1,0 +1,57 @@
+"""Frequency responses and excitations: they give the plant."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.identification import modes, response
+from models.identification.estimate import LOOSE
+from models.identification.into_machine import Found, with_response
+from models.identification.joint.agreement import together
+from models.identification.joint.steps import Identified, Settings, Step, with_step
+from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
+from models.identification.response import FrequencyResponse
+from models.records.files import Loaded
+from models.records.record import Record
+
+
+def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
+    """P_l from a measured frequency response, or from an excitation; from all of them together if there are several."""
+    content = loaded.content
+    if isinstance(content, Record):
+        measured, level = response.measured(content), float(np.std(content.feedforward))
+    else:
+        measured, level = replace(content, rolling=content.rolling or settings.rolled), None
+    fit = modes.fit(measured, count=settings.modes)
+    _check_excited(fit, measured)
+    step = ResponseStep(measured, fit, level=level)
+    earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
+    remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
+    if earlier:
+        steps = [*(one.gave for one in earlier if isinstance(one.gave, ResponseStep)), step]
+        best = modes.fit_together(
+            [one.measured for one in steps], [one.fit.used for one in steps], count=settings.modes
+        )
+        step = replace(step, together=best)
+        remarks += on_disagreement([one.loaded.name for one in earlier] + [loaded.name], steps)
+        source = Found(together([*earlier, Step(kind, loaded, step)]), "response")
+    return with_step(found, with_response(found.machine, best, source), kind, loaded, step, remarks)
+
+
+def _check_excited(fit: modes.Fit, measured: FrequencyResponse) -> None:
+    """Raises ValueError where the response leaves mass [kg] or dead time [s] open: the phase of its highest line by a
+    radian."""
+    gain, gain_std, late_std = (
+        *(fit.estimate.values[0], fit.estimate.deviations[0]),
+        fit.estimate.deviation("dead time"),
+    )
+    top = float(np.max(measured.frequency[fit.used]))
+    if gain_std < LOOSE * gain and 2 * np.pi * top * late_std < 1:
+        return
+    raise ValueError(
+        f"does not excite the axis: from {measured.frequency[0]:.3g} to {top:.3g} Hz it leaves the mass open by "
+        f"{100 * gain_std / gain:.2g} % and the dead time by {1e3 * late_std:.2g} ms; excite with more force, over two "
+        "octaves or more, or name another kind"
+    )

@@ -1,0 +1,111 @@
+"""Slow records: they give the friction's elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from models.identification import force
+from models.identification.estimate import STRONG
+from models.identification.force_fit import SURE, ForceFit
+from models.identification.into_machine import Found, lag_of, with_drag, with_friction, with_offset
+from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together, vagueness
+from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
+from models.quantity import show
+from models.records.files import Loaded
+
+SLOW_BAND: Final = 20.0  # Hz, of the low-pass for friction in a slow record
+
+
+def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
+    """The friction elements from a slow record; mass and dead time as known so far."""
+    plant, ts = found.machine.plant, found.machine.sample_time
+    dead_time = [std for _, std in found.earlier("dead time")]
+    terms = force.Terms(
+        mass=plant.mass,
+        known_delay=plant.dead_time + lag_of(found.machine) + 0.5 * ts,
+        known_delay_std=max(dead_time, default=0.0),
+        damped=bool(dead_time),
+    )
+    record, band = record_of(loaded), settings.pass_band or SLOW_BAND
+    fit = force.identify(record, terms, pass_band=band)
+    dragged = force.identify(record, replace(terms, viscous=True), pass_band=band)
+    if _drags(fit, dragged):
+        fit = dragged
+    slip, spread = fit.slip_force()
+    steps = [*steps_of(found, "hysteresis"), Step(kind, loaded, ForceStep(fit))]
+    fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
+    best = min(range(len(fits)), key=lambda i: vagueness(fits[i]))
+    remarks = (
+        f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
+        on_damping(fit),
+        _on_drag(dragged, taken=fit is dragged),
+        *on_agreement(steps, ("offset",)),
+        *on_slip(steps),
+        *_on_memory(fit),
+    )
+    source, e = Found(loaded, "hysteresis"), fit.estimate
+    offset = joint_estimate([one.estimate for one in fits], ("offset",))
+    machine = with_friction(found.machine, fits[best], Found(steps[best].loaded, "hysteresis"))
+    of_all = Found(together(steps), "hysteresis")
+    machine = with_offset(machine, offset.value("offset"), offset.deviation("offset"), of_all)
+    if fit is dragged:
+        machine = with_drag(machine, (e.value("viscous friction"), e.deviation("viscous friction")), None, source)
+    return with_step(found, machine, kind, loaded, ForceStep(fit), remarks)
+
+
+def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
+    """Whether a slow record shows viscous friction: BIC falls by ten, and it is surely above none."""
+    fallen = plain.criterion[len(plain.friction.limit)] - dragged.criterion[len(dragged.friction.limit)]
+    name = "viscous friction"
+    return fallen > STRONG and dragged.estimate.value(name) > SURE * dragged.estimate.deviation(name)
+
+
+def _on_drag(dragged: ForceFit, *, taken: bool) -> str:
+    """What a slow record says of viscous friction."""
+    value, std = (f("viscous friction") for f in (dragged.estimate.value, dragged.estimate.deviation))
+    if taken:
+        return f"Viscous friction is {value:.3g} N s/m with a standard deviation of {std:.2g} N s/m."
+    return (
+        f"The record does not show viscous friction: by {SURE:g} standard deviations it is at most "
+        f"{max(value, 0.0) + SURE * std:.2g} N s/m; a fast record shows it."
+    )
+
+
+def on_damping(fit: ForceFit) -> str:
+    """What the record says of the elements' damping D_i."""
+    if fit.lag is None:
+        return (
+            "Damping of the elements was not sought: in a slow record it looks like dead time, which no record gave; "
+            "add a frequency response."
+        )
+    time, std = (1e3 * number for number in fit.lag)
+    if fit.damped:
+        return f"The elements are damped: D = {time:.3g} ms times K, with a standard deviation of {std:.2g} ms."
+    speed = float(np.max(np.abs(np.gradient(fit.path, fit.time))))
+    most = 1e3 * fit.longest_lag
+    if fit.longest_lag * speed > max(fit.friction.limit):
+        return "The record does not show damping of the elements, nor bound it: it passes their range too quickly."
+    return (
+        f"The record does not show damping of the elements: it is too slow, {1e3 * speed:.2g} mm/s at most, to tell "
+        f"{time:.2g} ms times K from none; by {SURE:g} standard deviations D is at most {most:.2g} ms times K, which "
+        f"leads the deflection by {most * speed * 1e3:.2g} µm there."
+    )
+
+
+def _on_memory(fit: ForceFit) -> Iterator[str]:
+    """What elements may carry from before a slow record."""
+    if fit.short:
+        span = float(np.ptp(fit.path))
+        yield (
+            f"The path, {show(span, 'm')} from end to end, is too short for the longest element: the friction may go "
+            "on rising beyond it; record slow loops twice as wide."
+        )
+    if fit.remembered > 0:
+        yield (
+            f"Friction may carry up to {fit.remembered:.2g} N from before the record, on the mean over its samples, as "
+            "part of the offset; the offset's standard deviation covers it."
+        )
