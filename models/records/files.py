@@ -74,7 +74,7 @@ def load(
 
 
 def read_record(path: str | Path, columns: Columns | None = None) -> Record:
-    """The signals (n,) [m], [N] of a record file: .csv, .csv.gz, .mat or .parquet.
+    """The signals (n,) [m], [N] of a record file of any format in `models.records.tables.formats`.
 
     columns: how the file calls its signals, such as `machine.record`; by default time_s, command_N, position_m, ...
     Raises RecordError, a sentence that says what is wrong and what to do, for a file that holds no such record.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from models.records.tables.formats import LISTED
 from studies.options import Options, flag, paths, texts, whole
 
 # Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
@@ -19,7 +20,7 @@ class DiagnosisOptions(Options):
 
     record: tuple[Path, ...] = paths(
         "RECORD",
-        ".csv, .csv.gz, .mat or .parquet files of one machine, one or several. Without any, a simulated table with an "
+        f"{LISTED} files of one machine, one or several. Without any, a simulated table with an "
         "effect that the model lacks is diagnosed, so that the answer can be verified",
         reviewable=True,
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from models.identification import MOST_MODES
 from models.records.kinds import KINDS
+from models.records.tables.formats import LISTED
 from models.records.tables.sizes import LIMITS
 from studies.options import Options, flag, path, paths, quantity, text, texts, whole
 
@@ -17,7 +18,7 @@ class IdentificationOptions(Options):
 
     record: tuple[Path, ...] = paths(
         "RECORD",
-        f".csv, .csv.gz, .mat or .parquet, each with {LIMITS.samples:,} samples at most (decimate or cut others). "
+        f"{LISTED}, each with {LIMITS.samples:,} samples at most (decimate or cut others). "
         "The kind of each is recognised. Without any, records of simulated tables are identified, to verify the stated "
         "uncertainties (round trip)",
         reviewable=True,

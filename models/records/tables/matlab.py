@@ -16,7 +16,8 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.records.tables.sizes import Limits, RecordError, bounded_memory
+from models.records.tables.hdf5 import read_datasets
+from models.records.tables.sizes import Limits, bounded_memory
 from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ def _arrays(path: Path, limits: Limits) -> dict[str, Array]:
         newer = 0 not in head[:4] and len(head) == HEAD
         order = "<" if head[126:] == b"IM" else ">"
         if newer and head[125 if order == "<" else 124] == 2:
-            return _columns_of_hdf5(path, limits)
+            return {name.replace("/", "."): column for name, column in read_datasets(path, limits, None)[0].items()}
         with bounded_memory(limits):
             if newer:
                 _check_parts(file, order, limits)
@@ -91,27 +92,3 @@ def _check_parts(file: IO[bytes], order: str, limits: Limits) -> None:
                 at += 24 if length else 8
             else:
                 at += 8 if short else 8 + length + -length % 8
-
-
-def _columns_of_hdf5(path: Path, limits: Limits) -> dict[str, Array]:
-    try:
-        import h5py  # noqa: PLC0415
-    except ImportError as error:
-        raise RecordError("MAT v7.3 needs the package h5py; install it, or save with -v7") from error
-    found: dict[str, Array] = {}
-    objects = 0
-
-    def visit(name: str, item: Any) -> None:
-        nonlocal objects
-        objects += 1
-        limits.check_columns(objects // 4)  # a field may take some, among the references
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and not name.startswith("#"):
-            if item.external or item.is_virtual:
-                raise RecordError(f"{name} keeps its samples in another file; save them in this one")
-            numbers = max(int(item.size or 0), math.prod(item.chunks or ()))
-            limits.check_numbers(numbers + sum(column.size for column in found.values()))
-            found[name.replace("/", ".")] = np.squeeze(np.asarray(item, float))
-
-    with bounded_memory(limits), h5py.File(path, "r") as file:
-        file.visititems(visit)
-    return found

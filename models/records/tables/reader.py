@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import Final
 
 from models.records.tables.delimited import table_of_csv
+from models.records.tables.formats import LISTED
+from models.records.tables.hdf5 import table_of_hdf5
 from models.records.tables.matlab import table_of_mat
+from models.records.tables.npz import table_of_npz
 from models.records.tables.parquet_table import table_of_parquet
 from models.records.tables.sizes import LIMITS, Limits, RecordError
 from models.records.tables.table import Table
+from models.records.tables.tdms import table_of_tdms
 
 # A reader takes the path, the limits and the names of the columns that are wanted (None: all), and returns the table.
 Reader = Callable[[Path, Limits, Collection[str] | None], Table]
@@ -22,8 +26,12 @@ READERS: Final[Mapping[str, Reader]] = {
     ".gz": table_of_csv,
     ".mat": table_of_mat,
     ".parquet": table_of_parquet,
+    ".npz": table_of_npz,
+    ".h5": table_of_hdf5,
+    ".hdf5": table_of_hdf5,
+    ".hdf": table_of_hdf5,
+    ".tdms": table_of_tdms,
 }
-FORMATS: Final = ".csv, .csv.gz, .mat or .parquet"
 
 
 def read_table(path: Path, wanted: Collection[str] | None = None, limits: Limits = LIMITS) -> Table:
@@ -37,7 +45,7 @@ def read_table(path: Path, wanted: Collection[str] | None = None, limits: Limits
             raise RecordError("is not a plain file; give the file that holds the record")
         reader = READERS.get(path.suffix.lower())
         if reader is None:
-            raise RecordError(f"ends in {path.suffix or 'nothing'}; give a {FORMATS} file")
+            raise RecordError(f"ends in {path.suffix or 'nothing'}; give a {LISTED} file")
         table = reader(path, limits, wanted)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error

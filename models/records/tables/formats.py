@@ -1,0 +1,6 @@
+"""Which files can be read, by the ends of their names, for messages and help."""
+
+from typing import Final
+
+FORMATS: Final = (".csv", ".csv.gz", ".mat", ".parquet", ".npz", ".h5", ".hdf5", ".hdf", ".tdms")
+LISTED: Final = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"

@@ -1,0 +1,99 @@
+"""TDMS files of LabVIEW and DIAdem: every channel as "group/channel", with its unit and its clock where it states them.
+
+Channels of waveforms state when they begin and at which rate they are sampled: that is their clock. Only the file
+itself is opened, not the index that may lie beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.records.tables.arrays import NUMBERS, is_wanted
+from models.records.tables.sizes import Limits, RecordError, bounded_memory
+from models.records.tables.table import Table
+
+Array = NDArray[np.float64]
+
+UNITS: Final = ("unit_string", "NI_UnitDescription", "unit", "units", "Unit")  # properties that state a unit
+MOST_SCALES: Final = 100  # steps from a raw value to the scaled one
+
+
+def table_of_tdms(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
+    """The wanted columns (n,) [as the file has them, scaled], or all for None; clocks in seconds.
+
+    Raises RecordError for a file that is too large, and what npTDMS raises for one that is spoiled.
+    """
+    from nptdms import TdmsFile  # noqa: PLC0415 (so that only who reads such files waits for it)
+
+    found: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    names: list[str] = []
+    clocks: dict[str, str] = {}
+    numbers = 0
+    with bounded_memory(limits), path.open("rb") as file, TdmsFile.open(file) as content:
+        channels = [channel for group in content.groups() for channel in group.channels()]
+        limits.check_columns(len(channels))
+        begins = [time for channel in channels if (time := _begin(channel.properties)) is not None]
+        kept = dict[tuple[float, float, int], str]()
+        for one in (content, *content.groups(), *channels):
+            _check_scales(one.properties)
+        for channel in channels:
+            name = f"{channel.group_name}/{channel.name}"
+            kind = channel.dtype.kind
+            if kind not in f"{NUMBERS}M":
+                continue  # text
+            names.append(name)
+            if not is_wanted((name,), wanted):
+                continue
+            limits.check_samples(len(channel))
+            numbers += len(channel)
+            limits.check_numbers(numbers)
+            found[name] = _seconds(channel[:]) if kind == "M" else np.asarray(channel[:], float)
+            if unit := "s" if kind == "M" else _unit(channel.properties):
+                units[name] = unit
+            if (clock := _clock(channel.properties, min(begins, default=None), len(channel))) is not None:
+                clocks[name] = kept.setdefault(clock, f"{name}/time")
+        for (begin, step, count), name in kept.items():
+            found[name], units[name] = begin + step * np.arange(count, dtype=np.float64), "s"
+            names.append(name)
+    if len(set(names)) != len(names):
+        raise RecordError("two channels have one name; name each channel of a group once")
+    return Table(found, names, units, clocks)
+
+
+def _unit(properties: Mapping[str, Any]) -> str:
+    stated = (properties.get(name) for name in UNITS)
+    return next((text.strip() for text in stated if isinstance(text, str) and text.strip()), "")
+
+
+def _begin(properties: Mapping[str, Any]) -> np.datetime64 | None:
+    time = properties.get("wf_start_time")
+    return time if isinstance(time, np.datetime64) and not np.isnat(time) else None
+
+
+def _clock(properties: Mapping[str, Any], first: np.datetime64 | None, count: int) -> tuple[float, float, int] | None:
+    """(the time of the first sample [s] since the earliest of the file, the step [s], the samples) of a waveform."""
+    step, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
+    if not isinstance(step, float) or not isinstance(offset, float) or not step > 0:
+        return None
+    begin = _begin(properties)
+    since = 0.0 if begin is None or first is None else float((begin - first) / np.timedelta64(1, "us")) * 1e-6
+    return since + offset, step, count
+
+
+def _seconds(times: NDArray[Any]) -> Array:
+    """Seconds since the first of the time stamps (n,)."""
+    return np.asarray((times - times[:1]) / np.timedelta64(1, "ns"), float) * 1e-9
+
+
+def _check_scales(properties: Mapping[str, Any]) -> None:
+    """Raises RecordError for counts, stated in a channel's properties, that would keep the reader busy for long."""
+    for name, value in properties.items():
+        counts = name == "NI_Number_Of_Scales" or (name.startswith("NI_Scale[") and name.endswith("_Size"))
+        if counts and not (isinstance(value, int | np.integer) and 0 <= value <= MOST_SCALES):
+            raise RecordError(f"states {value} for {name}; {MOST_SCALES} is the most that is read")
