@@ -8,15 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from models.records.tables.binary.hdf5 import table_of_hdf5
+from models.records.tables.binary.matlab import table_of_mat
+from models.records.tables.binary.npz import table_of_npz
+from models.records.tables.binary.parquet_table import table_of_parquet
+from models.records.tables.binary.tdms import table_of_tdms
 from models.records.tables.delimited import table_of_csv
 from models.records.tables.formats import LISTED
-from models.records.tables.hdf5 import table_of_hdf5
-from models.records.tables.matlab import table_of_mat
-from models.records.tables.npz import table_of_npz
-from models.records.tables.parquet_table import table_of_parquet
 from models.records.tables.sizes import LIMITS, Limits, RecordError
 from models.records.tables.table import Table
-from models.records.tables.tdms import table_of_tdms
 
 # A reader takes the path, the limits and the names of the columns that are wanted (None: all), and returns the table.
 Reader = Callable[[Path, Limits, Collection[str] | None], Table]

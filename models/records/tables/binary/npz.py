@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from models.records.tables.arrays import NUMBERS, check_shape, columns_of, is_wanted, names_of
+from models.records.tables.binary.arrays import NUMBERS, check_shape, columns_of, is_wanted, names_of
 from models.records.tables.sizes import Limits, RecordError, bounded_memory
 from models.records.tables.table import Table
 

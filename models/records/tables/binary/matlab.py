@@ -16,7 +16,7 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.records.tables.hdf5 import read_datasets
+from models.records.tables.binary.hdf5 import read_datasets
 from models.records.tables.sizes import Limits, bounded_memory
 from models.records.tables.table import Table
 

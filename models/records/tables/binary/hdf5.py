@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.records.tables.arrays import NUMBERS, columns_of, is_wanted, names_of
+from models.records.tables.binary.arrays import NUMBERS, columns_of, is_wanted, names_of
 from models.records.tables.sizes import Limits, RecordError, bounded_memory
 from models.records.tables.table import Table
 

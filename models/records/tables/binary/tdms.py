@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.records.tables.arrays import NUMBERS, is_wanted
+from models.records.tables.binary.arrays import NUMBERS, is_wanted
 from models.records.tables.sizes import Limits, RecordError, bounded_memory
 from models.records.tables.table import Table
 
