@@ -73,7 +73,7 @@ class Columns:
                 f'write it like "{signal} [mm]" or "x [V] * 35.2 N/V"'
             )
         factor = (match["factor"] or "1").strip()
-        unit = match["unit"] or ("" if _has_unit_of(factor, signal) else stated.strip())
+        unit = match["unit"] or _unit_by(factor, signal, stated.strip())
         if unit.lower() == "db":
             return Source(match["name"], _factor("", factor, "1", signal), decibels=True)
         if signal == "phase":
@@ -99,11 +99,26 @@ UNITS: Final = {
 }
 
 
-def _has_unit_of(factor: str, signal: str) -> bool:
-    """Whether a factor is a quantity of the signal itself, such as "5 nm" for each of the counts in a column."""
+def _unit_by(factor: str, signal: str, stated: str) -> str:
+    """The unit of a column whose mapping states none but in its factor; stated: what the file says, "" for nothing.
+
+    "5 nm" for each of the counts in a column needs none; "31.5 N/A" is of a column in A; and a number that is the
+    unit's own, as in "x_um * 1e-6", converts the column already.
+    """
     match = _NUMBER.fullmatch(factor)
+    if match is None or (_is_of(factor, signal) and match[2]):
+        return ""
+    if match[2]:
+        numerator, _, denominator = match[2].rpartition("/")
+        return stated or (denominator.strip("() ") if _is_of(f"1 {numerator}", signal) else "")
+    own = stated and _is_of(f"1 {stated}", signal) and parse(f"1 {stated}", UNITS[signal])
+    return "" if own and own != 1 and math.isclose(float(match[1]), own, rel_tol=1e-9) else stated
+
+
+def _is_of(quantity: str, signal: str) -> bool:
+    """Whether a quantity is one of the signal."""
     try:
-        return match is not None and bool(match[2]) and math.isfinite(parse(factor, UNITS[signal]))
+        return math.isfinite(parse(quantity, UNITS[signal]))
     except QuantityError:
         return False
 

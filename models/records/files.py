@@ -189,8 +189,9 @@ def _in_si(table: Table, columns: Columns, signal: str, name: str) -> Array:
     try:
         source = columns.source(signal, stated)
     except ValueError as error:
+        one = {"m": "5 nm", "s": "250 us", "N": "35 N"}.get(UNITS[signal], f"2 {UNITS[signal]}")
         raise RecordError(
-            f"column {name!r} is in {cut(stated, 30)}, as the file states: {error}; map it with its unit or factor, as "
-            f'in {signal} = "{name} [{UNITS[signal]}]" or "{name} [V] * 35 N/V"'
+            f"column {name!r} is in {cut(stated, 30)}, as the file states, which is not a unit of the {signal}; "
+            f'write what one of it is, as in {signal} = "{name} * {one}", or its right unit, as in [{UNITS[signal]}]'
         ) from error
     return source.factor * 10.0 ** (column / 20) if source.decibels else column * source.factor

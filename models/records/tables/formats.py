@@ -2,5 +2,6 @@
 
 from typing import Final
 
-FORMATS: Final = (".csv", ".csv.gz", ".mat", ".parquet", ".npz", ".h5", ".hdf5", ".hdf", ".tdms")
+TEXT: Final = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+FORMATS: Final = (*TEXT, ".csv.gz", ".mat", ".parquet", ".npz", ".h5", ".hdf5", ".hdf", ".tdms")
 LISTED: Final = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"

@@ -13,16 +13,16 @@ from models.records.tables.binary.matlab import table_of_mat
 from models.records.tables.binary.npz import table_of_npz
 from models.records.tables.binary.parquet_table import table_of_parquet
 from models.records.tables.binary.tdms import table_of_tdms
-from models.records.tables.delimited import table_of_csv
-from models.records.tables.formats import LISTED
+from models.records.tables.formats import LISTED, TEXT
 from models.records.tables.sizes import LIMITS, Limits, RecordError
 from models.records.tables.table import Table
+from models.records.tables.text.delimited import table_of_csv
 
 # A reader takes the path, the limits and the names of the columns that are wanted (None: all), and returns the table.
 Reader = Callable[[Path, Limits, Collection[str] | None], Table]
 
 READERS: Final[Mapping[str, Reader]] = {
-    ".csv": table_of_csv,
+    **dict.fromkeys(TEXT, table_of_csv),
     ".gz": table_of_csv,
     ".mat": table_of_mat,
     ".parquet": table_of_parquet,

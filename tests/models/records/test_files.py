@@ -274,11 +274,11 @@ def test_a_step_is_found_and_none_where_there_is_none() -> None:
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
-        ("a.txt", b"x", "give a .csv"),
+        ("a.doc", b"x", "give a .csv"),
         ("a.csv", b"time_s,command_N,position_m\n", "has no rows"),
         ("a.csv", b"time_s,command_N,position_m\n0,1,2\n1,x,2\n", "line 3"),
         ("a.csv", b"time_s,command_N,position_m\n0,1,2\n1,2\n", "line 3 has 2 cells"),
-        ("a.csv", b"a,a\n0,1\n", "two columns have one name"),
+        ("a.csv", b"time_s,time_s\n0,1\n", r"several columns are called 'time_s'; map one .* 'time_s \(2\)'"),
         ("a.mat", b"nothing", "can't be read as a .mat file"),
         ("a.parquet", b"nothing", "can't be read as a .parquet file"),
     ],
