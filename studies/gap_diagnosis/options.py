@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from models.records.tables.formats import LISTED
-from studies.options import Options, flag, paths, texts, whole
+from studies.options import paths, texts, whole
+from studies.record_options import RecordOptions
 
 # Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
 # sample, and what two threads compute of them at a time the rest.
@@ -15,7 +16,7 @@ MOST_SAMPLES: Final = 120_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiagnosisOptions(Options):
+class DiagnosisOptions(RecordOptions):
     """The records, how they are read, and which effects are excluded."""
 
     record: tuple[Path, ...] = paths(
@@ -33,13 +34,4 @@ class DiagnosisOptions(Options):
         f"(default: {MOST_SAMPLES:,}, which take 2 GB)",
         1,
         default=MOST_SAMPLES,
-    )
-    trust_records: bool = flag(
-        "use records whose columns, units or jumps look wrong for this machine; the report says what looks wrong"
-    )
-    column: tuple[str, ...] = texts(
-        "SIGNAL=ENTRY",
-        'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
-        "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
-        reviewable=True,
     )

@@ -22,17 +22,18 @@ from models.records.record import Record
 from models.records.tables.sizes import LIMITS, WAY_OUT, RecordError
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.options import BadInputError
-from studies.record_columns import columns_of
+from studies.record_columns import mapped
 
 
 def loaded(machine: Machine, options: DiagnosisOptions) -> tuple[Loaded, ...]:
     """The records that were given. Raises BadInputError for one that can't be read or diagnosed."""
-    columns, control = columns_of(machine, options.column), machine.control
+    mapping, control = mapped(machine, options, options.record), machine.control
     found, most = list[Loaded](), options.most_samples
     limits = replace(
         LIMITS, samples=most, remedy=f"{WAY_OUT}, or give --most-samples where there are 14 kB of memory for each"
     )
     for path in options.record:
+        columns = mapping.columns(path)
         with _refused():
             one = read(machine, path, columns, trusted=options.trust_records, limits=limits)
         if not isinstance(one.content, Record):

@@ -25,7 +25,7 @@ from studies.identify_machine import own_records, round_trip
 from studies.identify_machine.options import IdentificationOptions
 from studies.identify_machine.shown import checks_of, results_of
 from studies.options import BadInputError
-from studies.record_columns import columns_of
+from studies.record_columns import mapped
 from studies.study import Answer, Check, Progress
 
 QUICK_TABLES: Final = 3
@@ -78,7 +78,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
 
 
 def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress) -> list[tuple[str, Loaded]]:
-    columns = columns_of(machine, options.column)
+    mapping = mapped(machine, options, options.record)
     kinds = options.kinds.split(",") if options.kinds else ["auto"] * len(options.record)
     if len(kinds) != len(options.record) or not set(kinds) <= {"auto", *KINDS}:
         raise BadInputError(f"--kinds {options.kinds}: give one of auto, {', '.join(KINDS)} for each of the records")
@@ -86,7 +86,7 @@ def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress
     for kind, path in zip(kinds, options.record, strict=True):
         progress(0.02, f"reading {path}")
         try:
-            loaded = read(machine, path, columns, trusted=options.trust_records)
+            loaded = read(machine, path, mapping.columns(path), trusted=options.trust_records)
         except RecordError as error:
             raise BadInputError(str(error)) from error
         found.append((recognised(machine, loaded) if kind == "auto" else kind, loaded))

@@ -9,11 +9,12 @@ from models.identification import MOST_MODES
 from models.records.kinds import KINDS
 from models.records.tables.formats import LISTED
 from models.records.tables.sizes import LIMITS
-from studies.options import Options, flag, path, paths, quantity, text, texts, whole
+from studies.options import flag, path, paths, quantity, text, whole
+from studies.record_options import RecordOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentificationOptions(Options):
+class IdentificationOptions(RecordOptions):
     """The records and how they are read."""
 
     record: tuple[Path, ...] = paths(
@@ -26,15 +27,6 @@ class IdentificationOptions(Options):
     kinds: str | None = text(
         "KIND,...",
         f"the kinds of the records, in their order, instead of recognising them: auto, {', '.join(KINDS)}",
-        reviewable=True,
-    )
-    trust_records: bool = flag(
-        "use records whose columns, units or jumps look wrong for this machine; the report says what looks wrong"
-    )
-    column: tuple[str, ...] = texts(
-        "SIGNAL=ENTRY",
-        'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; may be repeated '
-        "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
         reviewable=True,
     )
     pass_band: float | None = quantity(
