@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from models.quantity import show
 from models.records.checks import INERTIA, Facts, fitted_mass, quantisation, smoothed
+from models.records.feedback_sign import acts_against_the_reference
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -73,10 +74,10 @@ def _swapped(record: Record, given: set[str]) -> Iterator[str]:
             "position and command look swapped: the command is what follows the reference, or is the smoother one; "
             "map each to its column"
         )
-    if moved and quantisation(record.reference) > 0 and quantisation(record.position) == 0 and len(given) > 3:
+    if moved and acts_against_the_reference(record):
         yield (
-            "reference and position look swapped: the reference has the steps of a scale and the position none; "
-            "map each to its column"
+            "reference and position look swapped: the command falls where the reference rises, and rises with the "
+            "position, which no stable loop does; map each to its column"
         )
 
 

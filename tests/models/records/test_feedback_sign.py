@@ -1,0 +1,98 @@
+"""Which signal is the reference follows from the sign of the feedback, whatever machine, controller and digits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.io import loadmat
+from scipy.signal import cont2discrete
+
+from models.machine import load
+from models.records.checks import Facts
+from models.records.feedback_sign import acts_against_the_reference
+from models.records.plausible import doubts
+from models.records.record import Record
+from studies.identify_machine import own_records
+
+Array = NDArray[np.float64]
+MACHINE = load()
+EMPS = Path(__file__).parents[4] / "shared" / "data" / "emps"
+GIVEN = {"time", "target", "reference", "feedforward", "command", "position"}
+
+
+def swapped(record: Record) -> Record:
+    return replace(record, reference=record.position, target=record.position, position=record.reference)
+
+
+def rounded(signal: Array, digits: int) -> Array:
+    return np.array([float(f"{value:.{digits}g}") for value in signal])
+
+
+def mass_under(gain: float, damping: float, mass: float, scale: float, seed: int) -> Record:
+    """A mass in viscous friction under a PD law of its own gains [N/m, N s/m], by matrices; scale [m] of the way."""
+    ts, count = 1e-3, 4_000
+    state = (np.array([[0.0, 1.0], [0.0, -2.0 / mass]]), np.array([[0.0], [1 / mass]]), np.eye(2), np.zeros((2, 1)))
+    a, b, *_ = cont2discrete(state, ts)
+    draw = np.random.default_rng(seed)
+    wave = 1.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(0.5, 2.0, count)) * ts)
+    reference = np.clip(wave, -1, 1) * scale  # with rests
+    position, command, x, before = np.empty(count), np.empty(count), np.zeros(2), 0.0
+    for k in range(count):
+        position[k] = x[0] + 1e-4 * scale * draw.standard_normal()
+        error = reference[k] - position[k]
+        command[k] = gain * error + damping * (error - before) / ts
+        before = error
+        x = a @ x + b[:, 0] * (command[k] + 0.05 * gain * scale * np.sign(-x[1]))
+    return Record(ts, reference, reference, np.zeros(count), command, position)
+
+
+@pytest.mark.parametrize(("gain", "damping", "mass"), [(4e4, 400.0, 10.0), (9.0, 0.3, 0.01), (5e6, 2e5, 8e3)])
+@pytest.mark.parametrize("scale", [1e-6, 0.1])
+def test_any_stable_loop_shows_which_is_the_reference(gain: float, damping: float, mass: float, scale: float) -> None:
+    record = mass_under(gain, damping, mass, scale, 1)
+    assert not acts_against_the_reference(record)
+    assert acts_against_the_reference(swapped(record))
+
+
+@pytest.mark.parametrize("kind", ["excitation", "hysteresis", "motions"])
+def test_records_of_the_table_are_told_too(kind: str) -> None:
+    make: Mapping[str, Callable[..., Record]] = vars(own_records)
+    record = make[kind](own_records.noisy(MACHINE), 1)
+    assert not acts_against_the_reference(record)
+    assert acts_against_the_reference(swapped(record))
+
+
+@pytest.mark.parametrize("digits", [6, 8, 10, 12, 15])
+def test_a_reference_on_the_grid_of_its_digits_is_not_taken_for_the_position(digits: int) -> None:
+    """The reference of a coarse profile lies on a grid, and the position, of another unit's digits, on none."""
+    record = mass_under(4e4, 400.0, 10.0, 0.1, 2)
+    coarse = np.round(record.reference / 4.2118e-7) * 4.2118e-7
+    reference, position = rounded(coarse, digits), rounded(record.position, digits)
+    export = replace(record, reference=reference, target=reference, position=position)
+    assert not [doubt for doubt in doubts(export, GIVEN, Facts()) if "swapped" in doubt]
+
+
+def test_nothing_is_said_of_a_command_that_no_feedback_made() -> None:
+    record = mass_under(4e4, 400.0, 10.0, 0.1, 3)
+    draw = np.random.default_rng(4)
+    force = replace(record, command=draw.standard_normal(record.command.size))
+    assert not acts_against_the_reference(force)
+    assert not acts_against_the_reference(swapped(force))
+    assert not acts_against_the_reference(swapped(record.part(0, 100)))
+
+
+@pytest.mark.skipif(not EMPS.is_dir(), reason="needs the measured records beside the project")
+@pytest.mark.parametrize("name", ["DATA_EMPS", "DATA_EMPS_PULSES"])
+@pytest.mark.parametrize("digits", [8, 10, 12, 15])
+def test_a_measured_axis_exported_with_any_digits_is_not_refused(name: str, digits: int) -> None:
+    content = loadmat(EMPS / f"{name}.mat", squeeze_me=True)
+    reference, position, command = (rounded(content[key][:12_000], digits) for key in ("qg", "qm", "vir"))
+    for feedforward in (0 * command, content.get("pulses_N", 0 * content["vir"])[:12_000]):
+        record = Record(1e-3, reference, reference, 35.15 * feedforward, 35.15 * command, position)
+        assert not [doubt for doubt in doubts(record, GIVEN, Facts()) if "swapped" in doubt]
+    assert acts_against_the_reference(swapped(record))
