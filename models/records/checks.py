@@ -6,7 +6,7 @@ Symbols: n samples; T_s the sample time [s]; u the command [N], x the position [
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -22,7 +22,6 @@ from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 
-UNEVEN: Final = 0.01  # of the sample time: rounding of a time column is below, a wandering clock above
 THOUSAND: Final = (300.0, 3000.0)  # a ratio of sample times in here is a factor of 1000, or its inverse
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
 SATURATED: Final = 3  # samples in a row at the extreme of the command
@@ -33,51 +32,6 @@ SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which
 ROLLING: Final = 5e-3  # m/s: above this speed an axis has left the presliding region
 FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
 INERTIA: Final = 0.8  # share of the smoothed command's variance that inertia must explain for a mass to be read off
-
-
-def check_samples(signals: Mapping[str, Array], names: Mapping[str, str]) -> float:
-    """The sample time [s] of the signals (n,), time among them [SI]. Raises RecordError for NaN, gaps, uneven steps.
-
-    names: what the file calls each signal.
-    """
-    time = signals["time"]
-    if time.size < 16:
-        raise RecordError(f"{time.size} samples are too few; give 16 at least")
-    for signal, column in signals.items():
-        wrong = np.flatnonzero(~np.isfinite(column))
-        if wrong.size:
-            raise RecordError(
-                f"column {names[signal]!r} has {wrong.size} values that are not numbers, the first in row "
-                f"{wrong[0] + 1}; cut the record there or export it again"
-            )
-    step = np.diff(time)
-    sample_time = float(np.median(step))
-    if sample_time <= 0 or np.any(step <= 0):
-        raise RecordError(_backward(signals, names, step))
-    gaps = np.flatnonzero(step > 1.5 * sample_time)
-    uneven = float(np.max(np.abs(step - sample_time))) / sample_time
-    if gaps.size and np.all(np.abs(step[gaps] / sample_time - np.round(step[gaps] / sample_time)) < 2 * UNEVEN):
-        missing = int(np.sum(np.round(step[gaps] / sample_time) - 1))
-        raise RecordError(
-            f"{missing} samples are missing in {gaps.size} gap{'s' * (gaps.size > 1)}, the first behind row "
-            f"{gaps[0] + 1} at {show(float(time[gaps[0]]), 's')}; give the part before or behind as a record of its own"
-        )
-    if uneven > UNEVEN:
-        raise RecordError(
-            f"uneven sampling: steps of {names['time']!r} between {show(float(step.min()), 's')} and "
-            f"{show(float(step.max()), 's')}; record with a fixed sample time, or resample and say so"
-        )
-    return float((time[-1] - time[0]) / (time.size - 1))
-
-
-def _backward(signals: Mapping[str, Array], names: Mapping[str, str], step: Array) -> str:
-    """The sentence for a time that does not rise; another column that does may have been meant."""
-    for signal, column in signals.items():
-        rise = np.diff(column)
-        if signal != "time" and np.all(rise > 0) and np.ptp(rise) < UNEVEN * np.median(rise):
-            return f"columns {names['time']!r} and {names[signal]!r} are swapped: the latter rises evenly, as time does"
-    row = int(np.argmax(step <= 0)) + 2
-    return f"column {names['time']!r} does not rise in row {row}; sort the rows, or map the right column to time"
 
 
 @dataclass(frozen=True)

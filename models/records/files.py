@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -19,11 +20,12 @@ from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
 from models.quantity import cut
 from models.records import response_columns
-from models.records.checks import Facts, check_samples, derivative_of_error, findings
+from models.records.checks import Facts, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
 from models.records.grids import on_one_grid
 from models.records.plausible import TRUST, doubts
 from models.records.record import Record
+from models.records.sampling import ROW, sampling
 from models.records.tables.reader import read_table
 from models.records.tables.sizes import LIMITS, Limits, RecordError
 from models.records.tables.table import Table
@@ -61,7 +63,7 @@ def load(
     try:
         if names["frequency"] in table.names and names["position"] not in table.names:
             return Loaded(path.name, digest, _response(table, columns), (), ())
-        record, given, placed = _record(table, columns)
+        record, given, placed = _record(table, columns, facts.sample_time)
         said = (*placed, *findings(_as_it_ran(record, columns, facts), given, facts))
         doubted = doubts(record, set(given), facts)
         if trusted:
@@ -109,25 +111,30 @@ def read(path: Path, limits: Limits = LIMITS) -> dict[str, Array]:
     return dict(read_table(path, None, limits).columns)
 
 
-def _record(table: Table, columns: Columns) -> tuple[Record, tuple[str, ...], tuple[str, ...]]:
+def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Record, tuple[str, ...], tuple[str, ...]]:
     """The record in SI units, the signals that the file has, and what was done to bring them onto one grid of times.
 
-    Raises RecordError.
+    expected: the machine's sample time [s], if it is known. Raises RecordError.
     """
     signals, names, said = _signals(table, columns)
     lengths = {signal: column.size for signal, column in signals.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{signal} {length}" for signal, length in lengths.items())
         raise RecordError(f"columns of different lengths ({shown}); export them over the same samples")
-    sample_time = check_samples(signals, names)
+    sampled = sampling(signals, names, expected)
     zero = np.zeros(lengths["time"])
     target, reference = signals.get("target"), signals.get("reference")
     target = target if target is not None else reference if reference is not None else zero
     reference = reference if reference is not None else target
     record = Record(
-        sample_time, target, reference, signals.get("feedforward", zero), signals["command"], signals["position"]
+        sampled.sample_time,
+        target,
+        reference,
+        signals.get("feedforward", zero),
+        signals["command"],
+        signals["position"],
     )
-    return record, tuple(signals), said
+    return record, tuple(signals), (*said, *sampled.said)
 
 
 def _signals(table: Table, columns: Columns) -> tuple[dict[str, Array], dict[str, str], tuple[str, ...]]:
@@ -142,6 +149,8 @@ def _signals(table: Table, columns: Columns) -> tuple[dict[str, Array], dict[str
         clocks["time"] = names["time"]
     wanted = [s for s in NEEDED if s != "time" or s in mapped or names[s] in table.columns or not clocks]
     wanted += [s for s in OPTIONAL if s in mapped or names[s] in table.columns]
+    if names["time"] == ROW and ROW not in table.names:
+        return _counted(table, columns, wanted), names, ()
     signals = {signal: _signal(table, columns, signal) for signal in wanted}
     if not clocks or not set(clocks) >= set(wanted) or ("time" in wanted and len(set(clocks.values())) == 1):
         return signals, names, ()
@@ -151,6 +160,13 @@ def _signals(table: Table, columns: Columns) -> tuple[dict[str, Array], dict[str
     if "time" not in placed:
         placed, names["time"] = {"time": grid, **placed}, used[0]
     return placed, names, said
+
+
+def _counted(table: Table, columns: Columns, wanted: Sequence[str]) -> dict[str, Array]:
+    """The signals (n,) [SI] with a time that is the count of the rows, from 0. Raises RecordError."""
+    signals = {signal: _signal(table, columns, signal) for signal in wanted if signal != "time"}
+    rows = np.arange(signals["position"].size, dtype=np.float64)
+    return {"time": rows * columns.source("time").factor, **signals}
 
 
 def _response(table: Table, columns: Columns) -> FrequencyResponse:

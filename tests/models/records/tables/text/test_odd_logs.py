@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -181,6 +182,15 @@ def test_counts_sample_counters_and_currents_are_mapped_by_their_factors(tmp_pat
     assert record.sample_time == pytest.approx(250e-6)
     np.testing.assert_allclose(record.command, FORCE, atol=1e-6)
     np.testing.assert_allclose(record.position, 1e-3 * POSITION, atol=2.6e-9)
+
+
+def test_times_rounded_to_milliseconds_are_made_again_and_a_count_of_rows_needs_none(tmp_path: Path) -> None:
+    body = "".join(f"{t:.0f};{u:.3f};{x:.6f}\n" for t, u, x in zip(TIME, FORCE, POSITION, strict=True))
+    same(loaded(tmp_path / "log.csv", log(body=body), MAPPED))
+    assert (
+        load(tmp_path / "log.csv", MAPPED).findings[0].startswith("The times in 'Zeit' are rounded to 1 ms and are th")
+    )
+    same(loaded(tmp_path / "log.csv", log(body=body), replace(MAPPED, time="row * 250 us")))
 
 
 def replaced(line: int, change: Callable[[str], str]) -> str:
