@@ -199,22 +199,30 @@ def grid(plant: control.StateSpace, feedback: Feedback | None = None, count: int
 
 
 def peak(magnitude: Callable[[Array], Array], omega: Array) -> Peak:
-    """The largest `magnitude` over omega (n,) [rad/s], refined between the grid's points to 1e-6 and better.
+    """The largest `magnitude` over omega (n,) [rad/s], refined between the grid's points to 1e-6 and better."""
+    return peaks(lambda points: magnitude(points)[None], omega)[0]
+
+
+def peaks(magnitudes: Callable[[Array], Array], omega: Array) -> list[Peak]:
+    """The largest of each of m `magnitudes` (m, n) over omega (n,) [rad/s], as `peak`; all are asked for together.
 
     Every maximum of the grid within 30 % of the highest is refined, since the highest one need not be the peak's.
     """
-    values = magnitude(omega)
-    padded = np.concatenate([[-np.inf], values, [-np.inf]])
-    maxima = np.flatnonzero((values >= padded[:-2]) & (values >= padded[2:]) & (values > 0.7 * np.max(values)))
+    values = magnitudes(omega)
+    padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
+    high_enough = values > 0.7 * np.max(values, axis=1, keepdims=True)
+    which, maxima = np.nonzero((values >= padded[:, :-2]) & (values >= padded[:, 2:]) & high_enough)
     low, high = omega[np.maximum(maxima - 1, 0)], omega[np.minimum(maxima + 1, omega.size - 1)]
     rows = np.arange(maxima.size)
     for _ in range(REFINEMENTS):
         points = np.linspace(low, high, ZOOM, axis=1)
-        found = magnitude(points.ravel()).reshape(points.shape)
+        found = magnitudes(points.ravel()).reshape(-1, *points.shape)[which, rows]
         best = np.argmax(found, axis=1)
         low, high = points[rows, np.maximum(best - 1, 0)], points[rows, np.minimum(best + 1, ZOOM - 1)]
-    highest = int(np.argmax(found[rows, best]))
-    return Peak(float(found[highest, best[highest]]), float(points[highest, best[highest]]))
+    tops, places = found[rows, best], points[rows, best]
+    of_each = [np.flatnonzero(which == i) for i in range(len(values))]
+    highest = [some[np.argmax(tops[some])] for some in of_each]
+    return [Peak(float(tops[row]), float(places[row])) for row in highest]
 
 
 def assess(plant: control.StateSpace, feedback: Feedback, *, count: int = 200) -> Assessment:
@@ -228,16 +236,17 @@ def assess(plant: control.StateSpace, feedback: Feedback, *, count: int = 200) -
     def response(omega: Array) -> dict[Sensitivity, Complex]:
         return sensitivities(frequency_response(plant, omega), controller_response(feedback, plant.dt, omega))
 
-    def difference(omega: Array) -> Array:
+    def magnitudes(omega: Array) -> Array:
         found = response(omega)
-        return np.abs(found["S"] - found["T"])
+        return np.abs([*(found[name] for name in SENSITIVITIES), found["S"] - found["T"]])
 
     omega = grid(plant, feedback, count)
     found = response(omega)
-    peaks = {name: peak(lambda w, name=name: np.abs(response(w)[name]), omega) for name in SENSITIVITIES}  # type: ignore[misc]
+    *of_these, difference = peaks(magnitudes, omega)
+    largest = dict(zip(SENSITIVITIES, of_these, strict=True))
     holds = feedback.has_integral if isinstance(feedback, Law) else feedback.ki > 0
-    if holds and peaks["T"].value < 1:  # T = 1 at rest, which no grid in a logarithm reaches
-        peaks["T"] = Peak(1.0, 0.0)
+    if holds and largest["T"].value < 1:  # T = 1 at rest, which no grid in a logarithm reaches
+        largest["T"] = Peak(1.0, 0.0)
     loop, weak = found["T"] / found["S"], np.abs(found["S"]) - math.sqrt(0.5)
     at_one = _crossings(omega, np.log(np.abs(loop)))
     rising = _crossings(omega, weak)
@@ -247,15 +256,15 @@ def assess(plant: control.StateSpace, feedback: Feedback, *, count: int = 200) -
     gains = np.abs(frequency_response(plant, real) * controller_response(feedback, plant.dt, real))
     return Assessment(
         spectral_radius(plant, feedback),
-        peaks["S"],
-        peaks["T"],
-        peaks["PS"],
-        peaks["CS"],
+        largest["S"],
+        largest["T"],
+        largest["PS"],
+        largest["CS"],
         crossover=float(at_one[-1]) if at_one.size else 0.0,
         bandwidth=float(rising[0]) if rising.size else 0.0,
         gain_margin=float(np.min(np.maximum(gains, 1 / gains), initial=math.inf)),
         phase_margin=float(np.min(phases, initial=math.inf)),
-        disk_margin=2 / peak(difference, omega).value,
+        disk_margin=2 / difference.value,
     )
 
 

@@ -55,7 +55,7 @@ def program(members: Sequence[Member], goal: Goal, scale: PID, in_band: int) -> 
     cost = -ca.log(unknowns[1]) + unknowns[4] ** 2 if goal.objective == "integral" else unknowns[4]
     options: dict[str, Any] = {
         "print_time": False,
-        "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 150, "tol": 1e-8, "mu_init": 1e-3},
+        "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 150, "tol": 1e-8, "mu_init": 1e-3, "mumps_pivot_order": 0},
     }
     problem: dict[str, Any] = {"x": unknowns, "p": given, "f": cost, "g": ca.vertcat(*constraints)}
     return ca.nlpsol("tune", "ipopt", problem, options)
