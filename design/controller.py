@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from design.deadbeat import Constraints, Deadbeat, Objective, synthesise
+from design.element_count import choose
 from design.friction_compensation import simplify
 from models.controller import Controller
 from models.machine import Machine
@@ -27,18 +30,29 @@ def feedback_alone(machine: Machine) -> Controller:
 def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
     """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's feedback, and its RFM.
 
-    A feedback of another structure than a PID keeps its loop, but takes its reference as it takes the position, because
-    the feedforward needs one that puts out nothing while the position is on x_T*.
+    Where the machine file leaves the number of the RFM's elements open ("auto"), it is the one that `choose` finds for
+    this feedforward; who needs the controllers of many designs states the number first.
 
     >>> controller = pos.assemble(machine, deadbeat)
     >>> controller.reference_delay  # samples
     2
     """
+    bare, count = assemble_bare(machine, deadbeat), machine.control.compensator_elements
+    if count == "auto":
+        count = choose(machine, bare, stroke=deadbeat.stroke).count
+    return replace(bare, friction_compensation=simplify(machine.friction, count))
+
+
+def assemble_bare(machine: Machine, deadbeat: Deadbeat) -> Controller:
+    """The controller of `assemble` without its friction compensation.
+
+    A feedback of another structure than a PID keeps its loop, but takes its reference as it takes the position, because
+    the feedforward needs one that puts out nothing while the position is on x_T*.
+    """
     control = machine.control
-    rfm = simplify(machine.friction, control.compensator_elements)
     law = control.law and control.law.of_error()
     filters = deadbeat.n_ff, deadbeat.d_ff
-    return Controller(machine.sample_time, control.pid, waiting(machine), *filters, rfm, law=law)
+    return Controller(machine.sample_time, control.pid, waiting(machine), *filters, law=law)
 
 
 def usable_thrust(machine: Machine) -> float:
@@ -84,3 +98,8 @@ def default_controller(machine: Machine) -> Controller:
     Raises DesignError where there is none.
     """
     return assemble(machine, design_deadbeat(machine))
+
+
+def bare_controller(machine: Machine) -> Controller:
+    """`default_controller` without its friction compensation. Raises DesignError where there is none."""
+    return assemble_bare(machine, design_deadbeat(machine))

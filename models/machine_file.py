@@ -90,6 +90,8 @@ def _columns(columns: Columns) -> Iterator[str]:
 def _value(item: Any, unit: str) -> str:
     if isinstance(item, tuple):
         return "[" + ", ".join(_value(member, unit) for member in item) + "]"
+    if isinstance(item, str):
+        return _text(item)
     if isinstance(item, int):
         return str(item)
     return _text(f"{float(item)!r} {unit}" if unit != "1" else repr(float(item)))

@@ -72,7 +72,10 @@ class _Reader:
             "control": {
                 "sample_time": self.value(_needed(whole, "sample_time_s", ""), "s", "sample_time_s"),
                 "reference_delay": self.count(control, "reference_delay_samples"),
-                "compensator_elements": self.assumed(default.control.compensator_elements, "1"),
+                "compensator_elements": {
+                    "value": "auto",
+                    "source": f"assumed: not in {self.file}, so each study that compensates friction chooses it",
+                },
                 "pid": self.part(PID, control, "controller."),
             },
             "specification": self.part(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from design import feasibility
-from design.controller import default_controller
+from design.controller import bare_controller, default_controller
 from design.deadbeat import DesignError
 from models.controller import Controller
 from models.machine import Machine
@@ -17,11 +17,14 @@ def require_designable(machine: Machine, option: str = "--machine") -> None:
     _ask(feasibility.require_designable, machine, option)
 
 
-def require_controller(machine: Machine, option: str = "--machine") -> Controller:
-    """The controller that the machine's specification asks for. Raises BadInputError where there is none."""
+def require_controller(machine: Machine, option: str = "--machine", *, compensated: bool = True) -> Controller:
+    """The controller that the machine's specification asks for. Raises BadInputError where there is none.
+
+    compensated: whether with its friction compensation, whose number of elements may take a search.
+    """
     require_designable(machine, option)
     try:
-        return default_controller(machine)
+        return default_controller(machine) if compensated else bare_controller(machine)
     except DesignError as error:
         raise BadInputError(f"{option}: {error}") from error
 

@@ -61,6 +61,8 @@ def micrometres(length: float) -> str:
 def amount(parameter: Mapping[str, Any]) -> str:
     """A parameter's number, or its numbers, with the unit."""
     number, unit = parameter["number"], parameter["unit"]
+    if isinstance(number, str):
+        return number
     if not isinstance(number, list):
         return quantity(number, unit, 6)
     if len(set(number)) == 1:

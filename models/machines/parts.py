@@ -8,13 +8,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from models.controller import PID, Feedback
 from models.feedback.forms import NO_FILTERS, Cascade, Filters, described, law_of, nearest_pid
 from models.feedback.law import Law
 from models.quantity import listed, show, value
 
+MOST_COMPENSATED: Final = 100  # elements that a friction compensator may have
 UNSTATED: Final = 0.3  # steps of a scale's resolution: the noise of a scale whose file states none; assumed
 # Why the ranges of a machine file end where they do: far beyond any axis, and well before numbers lose their meaning.
 FORCE: Final = "no drive has more than a meganewton, in millinewtons of thrust reference"
@@ -88,7 +89,10 @@ FROM_CASCADE: Final = PID(*[math.nan] * 4)  # stands where none is stated: it fo
 
 @dataclass(frozen=True)
 class Control:
-    """What is fixed of the controller before a feedforward is designed."""
+    """What is fixed of the controller before a feedforward is designed.
+
+    compensator_elements: "auto" stands for the fewest with which the design meets its specification.
+    """
 
     sample_time: float = value(
         "s",
@@ -101,7 +105,9 @@ class Control:
     reference_delay: int = value(
         "1", "samples by which the reference of the PID in place waits", at_least=0, below=1001
     )
-    compensator_elements: int = value("1", "elements N of the friction compensator RFM", at_least=1, below=101)
+    compensator_elements: int | Literal["auto"] = value(
+        "1", "elements N of the friction compensator RFM", at_least=1, below=MOST_COMPENSATED + 1
+    )
     anti_windup: float = value(
         "s",
         "time constant by which the integral follows what the rating cuts off (0: it winds up)",

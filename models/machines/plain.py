@@ -16,12 +16,13 @@ from models.quantity import Declaration, declaration, json_name
 
 @dataclass(frozen=True)
 class Parameter:
-    """One value of a machine for a table of parameters; `number` is an SI float, or a tuple of them."""
+    """One value of a machine for a table of parameters; `number` is an SI float, a tuple of them, or a word such as
+    "auto" where a file may state one."""
 
     name: str
     meaning: str
     unit: str
-    number: float | tuple[float, ...]
+    number: float | tuple[float, ...] | str
     provenance: Provenance
 
 

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from models.effects import catalogue
 from models.effects.base import Effect
@@ -140,15 +140,19 @@ def _ranges(
 
 
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
-    """The float, the tuple of floats or the int at `where`, its source put into `sources`."""
+    """The float, the tuple of floats, the int or the word in its place at `where`, its source put into `sources`."""
     text, source = _provenance(entry, where)
     if isinstance(entry, dict) and "std" in entry:
         source = dataclasses.replace(source, std=_deviation(entry["std"], declared, text, where))
     sources[where] = source
+    words = _words(hint)
+    if isinstance(text, str) and text in words:
+        return text
     try:
-        if hint is int:
+        if hint is int or words:
             if not isinstance(text, int) or isinstance(text, bool):
-                raise QuantityError(f"{cut(text)} must be a whole number; write one without a unit, such as 2")
+                either = "".join(f', or "{word}"' for word in words)
+                raise QuantityError(f"{cut(text)} must be a whole number; write one without a unit, such as 2{either}")
             check(_plain_number(text), declared)
             return text
         if hint is float:
@@ -160,6 +164,12 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
         return tuple(_number(item, declared) for item in text)
     except QuantityError as error:
         raise MachineError(f"{where}: {error}{_of_motor(text)}") from error
+
+
+def _words(hint: Any) -> tuple[str, ...]:
+    """The words that may stand in place of a whole number, as the type of the field says."""
+    kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else ()
+    return tuple(word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
 
 
 def _of_motor(text: object) -> str:

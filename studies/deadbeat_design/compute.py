@@ -34,6 +34,7 @@ from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from models.variation import Variation, at_mode, varied_plant
 from studies.beforehand import require_designable
+from studies.compensator import with_elements
 from studies.deadbeat_design.effects import compensate
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
@@ -59,6 +60,8 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         robust = _synthesise(machine, wanted, "mode_robustness")
     except DesignError as error:
         raise BadInputError(f"--settling-time, --stroke: {error}") from error
+    counted = with_elements(machine, options, progress, plain, shares=(0.1, 0.15))
+    machine = counted.machine
     controller = assemble(machine, plain)
     progress(0.15, "trade-off of settling time and thrust")
     trade_off = _trade_off(machine, wanted, quick=options.quick)
@@ -92,17 +95,22 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         "without": _validation(machine.specification, without),
         "with": _validation(machine.specification, with_rfm),
         "paper": _beside_the_paper(machine, without, with_rfm),
+        **counted.results,
     }
     checks = _checks(machine, wanted, plain, proof, without, with_rfm)
     if known is not None:
         results["effects"], controller = known.results, known.controller
         proof = _proof(known.plant, known.deadbeat)
         checks = _checks(machine, wanted, known.deadbeat, proof, without, known.validation)
-    files = {"controller.json": to_json(controller, plain.stroke, plain.settling_time)}
+    written = to_json(controller, plain.stroke, plain.settling_time)
+    if counted.choice is not None:
+        written["compensator_elements"] = counted.choice.count
+    files = {"controller.json": written}
     summary = [
         ("x_T* rests on the target after (--settling-time)", show(wanted["settling_time_s"], "s")),
         ("motions are checked to settle within (machine file)", show(machine.specification.settling_time, "s")),
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
+        *counted.summary,
     ]
     if machine.control.law is not None:
         results["feedback"] = machine.control.in_words

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from models.quantity import show
 from reports import style
@@ -33,6 +35,9 @@ def tell(whole: Results) -> Report:
         Figure("dispersion", DISPERSION, (*_DISPERSION_KEYS, "machine.specification"), _dispersion),
         Figure("lissajous", LISSAJOUS, ("results.without", "results.friction", "machine.presliding"), _lissajous),
     ]
+    if "compensator_elements" in results:
+        keys = ("results.compensator_elements", "machine.specification")
+        figures.insert(5, Figure("elements", ELEMENTS, keys, _elements))
     if not results["sensitivity"]["modes"]:  # a rigid axis
         figures = [figure for figure in figures if figure.name != "sensitivity"]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
@@ -66,6 +71,11 @@ SENSITIVITY = (
     "frequency is off."
 )
 BRANCH = "Increase of force after a reversal from full slip (compare Fig. 3b of the paper), with the published slopes."
+ELEMENTS = (
+    "What the design achieves on the nonsmooth machine with each number of elements of the friction compensator: time "
+    "until the slowest motion has settled (triangles: it never does), and worst dispersion after the specified time. "
+    "Filled: the specification is met; circled: the chosen number; dotted: across numbers that were not tried."
+)
 RESPONSES = (
     "Positive motions on the nonsmooth machine, without (left) and with (right) friction compensation: distance "
     "travelled and rolling friction (compare Figs. 7, 12 and 14 of the paper)."
@@ -169,6 +179,86 @@ def _branch(whole: Results) -> Drawing:
     ax.set_ylabel("increase of force [N]")
     ax.legend(loc="lower right")
     return figure
+
+
+def _elements(whole: Results) -> Drawing:
+    counts, specification = whole["results"]["compensator_elements"], whole["machine"]["specification"]
+    figure, axes = style.subplots(2, 1, 90, sharex=True)
+    above, below = axes[:, 0]
+    in_time = 1e3 * specification["settling_time_s"]
+    rows = counts["curve"]
+    settling = [one["settling_s"] and 1e3 * one["settling_s"] for one in rows]
+    highest = 1.6 * max([in_time, *(time for time in settling if time is not None)])  # where "never" is drawn
+    _tried(above, rows, [highest if time is None else time for time in settling], counts["chosen"])
+    _tried(below, rows, [1e6 * one["dispersion_m"] for one in rows], counts["chosen"])
+    style.mark_limit(above, in_time, f"specified\n{in_time:g} ms")
+    tolerance = 1e6 * specification["tolerance_m"]
+    style.mark_limit(below, tolerance, f"tolerance\n{tolerance:g} µm")
+    above.set_ylabel("slowest settling [ms]")
+    below.set_ylabel("worst 3σ [µm]")
+    below.set_xlabel("elements of the friction compensator")
+    _whole_numbers(below, [one["elements"] for one in rows], counts["chosen"])
+    for ax in (above, below):
+        ax.set_yscale("log")
+        ax.margins(y=0.15)
+        ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        ax.yaxis.set_major_formatter("{x:g}")
+        ax.yaxis.set_minor_formatter(NullFormatter())
+    above.legend(*_legend(rows), loc="upper right")
+    return figure
+
+
+def _tried(ax: Any, rows: list[Results], values: list[float], chosen: int) -> None:
+    """One outcome over the numbers of elements, the chosen one circled."""
+    numbers = [one["elements"] for one in rows]
+    for i in range(1, len(numbers)):  # dotted across numbers that were not tried
+        dashes = "-" if numbers[i] == numbers[i - 1] + 1 else (0, (1, 2))
+        ax.plot(numbers[i - 1 : i + 1], values[i - 1 : i + 1], color=style.BLUE, linewidth=0.9, linestyle=dashes)
+    for one, number, value in zip(rows, numbers, values, strict=True):
+        ax.plot(number, value, **_marker(one), zorder=3)
+    ax.plot(chosen, values[numbers.index(chosen)], "o", markersize=10, zorder=2.5, **_RING)
+
+
+_RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": style.VERMILION, "markeredgewidth": 1.5}
+
+
+def _marker(one: Results) -> dict[str, Any]:
+    """How a trial looks: filled where it meets the specification, a triangle where a motion never settles."""
+    face = style.BLUE if one["meets"] else "white"
+    return {
+        "marker": "o" if one["settling_s"] is not None else "^",
+        "markersize": 3.5,
+        "linestyle": "none",
+        "markerfacecolor": face,
+        "markeredgecolor": style.BLUE,
+    }
+
+
+def _legend(rows: list[Results]) -> tuple[list[Line2D], list[str]]:
+    """A handle and a label for each kind of trial that there is, and for the chosen one."""
+    kinds = {
+        "never settles"
+        if one["settling_s"] is None
+        else "meets the specification"
+        if one["meets"]
+        else "misses it": one
+        for one in rows
+    }
+    names = sorted(kinds, key=("meets the specification", "misses it", "never settles").index)
+    ring = Line2D([], [], marker="o", markersize=8, linestyle="none", **_RING)
+    return [*(Line2D([], [], **_marker(kinds[name])) for name in names), ring], [*names, "chosen"]
+
+
+def _whole_numbers(ax: Any, numbers: list[int], chosen: int) -> None:
+    """A logarithmic axis with ticks at numbers that were tried: the ends, the chosen one, and others as room allows."""
+    ticks = {min(numbers), max(numbers), chosen}
+    for number in sorted(numbers):
+        apart = 1.11 if number < 10 else 1.2  # a label of two digits is wider
+        if all(max(number, tick) >= apart * min(number, tick) for tick in ticks):
+            ticks.add(number)
+    ax.set_xscale("log")
+    ax.set_xticks(sorted(ticks), [str(tick) for tick in sorted(ticks)])
+    ax.set_xticks([], minor=True)
 
 
 def _regions(ax: Any, facts: Results) -> None:

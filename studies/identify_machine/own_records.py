@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import default_controller
+from design.controller import bare_controller
 from models.controller import References
 from models.friction import elements
 from models.machine import Machine
@@ -94,7 +94,7 @@ def motions(machine: Machine, seed: int, nominal: Machine | None = None) -> Reco
     The feedforward is the nominal machine's, as the controller is designed before identification. The feedback is the
     one that the machine states, because it is the one that is replayed.
     """
-    controller, control = default_controller(nominal or machine).without_compensation(), machine.control
+    controller, control = bare_controller(nominal or machine), machine.control
     if control.law is not None:
         controller = replace(controller, law=control.law, reference_delay=control.reference_delay)
     ts, stroke = machine.sample_time, machine.specification.stroke

@@ -18,6 +18,7 @@ from design.controller import design_deadbeat
 from design.deadbeat import DesignError
 from design.pid.rules import simc
 from models.machine import Machine, MachineError, from_table
+from models.machines.parts import MOST_COMPENSATED
 from models.plant import Mode, Plant, delay_split
 from models.quantity import QuantityError, parse, show
 from studies.beforehand import require_designable
@@ -27,6 +28,7 @@ from studies.options import BadInputError
 DEAD_TIME: Final = 1.5  # sample times: one until the command is out, half of one for the hold
 CURRENT_LOOP: Final = 0.25  # of the sample rate
 ELEMENTS: Final = 5
+AUTOMATIC: Final = "assumed: chosen by the study, the fewest with which the design meets its specification"
 FINEST: Final = 1 / 20  # of the presliding distance: the limit of the first element
 CLOSED_LOOP: Final = 2.0  # time constant of the loop, in dead times: twice the tight setting of Skogestad's rule
 AT_REST: Final = 0.8  # of the settling time: when x_T* rests on the target
@@ -144,7 +146,7 @@ damping = {listed(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not 
 [control]
 sample_time = {given("sample_time")}
 reference_delay = {_entry(str(delay_split(numbers["dead_time"], ts)[0]), "derived: whole samples of the dead time")}
-compensator_elements = {_entry(str(ELEMENTS), "derived: as many as [friction] has")}
+compensator_elements = {_entry(_quoted("auto"), AUTOMATIC)} # or a number from 1 to {MOST_COMPENSATED}
 
 [control.pid] # replace it by the PID that runs, or by [control.cascade]
 kp = {number(pid.kp, "N/m", rule)}

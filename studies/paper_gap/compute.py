@@ -22,6 +22,7 @@ from models.ensemble import load_ensemble
 from models.machine import Machine, MachineError
 from models.quantity import show
 from studies.beforehand import require_designable, require_members
+from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.paper_gap import shown
@@ -61,6 +62,8 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
     """Answers the study's question. Raises BadInputError for a machine of which no outcomes are published."""
     pattern = _pattern(machine, options)
     require_designable(machine)
+    counted = with_elements(machine, options, progress)
+    machine = counted.machine
     tables = _tables(machine, options)
     effort = _effort(len(tables), quick=options.quick)
     _foresee(machine, effort, options, progress)
@@ -98,8 +101,10 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
         "again": again,
         "kept": shown.kept(again, machine.published, pattern.margin / pattern.dispersion),
         "decided": decided,
+        **counted.results,
     }
-    return Answer(results, _checks(results), _references(machine, decided), _summary(results))
+    summary = [*_summary(results), *counted.summary]
+    return Answer(results, _checks(results), _references(machine, decided), summary)
 
 
 def _foresee(machine: Machine, effort: Effort, options: PaperOptions, progress: Progress) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.controller import default_controller
 from design.family import Member, family, slopes
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
@@ -28,6 +29,7 @@ from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
 from studies.beforehand import require_controller
+from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.pid_tradeoff import ensemble
@@ -63,7 +65,7 @@ class _TradeOff:
 def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted, others = _wanted(options), _ensemble(options)
-    controller = require_controller(machine)
+    controller = require_controller(machine, compensated=False)
     _foresee(machine, options, len(others), progress)
     tuning = _tuned(machine, wanted, options, others, progress)
     members, limits, points, chosen = tuning.members, tuning.limits, tuning.front.points, tuning.chosen
@@ -76,8 +78,8 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     progress(0.7, f"the PIDs on {len(others)} members of the ensemble")
     on_ensemble = _on_ensemble(machine, others, wanted, limits, controller, chosen, tuned=options.ensemble is not None)
     progress(0.8, "published optima, limits and certificates")
-    fit = controller.with_feedback(chosen.pid)
-    compensated = validate_many([machine, with_pid(machine, chosen.pid, "this study")], [controller, fit])
+    counted = with_elements(with_pid(machine, chosen.pid, "this study"), options, progress, shares=(0.8, 0.85))
+    fit, compensated = _compensated(machine, counted.machine, controller)
     results = {
         "quick": options.quick,
         "wanted": _asked(wanted, tuning),
@@ -95,11 +97,22 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         "between": _between(machine, chosen.pid),
         "compensated": [_outcome(one) for one in compensated],
         "force_N": _force(machine),
+        **counted.results,
     }
     checks = made(members, points, results, compensated[1], machine)
     stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
     files = {"controller.json": to_json(fit, stroke, settling)}
-    return Answer(results, checks, files, _summary(results))
+    return Answer(results, checks, files, [*_summary(results), *counted.summary])
+
+
+def _compensated(
+    machine: Machine, fitted: Machine, controller: Controller
+) -> tuple[Controller, tuple[Validation, ...]]:
+    """The controller with the fitted machine's PID and friction compensation, and what the present feedback and the
+    PID achieve with that compensation."""
+    rfm = default_controller(fitted).friction_compensation
+    fit = replace(controller.with_feedback(fitted.control.pid), friction_compensation=rfm)
+    return fit, validate_many([machine, fitted], [replace(controller, friction_compensation=rfm), fit])
 
 
 def _tuned(

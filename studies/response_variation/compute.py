@@ -18,6 +18,7 @@ from models.ensemble import load_ensemble, to_text
 from models.machine import Machine, MachineError
 from models.quantity import show
 from studies.beforehand import require_designable, require_members, require_pid
+from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.response_variation.choice import error_against_count
@@ -54,6 +55,8 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
     require_designable(machine)
     _require_regions(machine)
     _foresee(machine, options, progress)
+    counted = with_elements(machine, options, progress)
+    machine = counted.machine
     tell = _Steps(options, progress)
     tell("search", 0.0, "collecting the tables")
     members = _searched(machine, options, tell) if options.search else _kept(machine, options)
@@ -87,9 +90,10 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
         "paper": rows(central, tables),
         "taken": taken_over(machine),
         "gap": _gap(central, tables),
+        **counted.results,
     }
     files = _files(tables, options) if options.search else {}
-    return Answer(results, _checks(central, tables, results), files)
+    return Answer(results, _checks(central, tables, results), files, counted.summary)
 
 
 def _foresee(machine: Machine, options: VariationOptions, progress: Progress) -> None:

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import default_controller, usable_thrust
+from design.controller import bare_controller, usable_thrust
 from design.deadbeat import DesignError
 from design.loop import assess, controller_response, frequency_response, sensitivities, spectral_radius
 from design.validation import Validation, validate_many
@@ -301,7 +301,7 @@ def evaluate(base: Machine, points: list[Array], substeps: int) -> list[Member]:
     for theta in points:
         machine = table(base, theta)
         try:
-            controller = default_controller(machine).without_compensation()
+            controller = bare_controller(machine)
         except DesignError:
             continue  # no deadbeat within the thrust
         if bent_by_the_limit(machine, controller):

@@ -78,7 +78,8 @@ def contestants(
     law = assemble(machine, deadbeat)
     aware, target = history_aware(machine, profile_of(machine, chosen)), sequence(machine, wanted.stroke)
     least = compensate(profile_of(machine, peak), machine.friction, target)
-    name = f"Deadbeat and RFM, N = {machine.control.compensator_elements}"
+    rfm = law.friction_compensation
+    name = f"Deadbeat and RFM, N = {len(rfm.limit) if rfm else 0}"
     return [
         Contestant("deadbeat", "Deadbeat alone", law.without_compensation()),
         Contestant("paper", name, law),

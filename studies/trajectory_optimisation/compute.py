@@ -28,6 +28,7 @@ from models.controller import Controller, to_json
 from models.machine import Machine, parameters
 from models.quantity import show
 from studies.beforehand import require_designable, require_pid
+from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
@@ -94,7 +95,8 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
         "rest_rated_s": rest_at_rated_thrust(machine, wanted, made.shortest),
     }
     progress(0.6, "judging on nonsmooth tables")
-    entrants = contestants(machine, wanted, (made.deadbeat, made.peak, made.chosen, made.robust))
+    counted = with_elements(machine, options, progress, made.deadbeat, shares=(0.6, 0.62))
+    entrants = contestants(counted.machine, wanted, (made.deadbeat, made.peak, made.chosen, made.robust))
     judged = compare(machine, wanted, aim, options, entrants, progress)
     progress(0.82, "judging on the tables that behave as the paper says")
     members = on_members(machine, wanted, aim, options, entrants, made.samples, progress)
@@ -110,12 +112,13 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
         **_assumed(),
         **judged,
         "members": members,
+        **counted.results,
         "fell_back": made.chosen is not made.asked,
         "solver": _solver(made),
         "parameters": [vars(one) | {"provenance": vars(one.provenance)} for one in parameters(machine)],
     }
     files = {"controller.json": _controller_file(machine, wanted, made.chosen)}
-    return Answer(results, _checks(wanted, results), files, _summary(results))
+    return Answer(results, _checks(wanted, results), files, [*_summary(results), *counted.summary])
 
 
 def _foresee(machine: Machine, options: TrajectoryOptions, progress: Progress) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from design.friction_compensation import simplify
 from models.ensemble import load_ensemble
@@ -46,3 +48,20 @@ def test_the_error_on_inner_loops_is_at_most_that_of_their_branches() -> None:
 def test_one_element_and_elements_without_stiffness_are_no_trouble() -> None:
     assert simplify(TABLE, 1).coulomb_force == pytest.approx(TABLE.coulomb_force)
     assert len(simplify(elements([0.0, 1e5], [1e-6, 1e-5]), 3).limit) == 3
+
+
+@given(
+    st.lists(st.tuples(st.floats(1e3, 1e9), st.floats(1e-8, 1e-2), st.floats(0, 1e4)), min_size=1, max_size=60),
+)
+def test_as_many_elements_as_the_machine_has_are_the_machine_s(table: list[tuple[float, float, float]]) -> None:
+    """Their stiffnesses and limits to the last digit; the damping does not act in the RFM."""
+    stiffness, limit, damping = zip(*table, strict=True)
+    rfm = simplify(elements(stiffness, limit, damping), len(table))
+    assert (rfm.stiffness, rfm.limit) == (stiffness, limit)
+    assert set(rfm.damping) == {0.0}
+
+
+def test_elements_without_stiffness_need_not_be_counted() -> None:
+    friction = elements([0.0, 1e5, 3e5], [1e-6, 1e-5, 2e-5], [0.0, 10.0, 20.0])
+    assert simplify(friction, 2) == elements([1e5, 3e5], [1e-5, 2e-5])
+    assert simplify(friction, 3) == elements(friction.stiffness, friction.limit)

@@ -100,6 +100,44 @@ def test_the_machine_in_results_has_the_agreed_names() -> None:
     assert machine["scale"]["resolution_m"] == 1e-7
 
 
+ELEMENTS = r"compensator_elements = .*"
+
+
+@pytest.mark.parametrize("entry", ['"auto"', '{ value = "auto", source = "assumed: chosen by the study" }'])
+def test_the_number_of_compensator_elements_may_be_left_to_the_study(entry: str, tmp_path: Path) -> None:
+    machine = load(changed(tmp_path, ELEMENTS, f"compensator_elements = {entry}"))
+    assert machine.control.compensator_elements == "auto"
+    assert to_json(machine)["control"]["compensator_elements"] == "auto"
+    row = next(one for one in parameters(machine) if one.name == "control.compensator_elements")
+    assert row.number == "auto"
+    assert row.provenance.kind == "assumed"
+    text = to_toml(machine)
+    assert 'compensator_elements = { value = "auto", source = "assumed: ' in text
+    copy = tmp_path / "copy.toml"
+    copy.write_text(text, encoding="utf-8")
+    assert load(copy) == machine
+    assert to_toml(load(copy)) == text
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ('"Auto"', """'Auto' must be a whole number; write one without a unit, such as 2, or "auto\""""),
+        ('"7"', """'7' must be a whole number; write one without a unit, such as 2, or "auto\""""),
+        ("2.5", """2.5 must be a whole number; write one without a unit, such as 2, or "auto\""""),
+        ('["auto"]', """['auto'] must be a whole number; write one without a unit, such as 2, or "auto\""""),
+        ("0", "0 must be at least 1"),
+        ("101", "101 must be below 101"),
+    ],
+)
+def test_any_other_word_for_the_number_of_elements_is_refused(entry: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(MachineError) as refused:
+        load(changed(tmp_path, ELEMENTS, f"compensator_elements = {entry}"))
+    assert str(refused.value).endswith(f"control.compensator_elements: {said}")
+    with pytest.raises(MachineError, match=r"reference_delay: \'auto\' must be a whole number; .*such as 2$"):
+        load(changed(tmp_path, r"reference_delay = .*", 'reference_delay = "auto"'))
+
+
 def test_facts_that_a_file_leaves_out_follow_from_its_elements(tmp_path: Path) -> None:
     machine = load(without(tmp_path, "presliding"))
     assert machine.presliding.coulomb_force == machine.friction.coulomb_force

@@ -57,6 +57,16 @@ def test_the_sizes_that_effects_may_have_may_stand_in_it(tmp_path: Path) -> None
     assert found.sources["priors.cogging.pitch"].kind == "datasheet"
 
 
+def test_each_study_chooses_the_number_of_compensator_elements_that_it_leaves_out(tmp_path: Path) -> None:
+    found = nominal.load(written(tmp_path))
+    assert found.control.compensator_elements == "auto"
+    source = found.sources["control.compensator_elements"]
+    assert (source.kind, source.detail) == (
+        "assumed",
+        "not in nominal.json, so each study that compensates friction chooses it",
+    )
+
+
 @pytest.mark.parametrize(
     ("stated", "says"),
     [

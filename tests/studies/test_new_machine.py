@@ -49,6 +49,8 @@ def test_the_file_holds_the_answers_and_says_of_every_value_where_it_is_from(tmp
     kinds = {one.name: one.provenance.kind for one in parameters(machine)}
     assert set(kinds.values()) == {"given", "derived", "assumed"}
     assert all(one.provenance.detail for one in parameters(machine))
+    assert machine.control.compensator_elements == "auto"
+    assert "chosen by the study" in machine.sources["control.compensator_elements"].detail
     wanted = machine.specification
     assert (wanted.stroke, wanted.tolerance, wanted.settling_time) == (50e-6, 1e-6, 20e-3)
     for name in ("drive.rated_thrust", "plant.dead_time", "control.sample_time", "specification.settling_time"):

@@ -1,0 +1,102 @@
+"""How many elements the friction compensator RFM needs: the fewest with which a design meets its specification.
+
+Each number is judged on the nonsmooth machine by `design.validation`. More elements follow the friction better, but the
+fit is not nested, so the settling time need not fall with every element. Numbers are therefore tried one after another
+from 1 on, up to the number of the machine's own elements, which the RFM then has itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+from design.friction_compensation import simplify, with_force
+from design.validation import agreement, validate
+from models.controller import Controller
+from models.machine import Machine
+from models.machines.parts import MOST_COMPENSATED
+
+FURTHER: Final = 3  # numbers beyond the chosen one that a curve shows, and the machine's own number
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What the design achieves with `count` elements: the slowest motion's settling time [s], the worst 3 sigma [m]
+    after the specified one, the peak thrust [N], and whether the simulation became periodic."""
+
+    count: int
+    settling_time: float
+    dispersion: float
+    peak_thrust: float
+    periodic: bool
+    meets: bool
+
+    @property
+    def rank(self) -> tuple[bool, bool, float, float, int]:
+        """Sorts trials from the best to the worst: those that meet, the fewest first, before those that miss."""
+        if self.meets:
+            return False, False, 0.0, 0.0, self.count
+        return True, not self.periodic, self.settling_time, self.dispersion, self.count
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The chosen number of elements, the largest that may be tried, and the trials in the order of their numbers."""
+
+    count: int
+    most: int
+    trials: tuple[Trial, ...]
+
+    @property
+    def meets(self) -> bool:
+        """Whether the design meets its specification with the chosen number."""
+        return any(one.meets for one in self.trials)
+
+
+def largest_count(machine: Machine) -> int:
+    """The largest number of elements that is tried: that of the machine's elements, as far as a file may state it."""
+    return min(len(with_force(machine.friction).limit), MOST_COMPENSATED)
+
+
+def choose(
+    machine: Machine,
+    bare: Controller,
+    *,
+    stroke: float | None = None,
+    seed: int = 0,
+    further: int = 0,
+    tell: Callable[[int, int], None] = lambda _count, _most: None,
+) -> Choice:
+    """The fewest elements with which `bare`, the controller without RFM, meets the machine's specification.
+
+    It is met if every motion of the sequence, with strokes of `stroke` [m] (default: the specification's), settles in
+    time, the thrust stays within the rating, and the last two periods agree. The search ends at the first number that
+    does. If none does, it is the one whose slowest motion settles first; among equals the one with the least 3 sigma.
+    further: so many numbers beyond the first one that meets, and the largest one, are tried for their outcome. tell:
+    receives each number before it is tried, and the largest one. The machine's effects act, without being compensated.
+    """
+    most, trials = largest_count(machine), list[Trial]()
+
+    def attempt(count: int) -> None:
+        tell(count, most)
+        trials.append(_trial(machine, bare, count, stroke, seed))
+
+    for count in range(1, most + 1):
+        attempt(count)
+        if trials[-1].meets:
+            break
+    met = trials[-1].count
+    if further:
+        for count in sorted({*range(met + 1, min(met + further, most) + 1), most} - {one.count for one in trials}):
+            attempt(count)
+    return Choice(min(trials, key=lambda one: one.rank).count, most, tuple(trials))
+
+
+def _trial(machine: Machine, bare: Controller, count: int, stroke: float | None, seed: int) -> Trial:
+    law = replace(bare, friction_compensation=simplify(machine.friction, count))
+    found = validate(machine, law, stroke=stroke, seed=seed)
+    settling, periodic = found.slowest.settling_time, found.repeat_error <= agreement(machine)
+    in_time = settling <= machine.specification.settling_time
+    meets = in_time and periodic and found.peak_thrust <= machine.drive.rated_thrust
+    return Trial(count, settling, found.worst_dispersion, found.peak_thrust, periodic, meets)
