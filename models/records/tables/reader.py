@@ -10,8 +10,10 @@ from typing import Final
 
 from models.records.tables.binary.hdf5 import table_of_hdf5
 from models.records.tables.binary.matlab import table_of_mat
+from models.records.tables.binary.mdf4 import table_of_mdf4
 from models.records.tables.binary.npz import table_of_npz
 from models.records.tables.binary.parquet_table import table_of_parquet
+from models.records.tables.binary.rosbag import table_of_rosbag
 from models.records.tables.binary.tdms import table_of_tdms
 from models.records.tables.formats import LISTED, TEXT
 from models.records.tables.sizes import LIMITS, Limits, RecordError
@@ -31,6 +33,9 @@ READERS: Final[Mapping[str, Reader]] = {
     ".hdf5": table_of_hdf5,
     ".hdf": table_of_hdf5,
     ".tdms": table_of_tdms,
+    ".mf4": table_of_mdf4,
+    ".mcap": table_of_rosbag,
+    ".db3": table_of_rosbag,
 }
 
 

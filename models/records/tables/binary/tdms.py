@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.records.tables.binary.arrays import NUMBERS, is_wanted
+from models.records.tables.binary.extras import unlogged
 from models.records.tables.sizes import Limits, RecordError, bounded_memory
 from models.records.tables.table import Table
 
@@ -35,7 +36,7 @@ def table_of_tdms(path: Path, limits: Limits, wanted: Collection[str] | None) ->
     names: list[str] = []
     clocks: dict[str, str] = {}
     numbers = 0
-    with bounded_memory(limits), path.open("rb") as file, TdmsFile.open(file) as content:
+    with unlogged(), bounded_memory(limits), path.open("rb") as file, TdmsFile.open(file) as content:
         channels = [channel for group in content.groups() for channel in group.channels()]
         limits.check_columns(len(channels))
         begins = [time for channel in channels if (time := _begin(channel.properties)) is not None]
@@ -61,9 +62,10 @@ def table_of_tdms(path: Path, limits: Limits, wanted: Collection[str] | None) ->
         for (begin, step, count), name in kept.items():
             found[name], units[name] = begin + step * np.arange(count, dtype=np.float64), "s"
             names.append(name)
+        cut_off = content.file_status.incomplete_final_segment
     if len(set(names)) != len(names):
         raise RecordError("two channels have one name; name each channel of a group once")
-    return Table(found, names, units, clocks)
+    return Table(found, names, units, clocks, ("the last part of the file is incomplete",) if cut_off else ())
 
 
 def _unit(properties: Mapping[str, Any]) -> str:
