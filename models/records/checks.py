@@ -18,11 +18,12 @@ from models.controller import PID, Feedback
 from models.feedback.law import Law, follow
 from models.quantity import show
 from models.records.record import Record
+from models.records.sampling import ROW
 from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 
-THOUSAND: Final = (300.0, 3000.0)  # a ratio of sample times in here is a factor of 1000, or its inverse
+TRUST: Final = "if the record is right as it is, give --trust-records (in Python, trusted=True)"
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
 SATURATED: Final = 3  # samples in a row at the extreme of the command
 SHORTEST: Final = 1000  # samples that a diagnosis needs, of all records together
@@ -54,8 +55,6 @@ class Facts:
 def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, ...]:
     """Sentences on a record that can be used; raises RecordError for one that can't. given: signals of the file."""
     _constant(record)
-    if facts.sample_time is not None:
-        _sample_time(record, facts.sample_time)
     sentences = [*_saturation(record, facts.limit), *_step(record)]
     if facts.pid is not None and {"reference", "command"} <= set(given):
         sentences += _shift(record, facts.pid, facts.reference_delay)
@@ -67,21 +66,26 @@ def check_sample_time(record: Record, sample_time: float) -> None:
     if abs(record.sample_time / sample_time - 1) > SAME_TIME:
         raise RecordError(
             f"is sampled every {show(record.sample_time, 's')}, and the machine's controller runs every "
-            f"{show(sample_time, 's')}; give the machine file of this record, or a record of this machine"
+            f"{show(sample_time, 's')}; give the machine file of this record, or a record of this machine; "
+            f'where only the times in the file are off, map time = "{ROW} * {show(sample_time, "s", 6)}"'
         )
 
 
-def check_movement(records: Sequence[Record]) -> None:
-    """Raises RecordError for records that are too short together, or in none of which anything moves."""
+def check_length(records: Sequence[Record]) -> None:
+    """Raises RecordError for records that are too short together."""
     samples = sum(record.position.size for record in records)
     if samples < SHORTEST:
         raise RecordError(
             f"{samples} samples are too short for a diagnosis; give {SHORTEST} or more, with several motions"
         )
+
+
+def check_movement(records: Sequence[Record]) -> None:
+    """Raises RecordError for records in none of which anything moves."""
     if not any(_moves(record) for record in records):
         raise RecordError(
             "nothing moves; a diagnosis needs motions, such as the references in the suite.csv that gap_diagnosis "
-            "writes where it is given no record"
+            f"writes where it is given no record; {TRUST}"
         )
 
 
@@ -102,14 +106,14 @@ def check_one_machine(records: Sequence[Record], names: Sequence[str]) -> None:
         if not 0.99 < step / steps[0][0] < 1.01:
             raise RecordError(
                 f"{steps[0][1]} and {name} are of two machines: their scales have steps of "
-                f"{show(steps[0][0], 'm')} and {show(step, 'm')}; diagnose each with its own machine file"
+                f"{show(steps[0][0], 'm')} and {show(step, 'm')}; diagnose each with its own machine file; {TRUST}"
             )
     masses = [(mass, name) for record, name in zip(records, names, strict=True) if (mass := rolling_mass(record))]
     for mass, name in masses[1:]:
         if not 1 / SAME_MASS < mass / masses[0][0] < SAME_MASS:
             raise RecordError(
                 f"{masses[0][1]} and {name} are of two machines: their commands move {show(masses[0][0], 'kg', 3)} and "
-                f"{show(mass, 'kg', 3)}; diagnose each with its own machine file"
+                f"{show(mass, 'kg', 3)}; diagnose each with its own machine file; {TRUST}"
             )
 
 
@@ -173,20 +177,6 @@ def _constant(record: Record) -> None:
         signal: Array = getattr(record, name)
         if np.ptp(signal) == 0:
             raise RecordError(f"the {name} is constant at {signal[0]:g}; map the column that holds it, or record it")
-
-
-def _sample_time(record: Record, nominal: float) -> None:
-    ratio = record.sample_time / nominal
-    if _thousand(ratio):
-        raise RecordError(
-            f"the sample time is {show(record.sample_time, 's')} and the machine's {show(nominal, 's')}, a factor of "
-            "1000: the time's unit is wrong; mark it, as in [ms]"
-        )
-
-
-def _thousand(ratio: float) -> bool:
-    size = abs(ratio)
-    return THOUSAND[0] < size < THOUSAND[1] or 1 / THOUSAND[1] < size < 1 / THOUSAND[0]
 
 
 def rolling_mass(record: Record) -> float | None:

@@ -20,12 +20,13 @@ _ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232}
 @dataclass(frozen=True)
 class Source:
     """Where one signal comes from: the file's column `name`, times `factor` to SI; decibels: 20 log10 of it;
-    absolute: a deviation in m/N, not relative to the magnitude."""
+    absolute: a deviation in m/N, not relative to the magnitude; unit: of the column, "" where none is stated."""
 
     name: str
     factor: float
     decibels: bool = False
     absolute: bool = field(default=False, repr=False)
+    unit: str = field(default="", repr=False)
 
 
 DERIVATIVES: Final = ("error", "position")
@@ -74,15 +75,16 @@ class Columns:
             )
         factor = (match["factor"] or "1").strip()
         unit = match["unit"] or _unit_by(factor, signal, stated.strip())
+        name = match["name"]
         if unit.lower() == "db":
-            return Source(match["name"], _factor("", factor, "1", signal), decibels=True)
+            return Source(name, _factor("", factor, "1", signal), decibels=True, unit=unit)
         if signal == "phase":
             if unit and unit not in _ANGLES:
                 raise ValueError(f"phase: [{unit}] must be an angle; write [deg] or [rad]")
-            return Source(match["name"], _ANGLES[unit or "deg"] * _factor("", factor, "1", signal))
-        if signal == "deviation" and "/" in unit:
-            return Source(match["name"], _factor(unit, factor, UNITS["magnitude"], signal), absolute=True)
-        return Source(match["name"], _factor(unit, factor, UNITS[signal], signal))
+            return Source(name, _ANGLES[unit or "deg"] * _factor("", factor, "1", signal), unit=unit)
+        absolute = signal == "deviation" and "/" in unit
+        wanted = UNITS["magnitude" if absolute else signal]
+        return Source(name, _factor(unit, factor, wanted, signal), absolute=absolute, unit=unit)
 
 
 UNITS: Final = {

@@ -20,10 +20,11 @@ from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
 from models.quantity import cut
 from models.records import response_columns
-from models.records.checks import Facts, derivative_of_error, findings
+from models.records.checks import TRUST, Facts, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
 from models.records.grids import on_one_grid
-from models.records.plausible import TRUST, doubts
+from models.records.plausible import doubts
+from models.records.recognised import recognised
 from models.records.record import Record
 from models.records.sampling import ROW, sampling
 from models.records.tables.reader import read_table
@@ -37,13 +38,17 @@ OPTIONAL: Final = ("target", "reference", "feedforward")
 
 @dataclass(frozen=True)
 class Loaded:
-    """One file: its name, its SHA-256, what it holds, which signals were in it, and what is to be said about it."""
+    """One file: its name, its SHA-256, what it holds, which signals were in it, and what is to be said about it.
+
+    recognised: how it was read, a table in lines of text.
+    """
 
     name: str
     sha256: str
     content: Record | FrequencyResponse
     given: tuple[str, ...]
     findings: tuple[str, ...]
+    recognised: tuple[str, ...] = ()
 
 
 def load(
@@ -62,7 +67,8 @@ def load(
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     try:
         if names["frequency"] in table.names and names["position"] not in table.names:
-            return Loaded(path.name, digest, _response(table, columns), (), ())
+            response, used = _response(table, columns), {s: names[s] for s in ("frequency", "magnitude", "phase")}
+            return Loaded(path.name, digest, response, (), (), recognised(table, columns, used, response))
         record, given, placed = _record(table, columns, facts.sample_time)
         said = (*placed, *findings(_as_it_ran(record, columns, facts), given, facts))
         doubted = doubts(record, set(given), facts)
@@ -72,20 +78,21 @@ def load(
             raise RecordError(f"{one}; {TRUST}")
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
-    return Loaded(path.name, digest, record, given, said)
+    return Loaded(path.name, digest, record, tuple(given), said, recognised(table, columns, given, record))
 
 
-def read_record(path: str | Path, columns: Columns | None = None) -> Record:
+def read_record(path: str | Path, columns: Columns | None = None, *, trusted: bool = False) -> Record:
     """The signals (n,) [m], [N] of a record file of any format in `models.records.tables.formats`.
 
     columns: how the file calls its signals, such as `machine.record`; by default time_s, command_N, position_m, ...
+    trusted: a record that looks wrong is read nevertheless.
     Raises RecordError, a sentence that says what is wrong and what to do, for a file that holds no such record.
 
     >>> record = pos.read_record(folder / "moves.csv")
     >>> record.sample_time, record.position.shape == record.command.shape
     (0.0005, True)
     """
-    content = load(Path(path), columns).content
+    content = load(Path(path), columns, trusted=trusted).content
     if not isinstance(content, Record):
         raise RecordError(f"{path}: holds a frequency response; give a record of time, command and position")
     return content
@@ -111,8 +118,8 @@ def read(path: Path, limits: Limits = LIMITS) -> dict[str, Array]:
     return dict(read_table(path, None, limits).columns)
 
 
-def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Record, tuple[str, ...], tuple[str, ...]]:
-    """The record in SI units, the signals that the file has, and what was done to bring them onto one grid of times.
+def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Record, dict[str, str], tuple[str, ...]]:
+    """The record in SI units, the column of each signal that the file has, and sentences on what was made of its times.
 
     expected: the machine's sample time [s], if it is known. Raises RecordError.
     """
@@ -134,7 +141,7 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
         signals["command"],
         signals["position"],
     )
-    return record, tuple(signals), (*said, *sampled.said)
+    return record, {signal: names[signal] for signal in signals}, (*said, *sampled.said)
 
 
 def _signals(table: Table, columns: Columns) -> tuple[dict[str, Array], dict[str, str], tuple[str, ...]]:

@@ -27,17 +27,30 @@ FASTER: Final = (
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
 SMOOTHED: Final = 20  # samples over which accelerations are taken
 FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit
-TRUST: Final = "if the record is right as it is, give --trust-records"
 
 
 def doubts(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
     """Why a record can't be what it says, in whole sentences, the plainest first. given: signals that the file has."""
+    yield from _against_sample_time(record, facts)
     yield from _swapped(record, given)
     if "reference" in given and np.ptp(record.reference) > 0:
         yield from _against_reference(record)
     yield from _against_scale(record, facts)
     yield from _jumps(record, facts)
     yield from _against_force(record, facts)
+
+
+def _against_sample_time(record: Record, facts: Facts) -> Iterator[str]:
+    if facts.sample_time is not None and _thousand(record.sample_time / facts.sample_time):
+        yield (
+            f"the sample time is {show(record.sample_time, 's')} and the machine's {show(facts.sample_time, 's')}, a "
+            "factor of 1000: the time's unit is wrong; mark it, as in [ms]"
+        )
+
+
+def _thousand(ratio: float) -> bool:
+    size = abs(ratio)
+    return THOUSAND[0] < size < THOUSAND[1] or 1 / THOUSAND[1] < size < 1 / THOUSAND[0]
 
 
 def _off(ratio: float) -> bool:
@@ -173,8 +186,7 @@ def _against_mass(speed: Array, acceleration: Array, force: Array, mass: float) 
     """A factor of 1000 between the mass that explains the command, with friction or alone, and the machine's [kg]."""
     shown, left = fitted_mass(speed, acceleration, force)
     ratio, power = abs(shown / mass), float(np.var(force))
-    thousand = THOUSAND[0] < ratio < THOUSAND[1] or 1 / THOUSAND[1] < ratio < 1 / THOUSAND[0]
-    explained = thousand and float(np.var(left)) < 0.5 * power
+    explained = _thousand(ratio) and float(np.var(left)) < 0.5 * power
     if explained or (shown > 0 and _off(ratio) and float(np.var(shown * acceleration)) > INERTIA * power):
         yield (
             f"the command moves a mass of {show(shown, 'kg')} where {show(mass, 'kg')} are known, "

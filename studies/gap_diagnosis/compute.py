@@ -90,7 +90,7 @@ def _foresee(machine: Machine, samples: float, options: DiagnosisOptions, progre
 def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Given:
     if options.record:
         progress(0.01, "reading " + ", ".join(path.name for path in options.record))
-        found = loaded(machine, options)
+        found = loaded(machine, options, progress)
         records = tuple(one.content for one in found if isinstance(one.content, Record))
         return Given(
             machine, records, tuple(_shown(one.name, one.sha256, one.content, one.findings) for one in found), None

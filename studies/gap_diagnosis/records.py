@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from diagnosis.model.motions import check_count
 from models.identification.recognise import read
 from models.machine import Machine
 from models.records.checks import (
+    TRUST,
+    check_length,
     check_movement,
     check_one_machine,
     check_sample_time,
@@ -25,8 +28,13 @@ from studies.options import BadInputError
 from studies.record_columns import mapped
 
 
-def loaded(machine: Machine, options: DiagnosisOptions) -> tuple[Loaded, ...]:
-    """The records that were given. Raises BadInputError for one that can't be read or diagnosed."""
+def loaded(
+    machine: Machine, options: DiagnosisOptions, progress: Callable[[float, str], None] = lambda _share, _text: None
+) -> tuple[Loaded, ...]:
+    """The records that were given; progress is told how each was read.
+
+    Raises BadInputError for one that can't be read or diagnosed.
+    """
     mapping, control = mapped(machine, options, options.record), machine.control
     found, most = list[Loaded](), options.most_samples
     limits = replace(
@@ -45,11 +53,13 @@ def loaded(machine: Machine, options: DiagnosisOptions) -> tuple[Loaded, ...]:
         if columns.derivative == "position":
             one = replace(one, content=derivative_of_error(one.content, control.pid, control.reference_delay))
         found.append(one)
+        progress(0.02, "\n".join([f"read {path}", *one.recognised]))
         if sum(map(_samples, found)) > most:
             names = ", ".join(map(str, options.record))
             raise BadInputError(f"{names}: hold more than {most:,} samples together; {limits.remedy}")
-    check([one.content for one in found if isinstance(one.content, Record)], options.record)
-    return tuple(found)
+    records = [one.content for one in found if isinstance(one.content, Record)]
+    doubts = check(records, options.record, trusted=options.trust_records)
+    return (replace(found[0], findings=(*doubts, *found[0].findings)), *found[1:])
 
 
 def _samples(one: Loaded) -> int:
@@ -67,14 +77,24 @@ def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:
     return tuple(names)
 
 
-def check(records: Sequence[Record], paths: Sequence[Path]) -> None:
-    """Raises BadInputError for records in which nothing moves, which are too short, or not of one machine."""
+def check(records: Sequence[Record], paths: Sequence[Path], *, trusted: bool = False) -> tuple[str, ...]:
+    """Raises BadInputError for records in which nothing moves, which are too short, or not of one machine.
+
+    trusted: what only looks so is returned in sentences instead.
+    """
     names = [str(path) for path in paths]
     with _refused(", ".join(names)):
-        check_movement(records)
+        check_length(records)
         check_count(records)
-    with _refused():
-        check_one_machine(records, names)
+    doubts = []
+    for name, looks_wrong in ((", ".join(names), check_movement), (None, partial(check_one_machine, names=names))):
+        try:
+            looks_wrong(records)
+        except RecordError as error:
+            if not trusted:
+                raise BadInputError(f"{name}: {error}" if name else str(error)) from error
+            doubts.append(f"Not refused, as the records are trusted: {str(error).removesuffix(f'; {TRUST}')}.")
+    return tuple(doubts)
 
 
 @contextmanager

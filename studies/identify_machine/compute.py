@@ -89,6 +89,7 @@ def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress
             loaded = read(machine, path, mapping.columns(path), trusted=options.trust_records)
         except RecordError as error:
             raise BadInputError(str(error)) from error
+        progress(0.02, "\n".join([f"read {path}", *loaded.recognised]))
         found.append((recognised(machine, loaded) if kind == "auto" else kind, loaded))
     return found
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.records.checks import check_movement, check_one_machine, check_sample_time, rolling_mass
+from models.records.checks import check_length, check_movement, check_one_machine, check_sample_time, rolling_mass
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
@@ -41,7 +41,7 @@ STILL = replace(moving(), position=np.full(4000, 1e-5))
 @pytest.mark.parametrize(
     ("check", "records", "says"),
     [
-        (check_movement, [moving().part(0, 600)], "600 samples are too short"),
+        (check_length, [moving().part(0, 600)], "600 samples are too short"),
         (check_movement, [STILL], "nothing moves"),
         (lambda records: check_sample_time(records[0], 1e-3), [moving()], "is sampled every 500 µs"),
         (lambda records: check_one_machine(records, "ab"), [moving(), moving(mass=2 * MASS)], "a and b are of two"),
@@ -57,6 +57,7 @@ def test_what_can_not_be_diagnosed_is_said(
 
 def test_records_of_one_machine_pass() -> None:
     records = [moving(), moving(0.03, mass=1.1 * MASS)]
+    check_length(records)
     check_movement(records)
     check_one_machine(records, "ab")
     check_sample_time(records[0], TS)

@@ -240,3 +240,18 @@ def test_what_was_recognised_is_said(tmp_path: Path) -> None:
         "units in line 3",
         "numbers from line 4",
     )
+
+
+def test_what_was_recognised_is_a_table_for_the_user(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    text = "sample;current [A];xist [Inc]\n" + "".join(f"{k};{k % 7};{k % 11}\n" for k in range(COUNT))
+    path.write_text(text, encoding="utf-8")
+    columns = Columns(time="sample * 250 us", command="current * 31.5 N/A", position="xist * 5 nm")
+    assert load(path, columns).recognised == (
+        "ASCII, columns separated by semicolons, names in line 1, numbers from line 2",
+        "  quantity  column   unit  one is",
+        "  time      sample         0.00025 s",
+        "  command   current  A     31.5 N",
+        "  position  xist     Inc   5e-09 m",
+        "  120 samples every 250 µs, 30 ms in all",
+    )

@@ -1,0 +1,46 @@
+"""What was recognised of a record's file, as a table for the user to check before the work."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from models.identification.response import FrequencyResponse
+from models.quantity import show
+from models.records.columns import UNITS, Columns
+from models.records.record import Record
+from models.records.tables.table import Table
+
+HEADINGS = ("quantity", "column", "unit", "one is")
+
+
+def recognised(
+    table: Table, columns: Columns, names: Mapping[str, str], content: Record | FrequencyResponse
+) -> tuple[str, ...]:
+    """Lines of text: the file's layout, each signal's column with its unit and its value in SI, and the samples [-].
+
+    names: the column of each signal that the file gave, which for the time may be one that the mapping doesn't name.
+    """
+    rows = [_row(table, columns, signal, name) for signal, name in names.items()]
+    layout = [", ".join(table.recognised)] if table.recognised else []
+    return (*layout, *_aligned([HEADINGS, *rows]), _samples(content))
+
+
+def _row(table: Table, columns: Columns, signal: str, name: str) -> tuple[str, ...]:
+    stated = table.units.get(name, "")
+    source = columns.source(signal, stated)
+    unit = source.unit or stated or ("none stated" if source.factor == 1 else "")
+    si = "" if UNITS[signal] == "1" else f" {UNITS[signal]}"
+    return signal, name, unit, "20 log10" if source.decibels else f"{source.factor:.10g}{si}"
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _samples(content: Record | FrequencyResponse) -> str:
+    if isinstance(content, FrequencyResponse):
+        low, high = (show(float(content.frequency[i]), "Hz") for i in (0, -1))
+        return f"  {content.frequency.size:,} lines from {low} to {high}"
+    duration = content.position.size * content.sample_time
+    return f"  {content.position.size:,} samples every {show(content.sample_time, 's')}, {show(duration, 's')} in all"
