@@ -145,12 +145,12 @@ def choice(meaning: str, known: Sequence[str]) -> Any:
     return _field(known[0], accepted, reviewable=True, choices=tuple(known), help=meaning, default=known[0])
 
 
-def known_text(meaning: str, known: Sequence[str]) -> Any:
-    """A field that is one of the `known` words, or None."""
+def known_text(meaning: str, known: Sequence[str], otherwise: str) -> Any:
+    """A field that is one of the `known` words, or None; otherwise: what a message says about other words."""
 
     def accepted(name: str, value: Any) -> str | None:
         if value is not None and value not in known:
-            raise BadInputError(f"{name}: {value!r} is unknown; choose one of {', '.join(known)}")
+            raise BadInputError(f"{name}: {value!r} is unknown; choose one of {', '.join(known)}; {otherwise}")
         return None if value is None else str(value)
 
     return _field(None, accepted, reviewable=True, metavar="NAME", help=meaning)

@@ -36,4 +36,5 @@ class RecordOptions(Options):
         f"how usual logs call their signals. {RECIPES}. Each is a file models/records/recipes/NAME.toml, of which a "
         "changed copy can be given as --mapping",
         tuple(recipes()),
+        "a file of your own is given by --mapping",
     )

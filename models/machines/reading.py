@@ -49,7 +49,10 @@ def read(kind: type[Part], table: object, where: str, sources: dict[str, Provena
     Raises MachineError, a sentence, for what is missing, unknown or impossible.
     """
     if not isinstance(table, dict):
-        raise MachineError(f"{where}: must be a table; write [{where}] with its values below")
+        several = "; tables [[record]] for several files stand in a mapping file, which --mapping gives"
+        raise MachineError(
+            f"{where}: must be a table; write [{where}] with its values below{several if where == 'record' else ''}"
+        )
     fields = {field.name: field for field in dataclasses.fields(kind) if field.name != "sources"}  # type: ignore[arg-type]
     for key in table:
         if key not in fields:

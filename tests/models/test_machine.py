@@ -195,6 +195,11 @@ MODE = '[[plant.modes]]\ngain = "0.001 1/kg"\nfrequency = "100 Hz"\ndamping = "0
         ('"150 N"', '"150"', r"drive\.rated_thrust: '150' has no unit"),
         ("rated_thrust =", "rated_trust =", r"drive\.rated_trust: unknown; did you mean 'rated_thrust'\?"),
         (r"\[drive\]", '[drive]\noffset = "150 N"', r"drive\.offset: the drive can't hold 150 N within drive\.rated"),
+        (
+            r"\[scale\]",
+            '[[record]]\nfiles = "a.csv"\n\n[scale]',
+            r"record: .*tables \[\[record\]\] for .* --mapping gives",
+        ),
         (r"\[drive\]", "[driver]", r"driver: unknown; did you mean 'drive'\?"),
         ("dead_time = { value", "dead_time = { valu", r"plant\.dead_time\.valu: unknown; did you"),
         ('(38 Hz.*\ndamping = { value =) "', r'\1 "-', r"plant\.modes\.2\.damping: -0\.\d+ must be at least 0"),

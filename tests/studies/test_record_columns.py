@@ -55,5 +55,7 @@ def test_a_wrong_column_is_said(column: str, says: str) -> None:
 
 
 def test_an_unknown_recipe_is_said() -> None:
-    with pytest.raises(BadInputError, match=r"--recipe: 'simulink' is unknown; choose one of .*matlab_log"):
+    with pytest.raises(
+        BadInputError, match=r"--recipe: 'simulink' is unknown; choose one of .*matlab_log.*; a file .* by --mapping"
+    ):
         DiagnosisOptions(recipe="simulink")

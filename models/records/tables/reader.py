@@ -46,6 +46,8 @@ def read_table(path: Path, wanted: Collection[str] | None = None, limits: Limits
     read, or holds more than `limits` says.
     """
     try:
+        if path.is_dir():
+            raise RecordError("is a folder; give the file that holds the record, of a ROS 2 bag its .mcap or .db3")
         if not stat.S_ISREG(path.stat().st_mode):
             raise RecordError("is not a plain file; give the file that holds the record")
         reader = READERS.get(path.suffix.lower())

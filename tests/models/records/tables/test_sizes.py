@@ -146,6 +146,7 @@ def text(path: Path, content: bytes) -> Path:
         ("a.parquet", many_columns, "more than 20 columns"),
         ("a.parquet", long_row, "more than 0.0671089 GB in memory"),
         ("a.csv", pipe, "is not a plain file"),
+        ("a.mcap", Path.mkdir, "is a folder; give the file that holds the record, of a ROS 2 bag its .mcap or .db3"),
     ],
 )
 def test_what_is_too_large_is_refused(name: str, make: Callable[[Path], object], says: str, tmp_path: Path) -> None:

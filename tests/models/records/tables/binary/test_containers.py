@@ -289,11 +289,11 @@ def test_what_is_too_large_or_spoiled_is_refused(
 
 
 def test_a_bomb_in_an_npz_is_refused_before_it_is_expanded(tmp_path: Path) -> None:
-    """A hundred megabytes of zeros behind a head that states three numbers; and a head that states them honestly."""
-    member(tmp_path / "more.npz", {"x": ((3,), bytes(100_000_000))})
+    """Eighty megabytes of zeros behind a head that states three numbers; and a head that states them honestly."""
+    member(tmp_path / "more.npz", {"x": ((3,), bytes(80_000_000))})
     with memory(20):
         np.testing.assert_array_equal(read(tmp_path / "more.npz", FEW)["x"], np.zeros(3))
-    member(tmp_path / "honest.npz", {"x": ((12_500_000,), bytes(100_000_000))})
+    member(tmp_path / "honest.npz", {"x": ((10_000_000,), bytes(80_000_000))})
     with memory(20), pytest.raises(RecordError, match="more than 7,000,000 samples"):
         read(tmp_path / "honest.npz")
 
