@@ -20,7 +20,10 @@ class RecordOptions(Options):
     )
     column: tuple[str, ...] = texts(
         "[FILES:]SIGNAL=ENTRY",
-        'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; for some of them, '
+        'what the files call a signal, such as "position=qm [mm]" or "command=vir [V] * 35.2 N/V"; counts, currents '
+        'and sample counters by their factors, as "position=xist * 5 nm", "command=current * 31.5 N/A", '
+        '"time=sample * 250 us", and "time=row * 250 us" for the count of the rows; without a unit, that of the header '
+        "counts, else SI; for some of them, "
         '"sweep*.csv:position=x [mm]"; an empty ENTRY takes back what a recipe or mapping says; may be repeated '
         "(default: the machine file's [record], else time_s, command_N, position_m, ...)",
         reviewable=True,

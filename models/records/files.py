@@ -198,7 +198,7 @@ def _signal(table: Table, columns: Columns, signal: str) -> Array:
     source = columns.source(signal)
     if source.name not in table.columns:
         close = difflib.get_close_matches(source.name, table.names, n=1, cutoff=0.0)
-        nearest = f"the nearest that the file has is {close[0]!r}" if close else "the file has no columns"
+        nearest = f"the nearest that the file has is {cut(close[0])}" if close else "the file has no columns"
         raise RecordError(
             f"column {source.name!r} for the {signal} is missing; {nearest}; rename it, or map it by "
             f'{signal} = "NAME [unit] * factor" in the machine file\'s [record] or by --column'
@@ -214,7 +214,7 @@ def _in_si(table: Table, columns: Columns, signal: str, name: str) -> Array:
     except ValueError as error:
         one = {"m": "5 nm", "s": "250 us", "N": "35 N"}.get(UNITS[signal], f"2 {UNITS[signal]}")
         raise RecordError(
-            f"column {name!r} is in {cut(stated, 30)}, as the file states, which is not a unit of the {signal}; "
+            f"column {cut(name)} is in {cut(stated, 30)}, as the file states, which is not a unit of the {signal}; "
             f'write what one of it is, as in {signal} = "{name} * {one}", or its right unit, as in [{UNITS[signal]}]'
         ) from error
     return source.factor * 10.0 ** (column / 20) if source.decibels else column * source.factor

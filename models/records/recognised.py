@@ -11,6 +11,7 @@ from models.records.record import Record
 from models.records.tables.table import Table
 
 HEADINGS = ("quantity", "column", "unit", "one is")
+LONGEST = 40  # characters of a cell
 
 
 def recognised(
@@ -30,7 +31,13 @@ def _row(table: Table, columns: Columns, signal: str, name: str) -> tuple[str, .
     source = columns.source(signal, stated)
     unit = source.unit or stated or ("none stated" if source.factor == 1 else "")
     si = "" if UNITS[signal] == "1" else f" {UNITS[signal]}"
-    return signal, name, unit, "20 log10" if source.decibels else f"{source.factor:.10g}{si}"
+    return signal, _shown(name), _shown(unit), "20 log10" if source.decibels else f"{source.factor:.10g}{si}"
+
+
+def _shown(text: str) -> str:
+    """A text of the file in a cell: short, and without characters that act on a terminal."""
+    plain = "".join(one if one.isprintable() else "?" for one in text)
+    return plain if len(plain) <= LONGEST else f"{plain[: LONGEST - 3]}..."
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -37,7 +37,9 @@ def table_of_csv(path: Path, limits: Limits, wanted: Collection[str] | None) -> 
     kept = [j for j, name in enumerate(names) if name and (j not in layout.text if wanted is None else name in wanted)]
     for j in kept:
         if j in layout.text:
-            raise RecordError(f"column {names[j]!r} holds text such as {cut(layout.text[j], 40)}; map one of numbers")
+            raise RecordError(
+                f"column {cut(names[j], 40)} holds text such as {cut(layout.text[j], 40)}; map one of numbers"
+            )
     kept = sorted({*kept, *(layout.clocks[j] for j in kept if j in layout.clocks)})
     limits.check_numbers((file.lines - layout.first) * len(kept))
     columns = _columns(file, layout, kept) if kept else {}

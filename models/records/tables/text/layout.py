@@ -152,17 +152,26 @@ def _counts(cell: str) -> bool:
 
 
 def _first(lines: Sequence[str], rows: Layout, stated: bool) -> int:
-    """The index of the first line that is as the rows are."""
-    for i, line in enumerate(lines):
-        if (stated and i == 0) or not line.strip() or line.startswith(COMMENTS):
+    """The index of the first line that is as the rows are, as is the next: a line above the names may number them."""
+    alone = None
+    used = (i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS))
+    for i in used:
+        if (stated and i == 0) or not _is_row(lines[i], rows):
             continue
-        cells = split(line, rows.separator)
-        if len(cells) != rows.cells:
-            continue
-        kinds = [number(cell, comma=rows.comma) for j, cell in enumerate(cells) if j not in rows.text]
-        if None not in kinds and sum(bool(cell) for cell in cells) > 1:
+        following = next((line for line in lines[i + 1 :] if line.strip() and not line.startswith(COMMENTS)), None)
+        if following is None or _is_row(following, rows):
             return i
-    raise RecordError(NO_ROWS)
+        alone = i if alone is None else alone
+    if alone is None:
+        raise RecordError(NO_ROWS)
+    return alone
+
+
+def _is_row(line: str, rows: Layout) -> bool:
+    """Whether a line is as the rows are."""
+    cells = split(line, rows.separator)
+    kinds = [number(cell, comma=rows.comma) for j, cell in enumerate(cells) if j not in rows.text]
+    return len(cells) == rows.cells and None not in kinds and sum(bool(cell) for cell in cells) > 1
 
 
 def _named(lines: Sequence[str], rows: Layout, stated: bool) -> Layout:
@@ -231,7 +240,7 @@ def _check_names(headers: Sequence[str], rows: Layout, at: int) -> None:
     if len(numbers) > 1 and len(headers) == rows.cells:
         wrong = next((cell for cell in headers if not _counts(cell)), "")
         raise RecordError(
-            f"line {at}: could not convert string to float: {wrong!r}; write numbers only below the line of the names"
+            f"line {at}: could not convert string to float: {cut(wrong, 40)}; write numbers only below the names"
         )
     if len(headers) > rows.cells or len(headers) < rows.cells - 1:
         comma = rows.separator == "," and rows.cells > len(headers)
@@ -269,7 +278,7 @@ def _with_units(named: Layout) -> Layout:
     headers = [
         new if name in repeated else header for header, name, new in zip(named.headers, stripped, numbered, strict=True)
     ]
-    said = [f"columns of one name are numbered: {listed(sorted(repeated))}"] if repeated else []
+    said = [f"columns of one name are numbered: {cut(listed(sorted(repeated)))}"] if repeated else []
     return replace(named, headers=tuple(headers), units={**units, **named.units}, remarks=(*named.remarks, *said))
 
 
@@ -294,7 +303,7 @@ def _scope(above: Sequence[tuple[int, str]], rows: Layout) -> Layout | None:
     scaled = [headers[j] for j in clocks if _of(keyed, "ScaleFactor", j) not in {"", "1", "1.0"}]
     said = ["TwinCAT Scope, times in ms"]
     if scaled:
-        said.append(f"the scale factors that it states for {listed(scaled)} are not applied")
+        said.append(f"the scale factors that it states for {cut(listed(scaled))} are not applied")
     found = replace(rows, headers=tuple(headers), units=units, clocks=clocks, lines=(at, 0), remarks=tuple(said))
     return replace(found, headers=tuple(told_apart(found.headers)))
 

@@ -73,6 +73,7 @@ READ: dict[str, str] = {
     "units behind the names": log(),
     "title lines": log("Logger 4.2", "Date;12.05.2024", "", "Channels;3;Rate;4000"),
     "title of as many cells": log("Trace;of;axis X"),
+    "the columns' numbers above their names": log("1;2;3"),
     "units in a line of their own": UNITS_BELOW.format("ms", "N", "mm") + rows(),
     "units in brackets below": "Title\n" + UNITS_BELOW.format("[ms]", "[N]", "[mm]") + rows(),
     "units in round brackets": log(names=("Zeit (ms)", "Kraft (N)", "Position (mm)")),
