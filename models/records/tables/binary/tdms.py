@@ -6,7 +6,7 @@ itself is opened, not the index that may lie beside it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,10 +39,9 @@ def table_of_tdms(path: Path, limits: Limits, wanted: Collection[str] | None) ->
     with unlogged(), bounded_memory(limits), path.open("rb") as file, TdmsFile.open(file) as content:
         channels = [channel for group in content.groups() for channel in group.channels()]
         limits.check_columns(len(channels))
-        begins = [time for channel in channels if (time := _begin(channel.properties)) is not None]
-        kept = dict[tuple[float, float, int], str]()
         for one in (content, *content.groups(), *channels):
             _check_scales(one.properties)
+        kept = _clocks(channels)
         for channel in channels:
             name = f"{channel.group_name}/{channel.name}"
             kind = channel.dtype.kind
@@ -57,11 +56,11 @@ def table_of_tdms(path: Path, limits: Limits, wanted: Collection[str] | None) ->
             found[name] = _seconds(channel[:]) if kind == "M" else np.asarray(channel[:], float)
             if unit := "s" if kind == "M" else _unit(channel.properties):
                 units[name] = unit
-            if (clock := _clock(channel.properties, min(begins, default=None), len(channel))) is not None:
-                clocks[name] = kept.setdefault(clock, f"{name}/time")
-        for (begin, step, count), name in kept.items():
-            found[name], units[name] = begin + step * np.arange(count, dtype=np.float64), "s"
-            names.append(name)
+            if name in kept:
+                clocks[name], begin, step = kept[name]
+                found[clocks[name]] = begin + step * np.arange(len(channel), dtype=np.float64)
+                units[clocks[name]] = "s"
+        names += sorted({clock for clock, _, _ in kept.values()})
         cut_off = content.file_status.incomplete_final_segment
     if len(set(names)) != len(names):
         raise RecordError("two channels have one name; name each channel of a group once")
@@ -78,14 +77,31 @@ def _begin(properties: Mapping[str, Any]) -> np.datetime64 | None:
     return time if isinstance(time, np.datetime64) and not np.isnat(time) else None
 
 
-def _clock(properties: Mapping[str, Any], first: np.datetime64 | None, count: int) -> tuple[float, float, int] | None:
-    """(the time of the first sample [s] since the earliest of the file, the step [s], the samples) of a waveform."""
+def _clocks(channels: Sequence[Any]) -> dict[str, tuple[str, float, float]]:
+    """Channel -> (name of its clock, time of its first sample [s] since the earliest of the file, step [s]), if any.
+
+    A clock is called "time" if it is the only one, else after the first channel that it belongs to.
+    """
+    first = min((time for channel in channels if (time := _begin(channel.properties)) is not None), default=None)
+    stated = {
+        f"{channel.group_name}/{channel.name}": (*waveform, len(channel))
+        for channel in channels
+        if (waveform := _waveform(channel.properties, first)) is not None
+    }
+    called = dict[tuple[float, float, int], str]()
+    for name, clock in stated.items():
+        called.setdefault(clock, "time" if len(set(stated.values())) == 1 else f"time of {name}")
+    return {name: (called[clock], *clock[:2]) for name, clock in stated.items()}
+
+
+def _waveform(properties: Mapping[str, Any], first: np.datetime64 | None) -> tuple[float, float] | None:
+    """(the time of the first sample [s] since `first`, the step [s]) of a waveform; None for any other channel."""
     step, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
     if not isinstance(step, float) or not isinstance(offset, float) or not step > 0:
         return None
     begin = _begin(properties)
     since = 0.0 if begin is None or first is None else float((begin - first) / np.timedelta64(1, "us")) * 1e-6
-    return since + offset, step, count
+    return since + offset, step
 
 
 def _seconds(times: NDArray[Any]) -> Array:

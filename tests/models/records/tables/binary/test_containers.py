@@ -146,6 +146,16 @@ def test_only_what_is_wanted_is_read_and_all_names_are_known(tmp_path: Path) -> 
     assert table.units == {"log/t": "ms"}
 
 
+def test_clocks_are_called_alike_whatever_is_wanted(tmp_path: Path) -> None:
+    tdms(tmp_path / "one.tdms")
+    assert read_table(tmp_path / "one.tdms", {"drive/force"}).clocks == {"drive/force": "time"}
+    two_rates(tmp_path / "two.tdms", 2 * STEP)
+    table = read_table(tmp_path / "two.tdms", {"axis/u"})
+    assert table.clocks == {"axis/u": "time of axis/u"}
+    assert set(table.columns) == {"axis/u", "time of axis/u"}
+    assert table.names == ["axis/x", "axis/u", "time of axis/u", "time of axis/x"]
+
+
 def two_rates(path: Path, increment: float, **late: float) -> Columns:
     with TdmsWriter(path) as file:
         every = round(increment / STEP)
