@@ -1,6 +1,8 @@
 """Which column of a file holds which signal of a record, in which unit, by which factor: a table, not code.
 
 An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/V", "-1" as a factor turns a sign.
+The factor may hold the unit of what is counted: "xist * 5 nm", "current * 31.5 N/A", "sample * 250 us", and of the
+time "row * 250 us" for the count of the rows. What states no unit is in the file's, or else in SI.
 """
 
 from __future__ import annotations

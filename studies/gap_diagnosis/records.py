@@ -6,7 +6,6 @@ import difflib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from diagnosis.model.motions import check_count
@@ -85,16 +84,21 @@ def check(records: Sequence[Record], paths: Sequence[Path], *, trusted: bool = F
     names = [str(path) for path in paths]
     with _refused(", ".join(names)):
         check_length(records)
+        still = _doubts(lambda: check_movement(records), trusted=trusted)
         check_count(records)
-    doubts = []
-    for name, looks_wrong in ((", ".join(names), check_movement), (None, partial(check_one_machine, names=names))):
-        try:
-            looks_wrong(records)
-        except RecordError as error:
-            if not trusted:
-                raise BadInputError(f"{name}: {error}" if name else str(error)) from error
-            doubts.append(f"Not refused, as the records are trusted: {str(error).removesuffix(f'; {TRUST}')}.")
-    return tuple(doubts)
+    with _refused():
+        return (*still, *_doubts(lambda: check_one_machine(records, names), trusted=trusted))
+
+
+def _doubts(look: Callable[[], None], *, trusted: bool) -> tuple[str, ...]:
+    """What is wrong with records that are trusted, as a sentence; raises RecordError for others."""
+    try:
+        look()
+    except RecordError as error:
+        if not trusted:
+            raise
+        return (f"Not refused, as the records are trusted: {str(error).removesuffix(f'; {TRUST}')}.",)
+    return ()
 
 
 @contextmanager

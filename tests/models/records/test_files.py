@@ -161,6 +161,8 @@ def test_a_wrong_mapping_is_said(entry: dict[str, str], says: str) -> None:
         ("x * -1", "mm", -1e-3),
         ("x [um]", "mm", 1e-6),  # what the user says counts more than what the file says
         ("x * 5 nm", "counts", 5e-9),
+        ("x_um * 1e-6", "um", 1e-6),  # the number is the unit's own, which is not counted twice
+        ("x * 2", "um", 2e-6),
         ("x", "", 1.0),
     ],
 )
@@ -168,6 +170,19 @@ def test_the_unit_that_a_file_states_counts_where_the_mapping_states_none(
     entry: str, stated: str, factor: float
 ) -> None:
     assert Columns(position=entry).source("position", stated).factor == pytest.approx(factor, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("entry", "stated", "factor"),
+    [
+        ("i * 31.5 N/A", "", 31.5),
+        ("i * 31.5 N/A", "mA", 0.0315),
+        ("i [mA] * 31.5 N/A", "A", 0.0315),
+        ("i * 2 N", "A", 2),
+    ],
+)
+def test_a_factor_states_the_unit_of_what_it_is_for(entry: str, stated: str, factor: float) -> None:
+    assert Columns(command=entry).source("command", stated).factor == pytest.approx(factor, rel=1e-15)
 
 
 def test_a_record_is_cut_into_its_motions(record: Record) -> None:
