@@ -5,21 +5,18 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
-from typing import Any
+from importlib.util import find_spec
 
 from models.records.tables.sizes import RecordError
 
 
-def optional(module: str, package: str, format_name: str) -> Any:
-    """The module of an optional package. Raises RecordError, with the command that installs it, where it is missing."""
-    try:
-        return import_module(module)
-    except ImportError as error:
+def check_installed(package: str, format_name: str) -> None:
+    """Raises RecordError, with the command that installs it, where an optional package is missing."""
+    if find_spec(package) is None:
         raise RecordError(
             f"{format_name} needs the package {package}, which is not installed; run python -m pip install {package} "
             "in the project's environment, or export the record in another format"
-        ) from error
+        )
 
 
 @contextmanager

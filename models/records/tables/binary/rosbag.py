@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.records.tables.binary.extras import optional
+from models.records.tables.binary.extras import check_installed
 from models.records.tables.sizes import Limits, RecordError, bounded_memory
 from models.records.tables.table import Table
 
@@ -42,15 +42,17 @@ def table_of_rosbag(path: Path, limits: Limits, wanted: Collection[str] | None) 
 
     Raises RecordError for a bag that is too large or has views, and what rosbags raises for one that is spoiled.
     """
-    reader = optional("rosbags.rosbag2", "rosbags", "a ROS 2 bag").Reader
-    store = optional("rosbags.typesys", "rosbags", "a ROS 2 bag")
+    check_installed("rosbags", "a ROS 2 bag")
+    from rosbags import typesys as store  # noqa: PLC0415 (an optional package)
+    from rosbags.rosbag2 import Reader  # noqa: PLC0415
+
     known = store.get_typestore(store.Stores.ROS2_HUMBLE).fielddefs
     _check_database(path)
     found: dict[str, Array] = {}
     names: list[str] = []
     clocks: dict[str, str] = {}
     times: dict[str, tuple[bool, list[int]]] = {}
-    with bounded_memory(limits), reader(path) as bag:
+    with bounded_memory(limits), Reader(path) as bag:
         limits.check_columns(len(bag.connections))
         topics: dict[str, list[Any]] = {}
         for connection in bag.connections:

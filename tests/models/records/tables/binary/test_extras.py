@@ -19,8 +19,9 @@ from models.records.files import load, read
 from models.records.recipes.mapping_file import read_rules, recipes
 from models.records.recipes.rules import columns_for
 from models.records.record import Record
+from models.records.tables.binary.mdf4_process import read_mdf4
 from models.records.tables.reader import read_table
-from models.records.tables.sizes import RecordError
+from models.records.tables.sizes import LIMITS, RecordError
 from tests.models.records.tables.binary.test_containers import COMMAND, POSITION, STEP, TIME, agrees, plain, record
 from tests.models.records.tables.test_sizes import FEW
 
@@ -35,10 +36,7 @@ def needs(package: str) -> Any:
 def test_a_missing_package_is_said_with_the_command_that_installs_it(
     name: str, package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def missing(module: str) -> None:
-        raise ModuleNotFoundError(f"No module named {module!r}")
-
-    monkeypatch.setattr("models.records.tables.binary.extras.import_module", missing)
+    monkeypatch.setattr("models.records.tables.binary.extras.find_spec", lambda _: None)
     (tmp_path / name).write_bytes(b"anything")
     says = rf"{name}: .* needs the package {package}, which is not installed; run python -m pip install {package} in"
     with pytest.raises(RecordError, match=says) as error:
@@ -84,13 +82,21 @@ def test_groups_of_mdf4_at_two_rates_come_onto_the_slower_one(tmp_path: Path) ->
     assert "The position was sampled every 250 µs at 2,000 times" in loaded.findings[0]
 
 
+def test_a_reader_of_mdf4_that_breaks_off_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.mf4").write_bytes(b"MDF     4.10    ")
+    monkeypatch.setattr("models.records.tables.binary.extras.find_spec", lambda _: True)
+    monkeypatch.setattr("models.records.tables.binary.mdf4_process.__name__", "signal; raise SystemExit(3)")
+    with pytest.raises(RecordError, match=r"a.mf4: is spoiled, so that its reader broke off; export it again"):
+        read(tmp_path / "a.mf4")
+
+
 def test_formulas_in_mdf4_are_not_evaluated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mdf(tmp_path / "a.mf4", conversion={"formula": "X1 * 2"})
     for module in ("asammdf.blocks.v4_blocks", "asammdf.blocks.v2_v3_blocks"):
         monkeypatch.setattr(importlib.import_module(module), "evaluate", lambda *_: pytest.fail("evaluated"))
-    assert "Target torque" not in read(tmp_path / "a.mf4")
+    assert "Target torque" not in read_mdf4(tmp_path / "a.mf4", LIMITS, None).columns
     with pytest.raises(RecordError, match="Target torque is converted by a table or formula in the file, which is not"):
-        load(tmp_path / "a.mf4", Columns(position="Position actual value", command="Target torque"))
+        read_mdf4(tmp_path / "a.mf4", LIMITS, {"Position actual value", "Target torque"})
 
 
 def test_mdf4_that_is_too_large_or_spoiled_is_refused(tmp_path: Path) -> None:
@@ -102,6 +108,9 @@ def test_mdf4_that_is_too_large_or_spoiled_is_refused(tmp_path: Path) -> None:
         read(tmp_path / "b.mf4")
     (tmp_path / "b.mf4").write_bytes(b"MDF     3.30    ")
     with pytest.raises(RecordError, match=r"b.mf4: is an MDF file of version 3.30; convert it to version 4"):
+        read(tmp_path / "b.mf4")
+    (tmp_path / "b.mf4").write_bytes(b"UnFinMF 4.10    ")
+    with pytest.raises(RecordError, match=r"b.mf4: was not finished by its logger"):
         read(tmp_path / "b.mf4")
     content = (tmp_path / "a.mf4").read_bytes()
     (tmp_path / "c.mf4").write_bytes(content[: len(content) // 2])
