@@ -133,13 +133,11 @@ def _fit(
 
 def _fits_low(measured: FrequencyResponse, found: Fit, lowest: float) -> bool:
     """Whether the lowest octave used is as the fit says: see `fit`."""
-    f, used = measured.frequency, found.used
-    modelled = model(found.plant, f, measured.sample_time, lag=found.lag, drag=found.drag)
-    error = np.abs(modelled - measured.response) ** 2
-    known = bool(np.all(np.isfinite(measured.variance)))
-    size = error / (measured.variance if known else np.abs(measured.response) ** 2)
-    low = used & (f < 2 * lowest)
-    rest = float(np.median(size[used & ~low])) / math.log(2)  # the mean of an exponential variable from its median
+    problem = problem_of([measured], [found.used])
+    left = left_of(found.plant, found.lag, found.drag, problem).reshape(2, -1)
+    size = np.sum(left**2, axis=0) * (0.5 if problem.known else 1.0)  # squared error over variance, or over |P|^2
+    low, known = measured.frequency[found.used] < 2 * lowest, problem.known
+    rest = float(np.median(size[~low])) / math.log(2)  # the mean of an exponential variable from its median
     level = max(1.0, rest) if known else max(rest, 1e-6)
     rigid, *modes = found.plant.modes
     structural = all(

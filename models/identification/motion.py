@@ -34,6 +34,7 @@ from models.variation import Variation, varied
 
 Array = NDArray[np.float64]
 
+FARTHEST: Final = 20.0  # times what is known, of mass, friction and length: beyond, a fit has run away
 MOST_SAMPLES: Final = 1_000_000  # that 2 GB hold, as the filtered slopes and draws of the noise take 1.8 kB for each
 ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
@@ -92,7 +93,8 @@ def identify(
     record. The fit can only scale them, so that what is unsure of their shape makes all that it finds unsure.
     Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
     none. What the machine has of it is not used, nor is its offset: motions show both better.
-    Raises ValueError if the record's sample time is another than the machine's, nothing moves, or it is too long [s].
+    Raises ValueError if the record's sample time is another than the machine's, nothing moves, it is too long [s], or
+    the fit runs away.
     """
     if record.position.size > MOST_SAMPLES:
         raise ValueError(
@@ -139,6 +141,8 @@ def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
         moved = np.clip(step[:-1], -largest, largest)
         theta = theta + moved
         theta[4:] = np.maximum(theta[4:], 0.0)
+        if not (np.all(theta[:3] > 1 / FARTHEST) and np.all(theta[:3] < FARTHEST)):  # nor is it so of nan
+            raise ValueError(_diverged(theta))
         if iteration > 1 and np.all(np.abs(moved) < 1e-3 * STEPS[: theta.size]):
             break
     return theta, filter_
@@ -276,9 +280,22 @@ def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) ->
     changed = _changed(machine, theta)
     origin = record.reference[0]
     given = References(record.reference - origin, record.feedforward, np.zeros(record.feedforward.size))
-    return simulate(
+    command = simulate(
         changed, machine.feedback_only(), record.target - origin, given=given, substeps=6, seed=seed
     ).record.command
+    if not np.all(np.isfinite(command)):
+        raise ValueError(_diverged(theta))
+    return command
+
+
+def _diverged(theta: Array) -> str:
+    """What to say where no machine near the one that is known makes the motions."""
+    mass, level, length = theta[:3].tolist()
+    return (
+        f"the fit of its motions does not converge: it has come to {mass:.3g} times the mass, {level:.3g} times the "
+        f"friction's force and {length:.3g} times its length; check the feedback in [control] and the sign and unit of "
+        "the command, or add a frequency response and slow loops, which need no values near the true ones"
+    )
 
 
 def _autoregression(signal: Array) -> Array:

@@ -5,9 +5,11 @@ With r the excitation, u the command and x the position, S_ab their cross spectr
     P(f) = S_xr(f) / S_ur(f)
 
 which is free of the bias that S_xu / S_uu has under feedback, as r is independent of the noise (Ljung, System
-Identification, 13.5; Pintelon and Schoukens, 2.6). A periodic one is averaged over its periods, without leakage;
-a random one over Hann windows. A single sweep is at each frequency once, so there is nothing to average: P is X / U of
-the whole record, its variance the scatter about a local model (see `_swept`). Frequencies f [Hz]; M periods or windows.
+Identification, 13.5; Pintelon and Schoukens, 2.6). A periodic one is taken over its whole periods, without
+leakage; a random one over Hann windows. A single sweep is at each frequency once, so there is nothing to average: P is
+X / U of the whole record. What the two ends of a record leave in X / U is modelled with the modes (modal/fitting.py);
+the noise of a periodic excitation and of a sweep is what is left beside it (modal/local_rational.py). Frequencies f
+[Hz]; M periods or windows.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.identification.modal.local_rational import noise_between_lines, noise_under_sweep
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -43,8 +46,9 @@ class FrequencyResponse:
 
     sample_time [s]: a response of the plant behind a zero-order hold at the samples; 0: of the continuous plant.
     rolling: the record never stood still nor turned round, so that rolling friction was constant and bends nothing.
-    command: the spectrum U (n,) [any unit] of one record that is neither periodic nor windowed: X / U then holds what
-    the record's two ends leave of each mode, too; None: no such part.
+    command: the spectrum U (n,) [any unit] of one record without a window: X / U then holds what the record's two ends
+    leave of each mode, too; None: no such part. settled [s]: for how long before it the excitation was the same, so
+    that what dies out in that time is the same at both ends; 0 for a single sweep.
     """
 
     frequency: Array
@@ -54,6 +58,7 @@ class FrequencyResponse:
     sample_time: float
     rolling: bool = False
     command: Complex | None = None
+    settled: float = 0.0
 
 
 def period(signal: Array) -> int | None:
@@ -82,34 +87,72 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     if np.ptp(excitation) == 0:
         raise ValueError("the record has no excitation: its feedforward is constant; log the excitation there")
     length = period(excitation)
-    signals = (excitation, record.command, record.position)
-    if length is None:
-        r, u, x = _windows(signals, windows)
-        if _passes_once(r):
-            return _swept(record)
-        count = 0.6 * r.shape[0]  # windows that overlap by half are not independent
-        size, lowest = 2 * (r.shape[1] - 1), LOWEST
-        first, last = 0, record.position.size
-    else:
-        first, last = _stretch(excitation, length)
-        r, u, x = _periods([signal[first:last] for signal in signals], length)
-        count, size, lowest = float(r.shape[0]), length, 1
+    if length is not None:
+        return _repeated(record, length)
+    r, u, x = _windows((excitation, record.command, record.position), windows)
+    if _passes_once(r):
+        return _swept(record)
     if r.shape[0] < 2:
-        raise ValueError("the excitation repeats less than three times; record more periods of it")
-    frequency = np.fft.rfftfreq(size, record.sample_time)
-    power = np.mean(np.abs(r) ** 2, axis=0)
-    used = (power > WEAKEST**2 * np.max(power[1:])) & (frequency < 0.45 / record.sample_time)
-    used[:lowest] = False
-    r, u, x, power = r[:, used], u[:, used], x[:, used], power[used]
-    cross_x, cross_u = np.mean(x * np.conj(r), axis=0), np.mean(u * np.conj(r), axis=0)
-    response = cross_x / cross_u
+        raise ValueError("the record is too short for windows; excite for longer, or with a period")
+    frequency = np.asarray(np.fft.rfftfreq(2 * (r.shape[1] - 1), record.sample_time), np.float64)
+    used = _strong(r, frequency, record.sample_time, LOWEST)
+    r, u, x = r[:, used], u[:, used], x[:, used]
+    response, coherence = _averaged(r, u, x)
     error = np.sum(np.abs(x - response * u) ** 2, axis=0) / (r.shape[0] - 1)
-    smooth = _smoothed(error)
-    error = np.where(error > SURELY * smooth, error, smooth)  # at a mode that still rings, more than its neighbours
-    variance = error * power / (count * np.abs(cross_u) ** 2)
-    coherence = np.abs(cross_x) ** 2 / (np.mean(np.abs(x) ** 2, axis=0) * power)
-    rolling = _rolling(record.position[first:last], record.sample_time)
+    error = _apart(error, _smoothed(error))
+    count = 0.6 * r.shape[0]  # windows that overlap by half are not independent
+    cross_u = np.mean(u * np.conj(r), axis=0)
+    variance = error * np.mean(np.abs(r) ** 2, axis=0) / (count * np.abs(cross_u) ** 2)
+    rolling = _rolling(record.position, record.sample_time)
     return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling)
+
+
+def _repeated(record: Record, length: int) -> FrequencyResponse:
+    """P from an excitation with a period of `length` samples: X / U at its lines in the spectrum of all whole periods.
+
+    The lines between show the noise. What is not the same at both ends, such as a mode that still rings, is left in
+    X / U. Raises ValueError for less than two periods behind the first one, in which the response was not periodic yet.
+    """
+    active, ts = np.flatnonzero(np.abs(record.feedforward) > 0), record.sample_time
+    first = int(active[0]) + length
+    count = (int(active[-1]) + 1 - first) // length
+    if count < 2:
+        raise ValueError("the excitation repeats less than three times; record more periods of it")
+    part = record.part(first, first + count * length)
+    level = _level(part.position)
+    r, u, x = (_periods(signal, length) for signal in (part.feedforward, part.command, level))
+    frequency = np.asarray(np.fft.rfftfreq(length, ts), np.float64)
+    used = _strong(r, frequency, ts, 1)
+    response, coherence = _averaged(r[:, used], u[:, used], x[:, used])
+    whole_u, whole_x = (np.fft.rfft(signal) / signal.size for signal in (part.command, level))
+    z = np.exp(2j * np.pi * np.fft.rfftfreq(level.size))
+    noise = noise_between_lines(whole_x, whole_u, z, count * np.flatnonzero(used), count)
+    noise = _apart(noise, _typical(noise))
+    command = np.mean(u[:, used], axis=0)
+    rolling = _rolling(part.position, ts)
+    return FrequencyResponse(
+        frequency[used], response, noise / np.abs(command) ** 2, coherence, ts, rolling, command, length * ts
+    )
+
+
+def _strong(excitation: Complex, frequency: Array, sample_time: float, lowest: int) -> NDArray[np.bool_]:
+    """Which lines (f,) an excitation with spectra (M, f) excites, from the `lowest` one on."""
+    power = np.mean(np.abs(excitation) ** 2, axis=0)
+    used = (power > WEAKEST**2 * np.max(power[1:])) & (frequency < 0.45 / sample_time)
+    used[:lowest] = False
+    return np.asarray(used)
+
+
+def _averaged(r: Complex, u: Complex, x: Complex) -> tuple[Complex, Array]:
+    """P = S_xr / S_ur (f,) from spectra (M, f), and the coherence of x and r."""
+    cross_x, cross_u = np.mean(x * np.conj(r), axis=0), np.mean(u * np.conj(r), axis=0)
+    power_x, power_r = np.mean(np.abs(x) ** 2, axis=0), np.mean(np.abs(r) ** 2, axis=0)
+    return cross_x / cross_u, np.abs(cross_x) ** 2 / (power_x * power_r)
+
+
+def _apart(error: Array, usual: Array) -> Array:
+    """The usual power of the errors, but that of a line of its own where that is surely more (n,)."""
+    return np.where(error > SURELY * usual, error, usual)
 
 
 def _passes_once(excitation: Complex) -> bool:
@@ -130,7 +173,7 @@ def _swept(record: Record) -> FrequencyResponse:
     active = np.flatnonzero(np.abs(record.feedforward) > 0)
     part, ts = record.part(int(active[0]), int(active[-1]) + 1), record.sample_time
     n = part.position.size
-    level = part.position - np.linspace(part.position[0], part.position[-1], n)  # a ramp leaks into every line
+    level = _level(part.position)
     r, u, x = (np.fft.rfft(signal) / n for signal in (part.feedforward, part.command, level))
     frequency, passed = np.fft.rfftfreq(n, ts), np.cumsum(np.abs(r[1:]) ** 2)
     passed = np.concatenate([[0.0], passed / passed[-1]])
@@ -139,10 +182,12 @@ def _swept(record: Record) -> FrequencyResponse:
         raise ValueError(
             f"the sweep of {n * ts:.3g} s has {np.sum(swept)} lines; {FEWEST} are needed, sweep for longer"
         )
-    noise, coherence, commanded = (_smoothed(values) for values in _local(r, u, x))
+    coherence, commanded = (_smoothed(values) for values in _local(r, u, x))
     used = swept & (commanded > LED) & (coherence > SEEN)
     if np.sum(used) < FEWEST:
         raise ValueError("the sweep is too weak: position or command is noise at most lines; sweep with more force")
+    z = np.exp(2j * np.pi * frequency * ts)
+    noise = _typical(noise_under_sweep(x, u, r, z, np.flatnonzero(used)))
     f, u = np.asarray(frequency[used], np.float64), u[used]
     if f[-1] < 2**OCTAVES * f[0]:
         raise ValueError(
@@ -152,48 +197,35 @@ def _swept(record: Record) -> FrequencyResponse:
     begun, moved = max(round(0.003 / ts), 1), abs(part.position - part.position[0])
     if rolling and moved[begun] < 0.5 * moved[-1] * begun / n:
         raise ValueError("the sweep begins before the axis rolls: friction still builds up; let it roll for a second")
-    return FrequencyResponse(f, x[used] / u, noise[used] / np.abs(u) ** 2, coherence[used], ts, rolling, u)
+    return FrequencyResponse(f, x[used] / u, noise / np.abs(u) ** 2, coherence[used], ts, rolling, u)
 
 
-def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array]:
-    """Power of the noise x - P u and the coherences of x and of u with r (n,), from spectra (n,) of one record.
+def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array]:
+    """The coherences of x and of u with r (n,), from spectra (n,) of one record.
 
     Least squares of x and u over each line and its neighbours, as r times polynomials of frequency (Pintelon and
     Schoukens, System Identification, 2012, 7.2); on r, since u holds the fed back noise. Without a polynomial for what
-    the ends leave, which looks like a sweep's own first and last second: the ends count as noise here, as does what the
-    polynomials miss at a sharp mode.
+    the ends leave, which looks like a sweep's own first and last second.
     """
     n, width = r.size, 2 * LOCAL + 1
     near = np.clip(np.arange(n) - LOCAL, 0, n - width)[:, None] + np.arange(width)
     powers = np.linspace(-1, 1, width)[:, None] ** np.arange(DEGREE + 1)
-    q, triangle = np.linalg.qr(r[near, None] * powers)
+    q, _ = np.linalg.qr(r[near, None] * powers)
     both = np.stack([x[near], u[near]], axis=2)
     share = q.conj().swapaxes(1, 2) @ both
-    left = both - q @ share
-    gain = np.linalg.solve(triangle, share)[:, 0]
-    noise = np.sum(np.abs(left[:, :, 0] - (gain[:, 0] / gain[:, 1])[:, None] * left[:, :, 1]) ** 2, axis=1)
-    explained, rest = (np.sum(np.abs(part) ** 2, axis=1) for part in (share, left))
+    explained, rest = (np.sum(np.abs(part) ** 2, axis=1) for part in (share, both - q @ share))
     coherence = explained / (explained + rest)
-    return noise / (width - q.shape[2]), coherence[:, 0], coherence[:, 1]
+    return coherence[:, 0], coherence[:, 1]
 
 
-def _stretch(excitation: Array, length: int) -> tuple[int, int]:
-    """First and last sample of the whole periods, the first of them left out: the response was not periodic yet."""
-    active = np.flatnonzero(np.abs(excitation) > 0)
-    first = int(active[0]) + length
-    return first, first + (int(active[-1]) + 1 - first) // length * length
+def _level(position: Array) -> Array:
+    """A position (n,) less the straight line from its first to its last sample, which leaks into every line."""
+    return np.asarray(position - np.linspace(position[0], position[-1], position.size))
 
 
-def _periods(signals: list[Array], length: int) -> tuple[Complex, Complex, Complex]:
-    """Spectra (M, f) of each period; what moves along steadily is taken off."""
-    spectra = []
-    for signal in signals:
-        rows = signal.reshape(-1, length)
-        means = rows.mean(axis=1)
-        slope = (means[-1] - means[0]) / ((rows.shape[0] - 1) * length) if rows.shape[0] > 1 else 0.0
-        level = signal - slope * np.arange(signal.size)
-        spectra.append(np.fft.rfft(level.reshape(-1, length), axis=1) / length)
-    return spectra[0], spectra[1], spectra[2]
+def _periods(signal: Array, length: int) -> Complex:
+    """Spectra (M, f) of each period."""
+    return np.fft.rfft(signal.reshape(-1, length), axis=1) / length
 
 
 def _windows(signals: tuple[Array, ...], count: int) -> tuple[Complex, Complex, Complex]:
@@ -216,6 +248,12 @@ def _smoothed(power: Array) -> Array:
     """The mean over each line and its neighbours: noise has a smooth spectrum, its estimate from M periods has not."""
     width = np.ones(2 * NEIGHBOURS + 1)
     return np.asarray(np.convolve(power, width, "same") / np.convolve(np.ones(power.size), width, "same"))
+
+
+def _typical(power: Array) -> Array:
+    """The median over each line and its neighbours: the noise beside a line is one of few that came out too large."""
+    padded = np.pad(power, NEIGHBOURS, mode="reflect")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1), axis=1))
 
 
 def _rolling(position: Array, sample_time: float) -> bool:

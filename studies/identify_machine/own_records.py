@@ -28,6 +28,7 @@ DURATION: Final = 28.0  # s of the three records of a table, about
 BAND: Final = (4.0, 400.0)  # Hz
 LINES: Final = 80
 AMPLITUDE: Final = 0.08  # of the rated thrust, over the square root of the lines
+SWING: Final = 1.2  # of that speed: the most by which the excitation may change it, so that the axis keeps rolling
 
 
 def noisy(machine: Machine) -> Machine:
@@ -67,7 +68,7 @@ def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
 
 
 def excitation(machine: Machine, seed: int) -> Record:
-    """A multisine on the feedforward while the axis rolls at a constant speed."""
+    """A multisine on the feedforward while the axis rolls at a constant speed, too weak to turn it round."""
     draw, ts = np.random.default_rng(seed), machine.sample_time
     length = round(1.0 / ts)
     top = min(BAND[1], 0.4 / ts)
@@ -75,6 +76,8 @@ def excitation(machine: Machine, seed: int) -> Record:
     size = AMPLITUDE * machine.drive.rated_thrust / np.sqrt(lines.size)
     angle = 2 * np.pi * np.outer(np.arange(length) / length, lines)
     wave = size * np.sum(np.cos(angle + draw.uniform(0, 2 * np.pi, lines.size)), axis=1)
+    swing = float(np.ptp(np.cumsum(wave))) * ts / machine.plant.mass
+    wave *= min(1.0, SWING * SPEED / swing)
     count = (PERIODS + 2) * length
     force = np.concatenate([np.zeros(length), np.tile(wave, PERIODS + 1)])
     return run(machine, SPEED * ts * np.arange(count, dtype=np.float64), force, seed)

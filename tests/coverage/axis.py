@@ -113,7 +113,7 @@ def run(axis: Axis, target: Array, feedforward: Array, seed: int) -> Log:
     stiffness = slope[:-1] - slope[1:]  # so that the virgin curve has the exponential's slopes
     stiffness *= axis.coulomb / float(stiffness @ edges)
     command, position = _loop(
-        older, newer, lengths, first, whole, stiffness, edges, _law(axis), target, feedforward, noise, axis.step,
+        older, newer, lengths, first, whole, stiffness, edges, law(axis), target, feedforward, noise, axis.step,
         axis.offset, axis.sample_time, axis.cascade,
     )  # fmt: skip
     return Log(target, feedforward, command, position)
@@ -145,7 +145,7 @@ def _discrete(axis: Axis, h: float) -> tuple[Array, Array, Array]:
     return moved[:n, :n].copy(), moved[:n, n].copy(), moved[:n, n + 1].copy()
 
 
-def _law(axis: Axis) -> Array:
+def law(axis: Axis) -> Array:
     """Gains of the feedback: of a cascade (Kv [1/s], Kp [N s/m], Ti [s]), of a PID (kp, ki, kd, filter), tuned on the
     rigid mass to cross at the axis' bandwidth."""
     w = 2 * np.pi * axis.bandwidth

@@ -1,12 +1,20 @@
-"""What a user would record on an axis: a multisine or a sweep while it rolls, slow loops, strokes; and the machine file
-that he would begin with, which knows little."""
+"""What a user would record on an axis, a multisine or a sweep while it rolls; and the machine file to begin with, which
+knows little."""
 
 from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.coverage.axis import Axis, Log, run
+from models.controller import PID
+from models.feedback.forms import Cascade
+from models.machine import Machine, from_table
+from studies.new_machine.starter import starter
+from tests.coverage.axis import Axis, Log, law, run
 
 Array = NDArray[np.float64]
 
@@ -49,3 +57,27 @@ def sweep(axis: Axis, seed: int, length: float = 8.0, level: float = 1.0) -> Log
 def _force(axis: Axis) -> float:
     """Rms force [N]: a g of 0.05."""
     return 0.5 * axis.mass
+
+
+def first_file(axis: Axis) -> Machine:
+    """The machine file of a user who knows the mass to a few per cent, what the drive's display says, and the gains."""
+    ts = axis.sample_time
+    answers = {
+        "mass": f"{axis.mass:.1g} kg",
+        "rated_thrust": f"{20 * axis.mass:.3g} N",
+        "rated_speed": "1 m/s",
+        "sample_time": f"{ts} s",
+        "resolution": f"{axis.step} m",
+        "stroke": "20 um",
+        "tolerance": "1 um",
+        "settling_time": f"{0.04 + 20 * ts:.4g} s",
+        "friction_force": f"{axis.coulomb:.1g} N",
+        "presliding": "30 um",
+    }
+    machine = from_table(tomllib.loads(starter(answers, "axis")), Path("axis.toml"))
+    gains = law(axis)
+    if axis.cascade:
+        control = replace(machine.control, cascade=Cascade(*gains[:3].tolist()))
+    else:
+        control = replace(machine.control, pid=PID(*gains.tolist()))
+    return replace(machine, control=control)

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification import modes, response
+from design.controller import design_deadbeat
+from design.deadbeat import DesignError
+from design.feasibility import require_designable
+from models.identification import modes
+from models.identification.modal.remarks import ResponseStep
+from models.identification.pipeline import identify
+from models.machine import Machine, MachineError, from_table
+from models.machine_file import to_toml
+from models.records.files import Loaded
 from models.records.record import Record
 from tests.coverage.axis import Axis, Log, drawn
-from tests.coverage.records import multisine, sweep
+from tests.coverage.records import first_file, multisine, sweep
 
 Array = NDArray[np.float64]
 
@@ -20,7 +30,8 @@ MOST = 4  # modes of an axis
 @dataclass(frozen=True)
 class Result:
     """One axis identified from one record: its number, the modes that it has and that were found, the reduced
-    chi-square, and the pulls (error over stated deviation) [1] by parameter, if the order is right."""
+    chi-square, the pulls (error over stated deviation) [1] by parameter, if the order is right, and why a later study
+    refuses the file that was written, "" if none does."""
 
     seed: int
     kind: str
@@ -28,6 +39,7 @@ class Result:
     found: int
     chi_square: float
     pulls: dict[str, float]
+    refusal: str = ""
 
 
 def record(axis: Axis, log: Log) -> Record:
@@ -36,13 +48,31 @@ def record(axis: Axis, log: Log) -> Record:
 
 
 def tried(seed: int, kind: str) -> Result:
-    """The axis of this seed, with seed modulo five modes, by a "multisine" or a "sweep"."""
+    """The axis of this seed, with seed modulo five modes, by a "multisine" or a "sweep".
+
+    Raises RecordError, a ValueError, where the record is refused.
+    """
     axis = drawn(seed, seed % (MOST + 1))
     log = multisine(axis, seed) if kind == "multisine" else sweep(axis, seed)
-    fit = modes.fit(response.measured(record(axis, log)))
-    found = len(fit.plant.modes) - 1
+    loaded = Loaded(f"{kind}.csv", "none", record(axis, log), (), ())
+    identified = identify(first_file(axis), [loaded], kinds=["excitation"])
+    gave = identified.steps[0].gave
+    assert isinstance(gave, ResponseStep)
+    found = len(gave.fit.plant.modes) - 1
     right = found == axis.gain.size
-    return Result(seed, kind, axis.gain.size, found, fit.chi_square, _pulls(axis, fit) if right else {})
+    pulls = _pulls(axis, gave.fit) if right else {}
+    return Result(seed, kind, axis.gain.size, found, gave.fit.chi_square, pulls, refused(identified.machine))
+
+
+def refused(machine: Machine) -> str:
+    """Why this machine's file can't be read, or no feedforward be designed for it; "" if it can."""
+    try:
+        read = from_table(tomllib.loads(to_toml(machine)), Path("identified.toml"))
+        require_designable(read)
+        design_deadbeat(read)
+    except (MachineError, DesignError) as error:
+        return str(error)
+    return ""
 
 
 def _pulls(axis: Axis, fit: modes.Fit) -> dict[str, float]:

@@ -27,6 +27,8 @@ GRID: Final = 240  # frequencies at which one mode more is tried
 FEW: Final = 600  # lines on which orders are compared, of a record with thousands
 COARSE: Final = 300  # lines on which a start is sought
 WIDE: Final = 5.0  # of the logarithm of the rigid body's gain from its start
+ALIKE: Final = 1e-9  # relative size below which a combination of columns is none but rounding
+DIED_OUT: Final = 12.0  # time constants after which what a pole leaves is below 1e-5
 STEP: Final = 1e-5  # of theta, of the numerical derivatives
 
 
@@ -45,13 +47,20 @@ class Structure:
 
 @dataclass(frozen=True)
 class Lines:
-    """One response: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], and U (n,) or None."""
+    """One response: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], and U (n,) or None; settled
+    [s]: for how long before it the excitation was the same as in it."""
 
     f: Array
     p: Complex
     weight: Array
     ts: float
     command: Complex | None
+    settled: float = 0.0
+
+    @property
+    def single(self) -> bool:
+        """Whether this is a single sweep, whose lines are as near each other as its length allows."""
+        return self.command is not None and self.settled == 0
 
     def thinned(self, most: int) -> Lines:
         """At most so many of the lines, as many over a decade as over another."""
@@ -96,7 +105,7 @@ def problem_of(measured: Sequence[FrequencyResponse], used: Sequence[NDArray[np.
         p = one.response[kept]
         weight = np.sqrt(2 / one.variance[kept]) if known else 1 / np.abs(p)
         command = None if one.command is None else one.command[kept]
-        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, command))
+        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, command, one.settled))
     gain = math.log(float(np.median([np.median(np.abs(one.p) * (2 * math.pi * one.f) ** 2) for one in lines])))
     return Problem(tuple(lines), known, 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines)), gain)
 
@@ -122,8 +131,8 @@ def left_of(plant: Plant, lag: float, drag: float, problem: Problem) -> Array:
     for one in problem.lines:
         error = _errors(plant, lag, drag, one)
         if one.command is not None:
-            ends, _ = np.linalg.qr(_ends(expansion(plant, lag, drag)[0], one))
-            error = error - ends @ (ends.T @ error)
+            basis, _ = _spanned(_ends(plant, lag, drag, one))
+            error = error - basis @ (basis.T @ error)
         found.append(error)
     return np.concatenate(found)
 
@@ -132,25 +141,43 @@ def _errors(plant: Plant, lag: float, drag: float, lines: Lines) -> Array:
     return _stacked((response(plant, lines.f, lines.ts, lag=lag, drag=drag) - lines.p) * lines.weight)
 
 
-def _ends(poles: Complex, lines: Lines) -> Array:
+def _ends(plant: Plant, lag: float, drag: float, lines: Lines) -> Array:
     """What the states, unlike at the record's two ends, add to the weighted errors (2n, c) [1].
 
-    At the lines of n samples z^n = 1, so the free response of a pair of poles is
-    (a + b (z - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2); the position
-    and its slowest real pole, the rigid body, are such a pair, too.
+    At the lines of n samples z^n = 1, so the free response of a pair of poles, from the first sample on, is
+    z (a + b (z - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2); the position
+    and its slowest real pole, the rigid body, are such a pair, too. The commands that act late act at the record's
+    first samples, where they are those from before it, not those of its end: one term z^-j for each. Where the
+    excitation was the same before, neither these nor poles that have died out since are unlike.
     """
     assert lines.command is not None
-    scale = lines.weight / lines.command
+    scale, poles = lines.weight / lines.command, expansion(plant, lag, drag)[0]
     z, columns = np.exp(2j * math.pi * lines.f * lines.ts), []
-    discrete = np.exp(poles * lines.ts)
     real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
     slow = poles[real][np.argmin(np.abs(poles[real]))]
-    pairs = [(1.0 + 0j, np.exp(slow * lines.ts)), *((p, p.conjugate()) for p in discrete[poles.imag > 0])]
+    rings = np.abs(poles.real) * lines.settled < DIED_OUT
+    discrete = np.exp(poles * lines.ts)
+    pairs = [(1.0 + 0j, np.exp(slow * lines.ts)), *((p, p.conjugate()) for p in discrete[(poles.imag > 0) & rings])]
     for one, other in pairs:
-        shape = scale / ((z - one) * (z - other))
+        shape = scale * z / ((z - one) * (z - other))
         columns += [_stacked(shape), _stacked((z - 1) * shape)]
-    columns += [_stacked(scale / (z - np.exp(p * lines.ts))) for p in poles[real] if p != slow]
+    columns += [_stacked(scale * z / (z - np.exp(p * lines.ts))) for p in poles[real & rings] if p != slow]
+    if lines.single:
+        late = max(math.ceil(plant.dead_time / lines.ts), 0) + 1
+        columns += [_stacked(scale * z**-j) for j in range(late)]
     return np.column_stack(columns)
+
+
+def _spanned(columns: Array) -> tuple[Array, Array]:
+    """An orthonormal basis (n, r) of columns (n, c), and the weights (c, r) that make it of them.
+
+    Of columns that are the same but for rounding, as those of a pole that dies out within a sample are, one counts.
+    """
+    norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    q, triangle = np.linalg.qr(columns / norms)
+    left, sizes, right = np.linalg.svd(triangle)
+    kept = sizes > ALIKE * sizes[0]
+    return q @ left[:, kept], right[kept].T / sizes[kept] / norms[:, None]
 
 
 def _stacked(values: Complex) -> Array:
@@ -164,11 +191,11 @@ def jacobian(theta: Array, structure: Structure, problem: Problem) -> Array:
 
 def _slopes(theta: Array, structure: Structure, unit: float, lines: Lines) -> Array:
     plant, lag, drag = decoded(theta, structure, unit)
-    basis, sizes = None, np.zeros(0)
+    basis, sizes, ends = None, np.zeros(0), np.zeros((0, 0))
     if lines.command is not None:
-        ends = _ends(expansion(plant, lag, drag)[0], lines)
-        basis, triangle = np.linalg.qr(ends)
-        sizes = -np.linalg.solve(triangle, basis.T @ _errors(plant, lag, drag, lines))
+        ends = _ends(plant, lag, drag, lines)
+        basis, weights = _spanned(ends)
+        sizes = -weights @ (basis.T @ _errors(plant, lag, drag, lines))
     columns = []
     for i in range(theta.size):
         step = np.zeros(theta.size)
@@ -177,7 +204,10 @@ def _slopes(theta: Array, structure: Structure, unit: float, lines: Lines) -> Ar
         for sign in (1, -1):
             moved = decoded(theta + sign * step, structure, unit)
             error = _errors(*moved, lines)
-            both.append(error + _ends(expansion(*moved)[0], lines) @ sizes if basis is not None else error)
+            if basis is not None:
+                near = _ends(*moved, lines)
+                error = error + (near if near.shape == ends.shape else ends) @ sizes  # a pole may die out between
+            both.append(error)
         columns.append((both[0] - both[1]) / (2 * STEP))
     slopes = np.column_stack(columns)
     return slopes if basis is None else np.asarray(slopes - basis @ (basis.T @ slopes))
@@ -248,7 +278,7 @@ def _explained(theta: Array, structure: Structure, problem: Problem) -> Array:
     slopes, row = [jacobian(theta, structure, problem)], 0
     for one in problem.lines:
         if one.command is not None:
-            ends = _ends(expansion(plant, lag, drag)[0], one)
+            ends = _ends(plant, lag, drag, one)
             block = np.zeros((problem.size, ends.shape[1]))
             block[row : row + 2 * one.f.size] = ends
             slopes.append(block)

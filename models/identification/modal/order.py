@@ -144,7 +144,7 @@ def _faults(problem: Problem, one: Candidate, i: int) -> Iterator[str]:
     near = np.abs(others[:, 1] - natural) < damping * natural + others[:, 2] * others[:, 1]
     if np.any(near & (others[:, 0] * gain < 0) & (np.abs(others[:, 0]) >= abs(gain))):
         yield "cancelled by its neighbour"
-    apart = [float(np.min(np.diff(lines.f))) for lines in problem.lines if lines.command is not None]
+    apart = [float(np.min(np.diff(lines.f))) for lines in problem.lines if lines.single]
     if apart and natural * damping < min(apart):
         yield "narrower than the lines are apart, as a disturbing tone is"
     if not abs(gain) > SEEN * one.deviation(one.structure.before + 3 * i):

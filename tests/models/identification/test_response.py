@@ -160,6 +160,14 @@ def test_one_sweep_that_begins_at_rest_is_refused() -> None:
         response.measured(record)
 
 
+def test_the_own_excitation_keeps_a_light_axis_with_a_strong_drive_rolling() -> None:
+    plant = replace(MACHINE.plant, modes=tuple(replace(mode, gain=4 * mode.gain) for mode in MACHINE.plant.modes))
+    pid = MACHINE.control.pid
+    control = replace(MACHINE.control, pid=replace(pid, kp=pid.kp / 4, ki=pid.ki / 4, kd=pid.kd / 4))
+    light = replace(MACHINE, plant=plant, control=control, drive=replace(MACHINE.drive, rated_thrust=400.0))
+    assert response.measured(own_records.excitation(own_records.noisy(light), 1)).rolling
+
+
 def test_the_period_of_an_excitation() -> None:
     wave = np.random.default_rng(0).standard_normal(100)
     assert response.period(np.concatenate([np.zeros(50), np.tile(wave, 5)])) == 100
@@ -295,6 +303,13 @@ def test_what_friction_remembers_at_the_start_does_not_mislead_a_motion_fit() ->
     assert found.carried[0] == 1
     assert 1.0 < abs(found.estimate.value("offset")) < found.carried[1]
     assert abs(found.estimate.value("offset")) < 2 * found.estimate.deviation("offset")  # it covers that memory
+
+
+def test_motions_of_another_machine_end_in_one_sentence() -> None:
+    """With the command's sign turned round, a Gauss-Newton step comes to a negative presliding length."""
+    record = own_records.motions(own_records.noisy(MACHINE), 1)
+    with pytest.raises(ValueError, match=r"does not converge: it has come to .* check the feedback"):
+        motion.identify(replace(record, command=-record.command), MACHINE)
 
 
 def test_a_motion_record_that_does_not_move_or_has_another_clock_is_refused() -> None:

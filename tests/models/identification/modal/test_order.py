@@ -12,7 +12,8 @@ from models.identification.modal.order import stable
 from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
 from models.identification.response import FrequencyResponse
 from tests.coverage.axis import Axis, drawn
-from tests.coverage.trial import by_parameter, tried
+from tests.coverage.records import first_file
+from tests.coverage.trial import by_parameter, refused, tried
 
 # 12 kg, one mode, a current loop of 1.1 kHz and 12 N s/m.
 AXIS = replace(
@@ -89,9 +90,19 @@ def test_responses_that_disagree_are_named_with_parameter_and_cause() -> None:
 
 
 def test_a_sub_sample_of_the_coverage_trial() -> None:
-    """`python -m tests.coverage` runs all of it; these axes have 0 to 4 modes, lag and drag, a cascade and a PID."""
+    """`python -m tests.coverage` runs all of it; these axes have 0 to 4 modes, two of them in
+    anti-phase, lag and drag, a cascade and a PID."""
     results = [tried(seed, "multisine") for seed in (5, 11, 12, 18, 29)]
     assert [one.found for one in results] == [one.there for one in results] == [0, 1, 2, 3, 4]
+    assert [one.refusal for one in results] == [""] * 5
     pulls = np.concatenate(list(by_parameter(results).values()))
     assert 0.6 < np.sqrt(np.mean(pulls**2)) < 1.4
     assert np.mean(np.abs(pulls) < 1.96) > 0.88
+
+
+def test_a_file_that_a_later_study_refuses_is_seen() -> None:
+    """A mass of which friction takes all thrust; the same axis as it is passes."""
+    machine = first_file(drawn(3, 3))
+    assert refused(machine) == ""
+    weak = replace(machine, drive=replace(machine.drive, rated_thrust=0.5 * machine.friction.coulomb_force))
+    assert "friction takes" in refused(weak)

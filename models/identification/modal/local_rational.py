@@ -1,0 +1,99 @@
+"""The power of the noise in a spectrum, whatever the system is, by the local rational method.
+
+Near one line a single record obeys A X = B R + T + A V: V is the noise, R the excitation, T what the record's two ends
+leave, and A, B and T are polynomials of degree 2 in the frequency. A takes a sharp mode, whose own ends decay as slowly
+as it rings; polynomials alone would count both as noise, at low and at resonant lines by many decades (McKelvey and
+Guerin, Non-parametric frequency response estimation using a local rational model, IFAC SYSID 2012; Pintelon and
+Schoukens, System Identification, 2012, 7.2). X is multiplied by (z - 1)^2 beforehand, so that the rigid body and its
+ends, which are a ramp, are polynomials, too. Linear least squares with A as a weight, repeated (Sanathanan and Koerner,
+1963).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.intp]
+
+LOCAL: Final = 10  # lines on each side
+DEGREE: Final = 2  # of the polynomials
+PASSES: Final = 3
+LEAST: Final = 1e-3  # of A at a line over that in the middle: a zero of A on a line must not hide its error
+AT_A_TIME: Final = 4096  # lines, to bound the memory
+
+
+def noise_under_sweep(position: Complex, command: Complex, swept: Complex, z: Complex, lines: Indices) -> Array:
+    """Power [m2] of the noise of X (n,) [m] at some of the lines (k,), over which an excitation R (n,) sweeps.
+
+    command: U (n,) [the unit of R], which holds R and what feedback makes of the noise; so B is sought under R, which
+    is free of noise, of what X is beyond the plant of the middle line times U. z (n,): exp(2 pi j f T_s) of each line.
+    """
+    offsets = np.arange(-LOCAL, LOCAL + 1)
+
+    def part(some: Indices) -> Array:
+        near = np.clip(some, LOCAL + 1, position.size - LOCAL - 1)[:, None] + offsets  # without that of 0 Hz
+        given = swept[near] / np.sqrt(np.mean(np.abs(swept[near]) ** 2, axis=1, keepdims=True))
+        rest = _beyond(position, command, z, some, near)
+        return _power(rest, given, z[near], (near - some[:, None]) / LOCAL)
+
+    return _in_parts(part, lines)
+
+
+def noise_between_lines(position: Complex, command: Complex, z: Complex, lines: Indices, periods: int) -> Array:
+    """Power [m2] of the noise of X (n,) [m] at the excited `lines` (k,) of a record of so many whole periods.
+
+    A periodic excitation leaves the lines between its own, those that are no multiples of `periods`, to the noise and
+    to what the ends leave. What feedback makes of the noise there, U, acts through the plant of the excited line.
+    """
+    free = np.flatnonzero(np.arange(position.size) % periods)
+
+    def part(some: Indices) -> Array:
+        middle = np.clip(np.searchsorted(free, some), LOCAL, free.size - LOCAL)
+        near = free[middle[:, None] + np.arange(-LOCAL, LOCAL)]
+        rest = _beyond(position, command, z, some, near)
+        away = np.abs(near - some[:, None]).max(axis=1, keepdims=True)
+        return _power(rest, None, z[near], (near - some[:, None]) / away)
+
+    return _in_parts(part, lines)
+
+
+def _beyond(position: Complex, command: Complex, z: Complex, lines: Indices, near: Indices) -> Complex:
+    """X less the plant of each line, as a rigid body's, times U at the lines near it (k, w) [m]."""
+    plant = position[lines] / command[lines] * (z[lines] - 1) ** 2
+    return np.asarray(position[near] - plant[:, None] / (z[near] - 1) ** 2 * command[near])
+
+
+def _in_parts(part: Callable[[Indices], Array], lines: Indices) -> Array:
+    return np.concatenate([part(lines[i : i + AT_A_TIME]) for i in range(0, lines.size, AT_A_TIME)])
+
+
+def _power(rest: Complex, given: Complex | None, z: Complex, offset: Array) -> Array:
+    """Power (k,) of what A X = B R + T leaves of X (k, w) around each of k lines, by the degrees of freedom left."""
+    shaped = (z - 1) ** 2
+    size = 1 / np.abs(shaped)
+    target = rest * shaped
+    level = np.sqrt(np.mean(np.abs(target) ** 2, axis=1, keepdims=True))
+    target = target / np.maximum(level, 1e-300)
+    powers = offset[:, :, None] ** np.arange(DEGREE + 1)
+    columns = [powers.astype(complex), -target[:, :, None] * powers[:, :, 1:]]
+    if given is not None:
+        columns.append(given[:, :, None] * powers)
+    whole = np.concatenate(columns, axis=2)
+    first, last = DEGREE + 1, 2 * DEGREE + 1  # where A's coefficients stand
+    weight, left = size, target
+    for _ in range(PASSES):
+        q, triangle = np.linalg.qr(whole * weight[:, :, None])
+        share = q.conj().swapaxes(1, 2) @ (target * weight)[:, :, None]
+        left = target * weight - (q @ share)[:, :, 0]
+        solved = np.linalg.solve(triangle, share)[:, :, 0]
+        poles = np.abs(1 + (powers[:, :, 1:] @ solved[:, first:last, None])[:, :, 0])
+        noise = left * (size / weight) / np.maximum(poles, LEAST)
+        weight = size / np.maximum(poles, LEAST)
+    free = offset.shape[1] - whole.shape[2]
+    return np.asarray(np.sum(np.abs(noise) ** 2, axis=1) / free * level[:, 0] ** 2)
