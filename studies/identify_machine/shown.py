@@ -36,12 +36,15 @@ PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # Settings of the inverse dy
 def results_of(found: Identified, pass_band: float | None) -> dict[str, Any]:
     """The results of each record, under its kind, and the rows of all estimates; pass_band [Hz] as requested."""
     results: dict[str, Any] = {}
-    estimates = []
+    estimates, ladders = [], list[dict[str, Any]]()
     for step in found.steps:
         estimate = step.gave.estimate
         shown = _shown(step, found.machine.sample_time, pass_band)
         correlation = {"names": list(estimate.names), "matrix": estimate.correlation}
         results[step.result] = {**shown, "correlation": correlation}
+        if "ladder" in shown:
+            ladders.append({"record": step.loaded.name, "ladder": shown["ladder"]})
+            results[step.result]["ladders"] = ladders
         estimates += [
             {"record": step.result, "name": name, "unit": unit, "number": float(value), "std": float(std)}
             for name, unit, value, std in zip(
@@ -60,14 +63,18 @@ def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:
             yield Check(name, found.misfit(step.gave), "1", 3.0, "1 if the model is right")
         if isinstance(step.gave, MotionStep) and step.gave.differences:
             yield _agreement(step.gave.differences)
-        if step.kind == "dynamics" and step is [one for one in found.steps if one.kind == "dynamics"][-1]:
-            ladder = results["dynamics"]["ladder"]
-            better, kept = (ladder[3]["held_out"] / row["held_out"] for row in (ladder[1], ladder[-1]))
-            source = "second half of the record, not fitted"
-            name = "held-out force error, over that of the published model by direction"
-            yield Check(name, better, "1", 1.0, source)
-            name = "held-out force error of the machine file, over that of the fit that it is made of"
-            yield Check(name, 1 / kept, "1", LOST, source)
+    ladders = results["dynamics"]["ladders"] if "dynamics" in results else []
+    for one in ladders:
+        yield from _held_out(one["ladder"], f": {one['record']}" * (len(ladders) > 1))
+
+
+def _held_out(ladder: Sequence[Mapping[str, Any]], of: str) -> Iterator[Check]:
+    """The checks of a fast record's ladder of models by its second half; `of` ends their names."""
+    better, kept = (ladder[3]["held_out"] / row["held_out"] for row in (ladder[1], ladder[-1]))
+    source = "second half of the record, not fitted"
+    yield Check(f"held-out force error, over that of the published model by direction{of}", better, "1", 1.0, source)
+    name = f"held-out force error of the machine file, over that of the fit that it is made of{of}"
+    yield Check(name, 1 / kept, "1", LOST, source)
 
 
 def _agreement(differences: Sequence[Difference]) -> Check:

@@ -20,6 +20,7 @@ from models.friction import elements
 from models.identification import modes
 from models.identification.estimate import Estimate
 from models.identification.force_fit import DAMPING
+from models.identification.joint.steps import Identified
 from models.identification.motion import MotionFit
 from models.identification.recognise import recognised
 from models.machine import DEFAULT, Machine, load, parameters, with_derived_presliding
@@ -31,6 +32,7 @@ from studies.deadbeat_design.__main__ import STUDY as DESIGN
 from studies.identify_machine import own_records
 from studies.identify_machine.__main__ import STUDY
 from studies.identify_machine.round_trip import errors_of_motion, true_modes
+from studies.identify_machine.shown import checks_of
 
 MACHINES = (DEFAULT, DEFAULT.parent / "emps.toml")
 
@@ -282,3 +284,15 @@ def test_a_damping_that_a_table_has_not_is_an_error_of_the_round_trip() -> None:
     nothing = np.zeros(0)
     found = MotionFit(estimate, load(), nothing, nothing, nothing, (3e-4, 1.0), (0, 0.0))
     assert errors_of_motion(found, truth) == pytest.approx([0, 0, 0, 0, 3e-4, 0.5])
+
+
+def test_each_of_several_fast_records_is_judged_by_its_second_half() -> None:
+    def ladder(*held_out: float) -> list[dict[str, float]]:
+        return [{"held_out": error} for error in held_out]
+
+    ladders = [{"record": "a", "ladder": ladder(4, 3, 2, 1, 1)}, {"record": "b", "ladder": ladder(4, 2, 2, 3, 1)}]
+    checks = [*checks_of(Identified(load()), {"dynamics": {"ladders": ladders}})]
+    assert [check.name.rpartition(": ")[2] for check in checks] == ["a", "a", "b", "b"]
+    assert [check.value for check in checks] == pytest.approx([1 / 3, 1.0, 1.5, 1 / 3])
+    alone = [*checks_of(Identified(load()), {"dynamics": {"ladders": ladders[:1]}})]
+    assert [":" in check.name for check in alone] == [False, False]

@@ -85,8 +85,9 @@ def on_slip(steps: Sequence[Step]) -> Iterator[str]:
     for step, slip in zip(steps[:-1], forces[:-1], strict=True):
         apart = combined([slip, forces[-1]])[2]
         if apart > SIGMAS:
+            said = [f"{value:.4g} ± {std:.2g} N" for value, std in (slip, forces[-1])]
             yield (
-                f"{step.loaded.name} and {steps[-1].loaded.name} disagree in the slip force, {slip[0]:.4g} N and "
-                f"{forces[-1][0]:.4g} N, by {apart:.1f} standard deviations (temperature, lubrication, preload or "
-                "another place of the guide); the machine file has the elements of the record that knows it best."
+                f"{step.loaded.name} and {steps[-1].loaded.name} disagree in the slip force, {said[0]} and {said[1]}, "
+                f"by {apart:.1f} standard deviations (temperature, lubrication, preload or another place of the "
+                "guide); the machine file has the elements of the record that knows it best, not a mean of both."
             )
