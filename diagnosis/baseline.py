@@ -18,7 +18,7 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.null import Null, null
 from diagnosis.refit import refit_within
-from diagnosis.where.controller import Replayed, replayed
+from diagnosis.where.controller import Replayed, added_signals, replayed
 from models.machine import Machine
 from models.records.record import Record
 
@@ -53,6 +53,12 @@ class Baseline:
         return tuple(replayed(self.machine, record, self.criteria) for record in self.records)
 
     @cached_property
+    def driving(self) -> tuple[Record, ...]:
+        """The records as they drive a simulated closed loop; see `driven`."""
+        pairs = zip(self.records, self.replays, strict=True)
+        return tuple(driven(self.machine, record, found) for record, found in pairs)
+
+    @cached_property
     def thresholds(self) -> dict[str, float]:
         """By effect, the chi-square [1] on held-out motions that is more than chance gains."""
         return self.null.thresholds(self.criteria)
@@ -69,6 +75,12 @@ class Baseline:
         if self.nominal.candidate.rough:
             return np.array([float(np.sum(weights(self.records)))])
         return self.null.floors(self.records)
+
+
+def driven(machine: Machine, record: Record, found: Replayed) -> Record:
+    """A record as it drives a simulated closed loop: where the stated controller did not make the commands, with all
+    that they hold beyond its law as feedforward, since no model of the plant can answer to what it is not given."""
+    return record if found.replays else added_signals(machine, record)
 
 
 def refit_and_null(

@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import Gap, gap, gaps_by_record
+from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.parallel import parallel_map
@@ -60,13 +60,20 @@ class RandomEnergy:
 class NoiseFloor:
     """The noise floor: its innovations (n,) [m] by draw, NaN where it is not known; what effects at random add to it;
     `variance_ratio`, the variance of what a complete model leaves over the floor, in that of one mean square of white
-    noise; where it is from ("simulated" or "repeats"); its gap, which is asked for once an answer stands."""
+    noise; where it is from ("simulated" or "repeats"); its gap and the force [N] that effects at random add to it,
+    which are asked for once an answer stands."""
 
     innovations: tuple[Array, ...]
     random: tuple[RandomEnergy, ...]
     variance_ratio: float
     source: str
     gap: Callable[[], Gap]
+    random_force: Callable[[], float] = lambda: 0.0
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """The samples (n,) of all records at which the floor is known."""
+        return np.asarray(~np.isnan(self.innovations[0]))
 
 
 @dataclass(frozen=True)
@@ -88,10 +95,10 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     """
     records, first, final = baseline.records, stages[0].fitted, stages[-1].fitted
     if final.candidate.rough and not stages[-1].carried_by(Carrier.FLOOR):
-        floor = measured(final, records, baseline.pieces, baseline.criteria)
+        floor = measured(final, records, baseline.pieces, baseline.criteria, baseline.driving)
     else:
         floor = _simulated_floor(stages[-1], baseline, seed)
-    known, weight = ~np.isnan(floor.innovations[0]), weights(records)
+    known, weight = floor.known, weights(records)
     left = held_out(final, partial_out(final, baseline.segment)) * _deviations(final)
     left = left * noise(final.candidate.machine) * weight  # in the order of `signal`: closure of nothing is exactly 0
     residuals, alike = first.residuals, replace(first.candidate, white_force=final.candidate.white_force)
@@ -113,7 +120,7 @@ def _simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
     final, records = stage.fitted, baseline.records
     seeds = [seed + SEED + 10 * i for i in range(SIMULATED)]
     made = [simulated_records(final.candidate, records, one) for one in seeds]
-    random = tuple[RandomEnergy, ...]()
+    random, again = tuple[RandomEnergy, ...](), list[tuple[Record, ...]]()
     parts = [proposal.random_part for proposal in stage.carried_by(Carrier.FLOOR) if proposal.random_part]
     if parts:
         (part,) = parts  # one detector finds effects that act at random
@@ -121,13 +128,17 @@ def _simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
         random = tuple(RandomEnergy(innovations_of(final.candidate, one, final.walk), part.part) for one in again)
     least = tuple(innovations_of(final.candidate, one, final.walk) for one in made)
     ratio = 1 + 1 / SIMULATED
-    return NoiseFloor(
-        least,
-        random,
-        ratio,
-        "simulated",
-        lambda: gap(final.candidate, made[0], smooth(final.candidate, made[0])),
-    )
+
+    def left(of_these: Sequence[Record]) -> Gap:
+        return errors_of(final.candidate, of_these, smooth(final.candidate, of_these)).gap()
+
+    def more() -> float:
+        if not again:
+            return 0.0
+        extra = left(again[0]).force ** 2 - left(made[0]).force ** 2
+        return float(np.sqrt(max(random[0].part * extra, 0.0)))
+
+    return NoiseFloor(least, random, ratio, "simulated", lambda: left(made[0]), more)
 
 
 def _deviations(fitted: Fit) -> Array:
@@ -135,14 +146,19 @@ def _deviations(fitted: Fit) -> Array:
 
 
 def measured(
-    fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], criteria: Criteria = Criteria()
+    fitted: Fit,
+    records: Sequence[Record],
+    pieces: Sequence[Piece],
+    criteria: Criteria = Criteria(),
+    driving: Sequence[Record] | None = None,
 ) -> NoiseFloor:
-    """The floor from what does not repeat between equal motions. An effect that does not repeat is floor here."""
+    """The floor from what does not repeat between equal motions. An effect that does not repeat is floor here.
+    driving: see `errors_of`."""
     groups, apart = repeated(pieces, records), unrepeated(fitted, records, pieces, criteria.min_equal_motions)
 
     def scattered() -> Gap:
-        force, position, _ = gaps_by_record(fitted.candidate, records, fitted.paths)
-        return Gap(rms(scatter(groups, pieces, force)), rms(scatter(groups, pieces, position)), None)
+        left = errors_of(fitted.candidate, records, fitted.paths, driving)
+        return Gap(rms(scatter(groups, pieces, left.force)), rms(scatter(groups, pieces, left.position)), None)
 
     size = fitted.residuals[0].deviation * noise(fitted.candidate.machine)
     ratio = len(groups) / (sum(map(len, groups)) - len(groups))

@@ -10,7 +10,7 @@ verdict            the rules by which an answer is given                        
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from diagnosis.answer import Answer, largest_adequate, rivalling, with_the_log
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import HowFar, gaps_of
+from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.model.fit import Fit
 from diagnosis.refit import wrong_parameters
 from diagnosis.verdict import Outcome
@@ -117,13 +117,17 @@ def diagnosed(
 
 def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     stages, names, outcome, closure = answer.stages, answer.names, answer.outcome, answer.closure
-    criteria, floor = baseline.criteria, answer.closure.floor
-    how_far = HowFar(gaps_of(stages, baseline.records), floor.gap(), floor.source, closure.closure, closure.interval)
+    criteria = baseline.criteria
     partly = strongest_first(stages) if outcome is Outcome.NONE else ()
     rivals = rivalling(stages, criteria) if outcome is Outcome.ATTRIBUTED else ()
     if rivals:
         outcome = Outcome.AMBIGUOUS
-    which = table(stages, criteria, names if outcome is not Outcome.NONE else (), rivals, how_far.closure)
+    far = how_far(stages, outcome, closure.floor, baseline)
+    handed = far.handover.named("with effects")  # its values are told, unless effects of single records are not in it
+    whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
+    told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
+    named = names if outcome is not Outcome.NONE else ()
+    which = table(told, criteria, named, rivals, closure.closure, segment=baseline.segment)
     if outcome is Outcome.NONE:
         names = ()
     if outcome is Outcome.PARAMETERS:
@@ -131,8 +135,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     kept = {name: share for name, share in pruned.shares.items() if name in (*names, *partly)}
     shares = {name: share / sum(kept.values()) for name, share in kept.items()}
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
-    unexplained = 0.0 if without_effects else float(np.clip(1 - how_far.closure, 0.0, 1.0))
-    return Diagnosis(outcome, names, partly, rivals, unexplained, which, how_far, shares, stages, baseline)
+    unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))
+    return Diagnosis(outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline)
 
 
 def to_json(found: Diagnosis) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How far the gap shrinks: what each stage of the search leaves, in newtons, micrometres and milliseconds."""
+"""What a model leaves of records: in newtons, micrometres and milliseconds."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import STARTING, Candidate, Residual, SmoothedPath, evaluate, smooth, unweighted_predictor
+from diagnosis.model.residual import STARTING, Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor
 from diagnosis.null import simulated
 from diagnosis.which.random_force import with_sines
-from diagnosis.which.stage import Stage
-from models.effects.catalogue import in_order
 from models.machine import Machine
 from models.records.record import Record, motions
 from models.records.settling import settling_time
@@ -41,80 +38,53 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class HowFar:
-    """The gaps by stage, in order, each with what was added; the floor and where it is from: "simulated" or "repeats";
-    the closure and its 95 % interval [1]."""
+class Errors:
+    """What a model leaves of records, by record: the unknown force (n,) [N] and by how much the position in the closed
+    loop is another (n,) [m], both NaN before the state has settled; settling: rows (first sample, difference [s])."""
 
-    stages: tuple[tuple[str, Gap], ...]
-    floor: Gap
-    source: str
-    closure: float
-    interval: tuple[float, float]
+    force: tuple[Array, ...]
+    position: tuple[Array, ...]
+    settling: tuple[Array, ...]
 
-    def to_json(self) -> dict[str, Any]:
-        """As interfaces fix it, and the stages between."""
-        named = dict(self.stages)
-        last = self.stages[-1][1]
-        return {
-            "gap_as_delivered": named["as delivered"].to_json(),
-            "gap_refitted": named["re-fitted"].to_json(),
-            "gap_after": last.to_json(),
-            "floor": self.floor.to_json(),
-            "floor_source": self.source,
-            "closure": self.closure,
-            "closure_interval": list(self.interval),
-            "held_out": True,
-            "stages": [{"added": name, **gap.to_json()} for name, gap in self.stages],
-        }
+    def gap(self) -> Gap:
+        """Their root mean squares, and the mean difference of the settling times."""
+        differences = np.concatenate([rows[:, 1] for rows in self.settling])
+        return Gap(rms(self.force), rms(self.position), float(np.mean(differences)) if differences.size else None)
 
 
-def gap(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> Gap:
-    """What a candidate leaves of the records."""
-    force, apart, settling = gaps_by_record(candidate, records, paths)
-    differences = [time for times in settling for time in times]
-    return Gap(rms(force), rms(apart), float(np.mean(differences)) if differences else None)
-
-
-def gaps_by_record(
-    candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]
-) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[list[float], ...]]:
-    """By record: the unknown force (n,) [N], by how much the position in the closed loop is another (n,) [m], and the
-    same of each motion's settling [s]; no number before the state has settled."""
-    machine = candidate.machine
+def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> tuple[Array, ...]:
+    """The smoothed force (n,) [N] that a candidate lacks, by record, NaN before the state has settled."""
     model = unweighted_predictor(candidate, records[0].sample_time, SEEN_BY)
+    state = 2 * len(candidate.machine.plant.modes)
 
-    def left(i: int, record: Record, residual: Residual) -> tuple[Array, Array, list[float]]:
+    def force(record: Record, residual: Residual) -> Array:
         start = np.zeros(model.C.size)
         start[0] = record.position[0]
         states = smoothed(model, residual.force, record.position - residual.acts.reading, start)
-        unknown = states[:, 2 * len(machine.plant.modes)]
-        made = simulated(quiet(candidate), record, i, 0)
+        states[:STARTING, state] = np.nan
+        return np.asarray(states[:, state])
+
+    return tuple(parallel_map(force, records, evaluate(candidate, records, paths)))
+
+
+def errors_of(
+    candidate: Candidate,
+    records: Sequence[Record],
+    paths: Sequence[SmoothedPath],
+    driving: Sequence[Record] | None = None,
+) -> Errors:
+    """What a candidate leaves of the records, a constant force included; driving: the records that drive its closed
+    loop, where that is more than they map (`baseline.Baseline.driving`)."""
+    machine = candidate.machine
+
+    def left(i: int, record: Record, drives: Record) -> tuple[Array, Array]:
+        made = simulated(quiet(candidate), drives, i, 0)
         apart = made.position - record.position
-        unknown[:STARTING] = apart[:STARTING] = np.nan
-        # a constant force is an offset of the amplifier, and costs nothing
-        return unknown - np.nanmean(unknown), apart, _settling_differences(record, made, machine)
+        apart[:STARTING] = np.nan
+        return apart, _settling_differences(record, made, machine)
 
-    found = parallel_map(left, range(len(records)), records, evaluate(candidate, records, paths))
-    force, apart, settling = zip(*found, strict=True)
-    return force, apart, settling
-
-
-def gaps_of(stages: Sequence[Stage], records: Sequence[Record]) -> tuple[tuple[str, Gap], ...]:
-    """What the machine as delivered, the re-fitted one and each stage with one effect more leave of the records."""
-    nominal = stages[0].fitted
-    delivered = _as_delivered(nominal)
-    gaps = [("as delivered", gap(delivered, records, smooth(delivered, records)))]
-    gaps.append(("re-fitted", gap(nominal.candidate, records, nominal.paths)))
-    found = [(f"{stage.added}", gap(stage.fitted.candidate, records, stage.fitted.paths)) for stage in stages[1:]]
-    return (*gaps, *found)
-
-
-def _as_delivered(nominal: Fit) -> Candidate:
-    """The machine file as it is; only the starts of the records, which no file can know, are the fit's."""
-    layout = nominal.candidate.layout
-    start = np.array(layout.names) == "initial_friction_state"
-    theta = np.where(start, nominal.candidate.theta, 0.0)
-    return replace(nominal.candidate, theta=theta, effects=in_order(layout.machine.effects))
+    apart, settling = zip(*parallel_map(left, range(len(records)), records, driving or records), strict=True)
+    return Errors(unknown_force(candidate, records, paths), apart, settling)
 
 
 def quiet(candidate: Candidate) -> Candidate:
@@ -124,12 +94,12 @@ def quiet(candidate: Candidate) -> Candidate:
     return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still)))
 
 
-def _settling_differences(record: Record, made: Record, machine: Machine) -> list[float]:
-    """How much the settling of each motion differs between record and simulation [s]."""
-    wanted, found = machine.specification, []
+def _settling_differences(record: Record, made: Record, machine: Machine) -> Array:
+    """Rows (first sample, by how much its settling differs between record and simulation [s]), one a motion."""
+    wanted, found = machine.specification, list[tuple[float, float]]()
     steps = np.count_nonzero(np.diff(record.target))
     if not 0 < steps < record.target.size / 20:
-        return []
+        return np.zeros((0, 2))
     for motion in motions(record.target, float(record.reference[0])):
         part = slice(motion.start, motion.stop)
         times = [
@@ -137,5 +107,5 @@ def _settling_differences(record: Record, made: Record, machine: Machine) -> lis
             for one in (record, made)
         ]
         longest = (motion.stop - motion.start) * record.sample_time
-        found.append(abs(min(times[0], longest) - min(times[1], longest)))
-    return found
+        found.append((float(motion.start), abs(min(times[0], longest) - min(times[1], longest))))
+    return np.array(found)

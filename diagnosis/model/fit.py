@@ -133,11 +133,11 @@ def with_coordinates(effect: Effect, where: Array, priors: Priors) -> Effect:
         rest = where[len(sizes) :]
     shapes = [item for item in items if item.role in POSITIVE]
     for item, number in zip(shapes, rest, strict=True):
-        changed[item.name] = float(np.clip(np.exp(number), *_bounds(item)))
+        changed[item.name] = float(np.clip(np.exp(number), *bounds_of(item)))
     return replace(effect, **changed)
 
 
-def _bounds(item: Parameter) -> tuple[float, float]:
+def bounds_of(item: Parameter) -> tuple[float, float]:
     """The least and the greatest value [SI] that a fit may give to a shape, a period or a width."""
     return item.low / (SMALL if item.role == "width" else ROOM), item.high * ROOM
 
@@ -191,7 +191,7 @@ def at_bounds(effect: Effect, priors: Priors) -> bool:
     for item in parameters(type(effect), priors):
         staircase = item.role == "width" and item.periodic_in
         if item.role in POSITIVE and not staircase:
-            low, high = _bounds(item)
+            low, high = bounds_of(item)
             if not low * 1.02 < getattr(effect, item.name) < high / 1.02:
                 return True
     return False
@@ -261,6 +261,20 @@ def one_step(candidate: Candidate, records: Sequence[Record], *, walk: float = W
     if cost >= here.cost:
         return here
     return replace(here, candidate=moved, residuals=residuals, innovations=_innovations(residuals, weight), cost=cost)
+
+
+def without(fitted: Fit, records: Sequence[Record], left_out: NDArray[np.bool_]) -> Candidate:
+    """The fit's candidate (SI), fitted by one more step to the samples that are not left out (n,)."""
+    weight = weights(records) * ~left_out
+    here = replace(
+        fitted,
+        innovations=fitted.innovations * weight,
+        slopes=fitted.slopes * weight[:, None],
+        effect_jacobian=fitted.effect_jacobian * weight[:, None],
+        cost=_cost(fitted.candidate, fitted.residuals, weight),
+    )
+    moved, cost, _, _ = _search(here, records, weight, damping=1.0)
+    return moved if cost < here.cost else fitted.candidate
 
 
 def _linearised(

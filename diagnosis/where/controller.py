@@ -94,6 +94,22 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     return Replayed(True, largest, rms, tolerance, departs, best, remains, other, spread)
 
 
+def added_signals(machine: Machine, record: Record) -> Record:
+    """The record with everything as feedforward [N] that its commands hold beyond the machine's law, replayed on the
+    logged error: pulses behind the controller, say. Before the replay has settled the feedforward stays as logged."""
+    feedback, delay = machine.control.feedback, machine.control.reference_delay
+    alone = replace(record, feedforward=np.zeros(record.command.size))
+    beyond = record.command - replay(alone, feedback, delay, machine.drive.rated_thrust)
+    begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
+    held = float(np.median(beyond[begin:] - record.feedforward[begin:])) if _integrates(feedback) else 0.0
+    return replace(record, feedforward=np.concatenate([record.feedforward[:begin], beyond[begin:] - held]))
+
+
+def _integrates(feedback: Feedback) -> bool:
+    """Whether a constant in the commands may be what an integral held before the record."""
+    return isinstance(feedback, Law) or feedback.ki != 0
+
+
 def starting(feedback: Feedback, sample_time: float) -> int:
     """Samples after which a replay no longer depends on what was before the record; sample_time [s]."""
     if isinstance(feedback, Law):

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
-from diagnosis.how_far import gap
+from diagnosis.how_far import unknown_force
 from diagnosis.model.fit import Fit, fit
+from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
 from diagnosis.which.select import min_gain_beside_others
 from diagnosis.which.stage import Stage
@@ -95,7 +96,8 @@ def _name(stage: Stage) -> str:
 
 def _force(fitted: Fit, records: Sequence[Record]) -> float:
     """What a fit leaves of unknown force, its deviation [N]."""
-    return gap(fitted.candidate, records, fitted.paths).force
+    left = unknown_force(fitted.candidate, records, fitted.paths)
+    return rms([force - np.nanmean(force) for force in left])  # the search leaves a constant force open
 
 
 def _fits(stages: Sequence[Stage], names: Sequence[str], records: Sequence[Record]) -> dict[Names, Fit]:

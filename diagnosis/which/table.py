@@ -41,10 +41,11 @@ def table(
     names: Sequence[str],
     rivals: Sequence[Sequence[str]],
     closure: float,
+    segment: NDArray[np.int64] | None = None,
 ) -> tuple[EffectRow, ...]:
     """Every effect, those of the answer first: with their fitted parameters, the others at their best point of the
-    grid, and how likely each is; closure: of the whole answer [1]."""
-    inside = _members(stages[-1].fitted)
+    grid, and how likely each is; closure: of the whole answer [1]; segment: see `deviations_of`."""
+    inside = _members(stages[-1].fitted, segment)
     rows = []
     for name, proposal in _best_scanned(stages).items():
         members, shown = inside.get(name), proposal
@@ -81,13 +82,15 @@ def _effect(proposal: Proposal) -> Effect:
     return proposal.effect
 
 
-def _members(fitted: Fit) -> dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]:
+def _members(
+    fitted: Fit, segment: NDArray[np.int64] | None = None
+) -> dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]:
     """By name what the model has beside the machine file's own effects, each class's strongest member first."""
     effects, found = fitted.candidate.effects, dict[str, tuple[tuple[Effect, Mapping[str, float]], ...]]()
     stated = Counter(effect.name for effect in effects) - Counter(
         effect.name for effect in fitted.candidate.added_effects
     )
-    for effect, std in zip(effects, deviations_of(fitted), strict=True):
+    for effect, std in zip(effects, deviations_of(fitted, segment), strict=True):
         if stated[effect.name] > 0:
             stated[effect.name] -= 1
             continue
@@ -118,14 +121,16 @@ def probability(
     return criteria.probability_below * max(over, 0.0) ** 3
 
 
-def deviations_of(fitted: Fit) -> list[dict[str, float]]:
-    """Standard deviation of every parameter of each effect in the model [SI], by the linearised fit."""
+def deviations_of(fitted: Fit, segment: NDArray[np.int64] | None = None) -> list[dict[str, float]]:
+    """Standard deviation of every parameter of each effect in the model [SI], by the linearised fit.
+
+    segment (n,): the motion that each sample belongs to. With it, what is left counts as dependent within a motion (the
+    sandwich of H. White, Econometrica 50, 1982, clustered by motions); never less than if it were white.
+    """
     candidate = fitted.candidate
     if not candidate.effects:
         return []
-    wide = np.concatenate([candidate.layout.deviation, effects_prior_std(candidate)])
-    whole = np.hstack([fitted.slopes, fitted.effect_jacobian]) * wide
-    covariance = np.linalg.inv(whole.T @ whole + np.eye(wide.size)) * np.outer(wide, wide)
+    covariance = covariance_of(fitted, segment)
     found, begin = [], candidate.layout.count
     for effect in candidate.effects:
         here = coordinates(effect)
@@ -133,6 +138,21 @@ def deviations_of(fitted: Fit) -> list[dict[str, float]]:
         found.append(_spread_of(effect, here, own, candidate.nominal.priors))
         begin += here.size
     return found
+
+
+def covariance_of(fitted: Fit, segment: NDArray[np.int64] | None = None) -> Array:
+    """Covariance (P + Q, P + Q) of theta and the effects' coordinates (SI); segment: see `deviations_of`."""
+    candidate = fitted.candidate
+    wide = np.concatenate([candidate.layout.deviation, effects_prior_std(candidate)])
+    whole = np.hstack([fitted.slopes, fitted.effect_jacobian]) * wide
+    covariance = np.linalg.inv(whole.T @ whole + np.eye(wide.size))
+    if segment is not None:
+        pulls = np.zeros((int(segment.max()) + 1, wide.size))
+        np.add.at(pulls, segment, whole * fitted.innovations[:, None])
+        spread = covariance @ pulls.T @ pulls @ covariance
+        larger = np.sqrt(np.maximum(np.diag(spread) / np.diag(covariance), 1.0))
+        covariance = covariance * np.outer(larger, larger)
+    return np.asarray(covariance * np.outer(wide, wide))
 
 
 def _spread_of(effect: Effect, here: Array, covariance: Array, priors: Priors) -> dict[str, float]:

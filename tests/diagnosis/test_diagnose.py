@@ -8,18 +8,25 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+import pytest
 
 from diagnosis.baseline import refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.diagnose import Diagnosis, diagnose, to_json
 from diagnosis.evidence import evidence, examined
+from diagnosis.handover.files import judged, starts_of
+from diagnosis.how_far import errors_of
+from diagnosis.improved import improved_machine
 from diagnosis.model.fit import largest
+from diagnosis.model.residual import smooth
 from diagnosis.verdict import Outcome
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import Topic, statements
 from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook, parameter
 from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
+from models.machine import load
+from models.machine_file import to_toml
 from models.records.record import Record
 from tests.diagnosis.tables import LEAD, recorded, short, table
 
@@ -33,7 +40,7 @@ def _found(null_cache: Path, effects: Sequence[Effect], seed: int, wrong: float 
     return diagnose(MACHINE, records, cache=null_cache, **options)  # type: ignore[arg-type]
 
 
-def test_one_effect_is_named_with_its_size_and_closes_the_gap(null_cache: Path) -> None:
+def test_one_effect_is_named_with_its_size_and_closes_the_gap(null_cache: Path, tmp_path: Path) -> None:
     found = _found(null_cache, [ViscousFriction(40.0)], 1)
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     row = to_json(found)["which"][0]
@@ -41,6 +48,24 @@ def test_one_effect_is_named_with_its_size_and_closes_the_gap(null_cache: Path) 
     assert abs(drag["value"] - 40.0) < 4 * drag["std"] + 0.02 * 40.0
     assert found.how_far.closure > 0.9
     assert found.how_far.interval[0] <= found.how_far.closure <= found.how_far.interval[1]
+    _the_written_file_leaves_what_is_told(found, tmp_path)
+
+
+def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> None:
+    """Force, position and settling; and the closure follows from the terms that are told with it."""
+    path, adopted = folder / "improved.toml", found.how_far.handover.adopted
+    path.write_text(to_toml(improved_machine(found)), encoding="utf-8")
+    file = judged(load(path), starts_of(adopted.fitted.candidate)).candidate
+    left = errors_of(file, found.baseline.records, smooth(file, found.baseline.records)).gap()
+    told = to_json(found)["how_far"]
+    assert adopted.name == told["adopted_file"] == "with effects"
+    assert left.to_json() == pytest.approx(told["gap_improved"], rel=1e-9)
+    assert told["gap_improved"] == told["gap_after"]
+    terms = told["closure_terms"]
+    d, r, e, f = (terms[name] ** 2 for name in ("delivered", "refitted", "after", "floor"))
+    assert terms["random"] == 0
+    assert told["closure"] == told["closure_of"]["refitted"] == pytest.approx(min((r - e) / (r - f), 1.0))
+    assert told["closure_of"]["delivered"] == pytest.approx(min((d - e) / (d - f), 1.0))
 
 
 def test_two_effects_are_both_named(null_cache: Path) -> None:
@@ -52,7 +77,10 @@ def test_two_effects_are_both_named(null_cache: Path) -> None:
 def test_wrong_nominal_values_are_called_so(null_cache: Path) -> None:
     found = _found(null_cache, [], 3)
     assert found.outcome == Outcome.PARAMETERS
-    assert found.how_far.to_json()["gap_refitted"]["force_N"] < found.how_far.to_json()["gap_as_delivered"]["force_N"]
+    told = found.how_far.to_json()
+    assert told["gap_refitted"]["force_N"] < 0.1 * told["gap_as_delivered"]["force_N"]
+    assert told["adopted_file"] == "re-fitted"
+    assert told["gap_improved"]["force_N"] < 0.05  # its offset included
 
 
 def test_a_dead_time_that_is_far_off_is_no_lag(null_cache: Path) -> None:
@@ -66,6 +94,7 @@ def test_nothing_is_found_where_nothing_is_wrong(null_cache: Path) -> None:
     found = _found(null_cache, [], 4, wrong=0.0)
     assert found.outcome == Outcome.NOTHING
     assert found.effects == ()
+    assert found.how_far.handover.adopted.name == "as delivered"
 
 
 def test_an_effect_that_may_not_be_used_leaves_a_gap_without_a_name(null_cache: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diagnosis.improved import provenance_of_effects
+from diagnosis.handover.files import provenance_of_effects
 from models.effects.motor import DacQuantisation
 
 

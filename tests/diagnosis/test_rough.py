@@ -17,7 +17,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import amplitude_ladder, repeated_strokes, sequence
-from diagnosis.how_far import gap
+from diagnosis.how_far import errors_of
 from diagnosis.model.fit import Fit, unrepeated
 from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.motions import MotionKind, Piece, pieces, rms, scatter
@@ -118,7 +118,7 @@ def test_the_floor_of_a_rough_drive_is_what_does_not_repeat(fitted: Fit, rough: 
     known = ~np.isnan(own)
     left = signal(fitted.residuals, fitted.candidate.machine)
     assert np.mean(own[known] ** 2) == pytest.approx(np.mean(left[known] ** 2), rel=0.1)
-    assert least.gap().force == pytest.approx(gap(fitted.candidate, rough, fitted.paths).force, rel=0.3)
+    assert least.gap().force == pytest.approx(errors_of(fitted.candidate, rough, fitted.paths).gap().force, rel=0.3)
 
 
 def test_a_reading_that_drops_out_is_no_force() -> None:

@@ -26,7 +26,7 @@ def test_the_stronger_member_comes_first_and_the_machine_files_own_is_none(monke
     layout = parameters(replace(load(), effects=own), 1)
     effects = in_order((*own, *found))
     fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), effects))
-    monkeypatch.setattr(candidates, "deviations_of", lambda _: [{"number": float(i)} for i in range(len(effects))])
+    monkeypatch.setattr(candidates, "deviations_of", lambda *_: [{"number": float(i)} for i in range(len(effects))])
     members = candidates._members(fitted)
     assert set(members) == {"directional_friction", "cogging"}
     assert [effect for effect, _ in members["directional_friction"]] == [found[1], found[0]]

@@ -1,0 +1,127 @@
+"""A fitted candidate as the machine file that is written of it, and that file as the candidate that is judged."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.model.kalman import Resonance
+from diagnosis.model.parameters import Parameters, initial_state, parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.which.random_force import with_sines
+from models.effects.base import Effect
+from models.effects.base import parameters as parameters_of
+from models.effects.catalogue import in_order, named
+from models.machine import Machine, Presliding, Provenance, from_table
+from models.machine import parameters as values_of
+from models.machine_file import to_toml
+
+Array = NDArray[np.float64]
+
+FILE = Path("improved.toml")
+
+
+def loaded(machine: Machine) -> Machine:
+    """The machine as it is read from the file that is written of it."""
+    return from_table(tomllib.loads(to_toml(machine)), FILE)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A machine file as it is judged: the machine that was loaded from it, and the candidate whose errors are its own.
+
+    The candidate knows two things that no file holds: where the friction elements stand at the start of each record,
+    and that the sine of a random force stands for its power at an unknown phase.
+    """
+
+    machine: Machine
+    candidate: Candidate
+
+
+def judged(machine: Machine, starts: Sequence[Array], random_forces: Sequence[Resonance] = ()) -> Judged:
+    """A machine as its file says. starts: displacements (N,) [m] of the friction elements by record; random_forces:
+    those for which sines stand in the file."""
+    file = loaded(machine)
+    layout = parameters(file, len(starts))
+    return Judged(
+        file, Candidate(layout, _starting(layout, starts), _effects(file, random_forces), tuple(random_forces))
+    )
+
+
+def _effects(file: Machine, random_forces: Sequence[Resonance]) -> tuple[Effect, ...]:
+    sines = with_sines(Candidate(parameters(file, 1), np.zeros(0), (), tuple(random_forces))).effects
+    left = list(file.effects)
+    for sine in sines:
+        left.remove(sine)
+    return in_order(left)
+
+
+def _starting(layout: Parameters, starts: Sequence[Array]) -> Array:
+    theta = np.zeros(layout.count)
+    theta[layout.of("initial_friction_state")] = np.concatenate(list(starts))
+    return np.clip(theta, layout.low, layout.high)
+
+
+def starts_of(candidate: Candidate) -> tuple[Array, ...]:
+    """Displacements (N,) [m] of the friction elements at the start of each record."""
+    return tuple(initial_state(candidate.layout, candidate.theta, i) for i in range(candidate.layout.records))
+
+
+def machine_of(
+    nominal: Machine, candidate: Candidate, deviations: Sequence[Mapping[str, float]] = (), source: str = "diagnosis"
+) -> Machine:
+    """The nominal machine with what the candidate changes, each value with its provenance; deviations: of the
+    candidate's effects [SI]."""
+    whole = with_sines(candidate)
+    fitted = replace(whole.machine, priors=nominal.priors)
+    sources = {**nominal.sources, **dict(_refitted(nominal, fitted, source))}
+    if whole.effects:
+        given = {effect.name for effect in nominal.effects}
+        known = deviations or [{} for _ in candidate.effects]
+        sources |= dict(provenance_of_effects(whole.effects, candidate.effects, known, given, source))
+    for field in fields(Presliding):  # the presliding curve follows from the friction elements, which have changed
+        sources[f"presliding.{field.name}"] = Provenance("derived", "from the friction elements")
+    return replace(fitted, name=f"{nominal.name}, improved", effects=whole.effects, published=None, sources=sources)
+
+
+def _refitted(nominal: Machine, fitted: Machine, source: str) -> Iterator[tuple[str, Provenance]]:
+    """The provenance of every value that the re-fit changed, by the value's dotted name."""
+    before = {one.name: one.number for one in values_of(replace(nominal, effects=()))}
+    provenance = Provenance("identified", f"{source}, within the tolerance of the file's value")
+    for one in values_of(replace(fitted, effects=())):
+        if before.get(one.name) != one.number:
+            yield one.name, provenance
+
+
+def provenance_of_effects(
+    effects: Sequence[Effect],
+    fitted: Sequence[Effect],
+    deviations: Sequence[Mapping[str, float]],
+    given: Collection[str],
+    source: str,
+) -> Iterator[tuple[str, Provenance]]:
+    """The provenance of every parameter of the effects, by its dotted name, with its standard deviation [SI] where the
+    fit has one.
+
+    fitted: the effects that were fitted, among the effects by identity, with the standard deviations of each. given:
+    names of effects of the machine file, whose law (a switch between two) the diagnosis did not choose.
+    """
+    known = {id(effect): std for effect, std in zip(fitted, deviations, strict=True)}
+    for path, effect in named(effects).items():
+        std = known.get(id(effect), {})
+        for item in parameters_of(type(effect)):
+            if item.role == "switch" and effect.name in given:
+                continue
+            detail = f"{source}; the better of two laws" if item.role == "switch" else source
+            deviation = std.get(item.name, math.nan)
+            known_well = item.role != "switch" and math.isfinite(deviation)
+            yield (
+                f"effects.{path}.{item.name}",
+                Provenance("identified", detail, std=deviation if known_well else None),
+            )

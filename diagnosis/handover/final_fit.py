@@ -1,0 +1,131 @@
+"""The fit behind a machine file: nominal values and effects together, under the force that they leave.
+
+The search fits beside an unknown force that walks at random, which follows whatever is slow: a constant force leaves
+nothing of itself behind the first samples, so that the offset of the amplifier hangs on its prior and on what the other
+values make of it. Here the unknown force is white and as large as what is left: its variance is finite, so that a
+constant counts at every sample (the disturbance model decides which of two laws takes up a slow force: L. Ljung, System
+Identification, 1999, section 8.5). Values that run to a bound get twice the room, once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.how_far import unknown_force
+from diagnosis.model.fit import Fit, bounds_of, fit
+from diagnosis.model.parameters import Parameters
+from diagnosis.model.residual import Candidate, SmoothedPath
+from models.effects.base import POSITIVE
+from models.effects.base import parameters as parameters_of
+from models.effects.priors import Priors
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+ITERATIONS: Final = 8
+STILL: Final = 1e-5  # walk a sample over the white force: it gains a tenth of it in 100,000 samples
+NEAR: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
+ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
+ROOM: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
+LEAST: Final = 1e-3  # N: of the white force, for records that a model explains but for rounding
+
+
+@dataclass(frozen=True)
+class AtBound:
+    """A value that the fit left at the end of its range: what it belongs to ("cogging", or "nominal"), its name, and
+    how far it is: deviations of the tolerance [1] of a nominal value, SI of an effect's. number: of the entry in theta,
+    or of the effect in the model."""
+
+    part: str
+    name: str
+    value: float
+    unit: str
+    number: int = 0
+
+    @property
+    def place(self) -> tuple[str, str, int]:
+        """Which value of the model it is."""
+        return self.part, self.name, self.number
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The fit behind a machine file; widened: values that got more room; at_bound: those that are at a bound still."""
+
+    fitted: Fit
+    widened: tuple[AtBound, ...] = ()
+    at_bound: tuple[AtBound, ...] = ()
+
+    @property
+    def candidate(self) -> Candidate:
+        """The fitted candidate."""
+        return self.fitted.candidate
+
+
+def finished(given: Fit, records: Sequence[Record], iterations: int = ITERATIONS) -> Finished:
+    """A fit of the search, fitted again for the file, where needed with more room."""
+    fitted = still_fit(given.candidate, records, given.paths, iterations)
+    widened = list[AtBound]()
+    for _ in range(ROUNDS):
+        new = [one for one in at_bounds(fitted.candidate) if one.place not in {before.place for before in widened}]
+        if not new:
+            break
+        fitted = still_fit(_widened(fitted.candidate, new), records, fitted.paths, iterations)
+        widened += new
+    return Finished(fitted, tuple(widened), at_bounds(fitted.candidate))
+
+
+def still_fit(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath], iterations: int = ITERATIONS
+) -> Fit:
+    """The candidate fitted beside a white force as large as what it leaves (its standard deviation)."""
+    left = unknown_force(candidate, records, paths)
+    white = max(float(np.nanstd(np.concatenate(left))), LEAST)
+    candidate = replace(candidate, white_force=white)
+    return fit(candidate, records, paths=paths, iterations=iterations, walk=STILL * white)
+
+
+def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
+    """The values at a bound of their range; a dead time of 0 is at none."""
+    layout, found = candidate.layout, list[AtBound]()
+    for i in _hit(layout, candidate.theta):
+        moved = float(candidate.theta[i] / layout.deviation[i])
+        found.append(AtBound("nominal", layout.names[i], moved, "deviations of its tolerance", i))
+    for number, effect in enumerate(candidate.effects):
+        for item in parameters_of(type(effect), candidate.nominal.priors):
+            if item.role in POSITIVE and not (item.role == "width" and item.periodic_in):
+                low, high = bounds_of(item)
+                size = float(getattr(effect, item.name))
+                if not low * 1.02 < size < high / 1.02:
+                    found.append(AtBound(effect.name, item.name, size, item.unit, number))
+    return tuple(found)
+
+
+def _hit(layout: Parameters, theta: Array) -> list[int]:
+    """The entries of theta at a bound that is not the physical one of the dead time; starts have no others."""
+    room = NEAR * (layout.high - layout.low)
+    none = np.isin(np.array(layout.names), ("dead_time",)) & (layout.low <= -layout.machine.plant.dead_time)
+    at = ((theta <= layout.low + room) & ~none) | (theta >= layout.high - room)
+    return [int(i) for i in np.flatnonzero(at) if layout.names[i] != "initial_friction_state"]
+
+
+def _widened(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
+    """The candidate with ROOM times the room for the values at their bounds."""
+    layout = candidate.layout
+    low, high, ranges = layout.low.copy(), layout.high.copy(), dict(layout.machine.priors)
+    for one in hit:
+        if one.part == "nominal":
+            low[one.number], high[one.number] = ROOM * low[one.number], ROOM * high[one.number]
+            continue
+        kind = type(candidate.effects[one.number])
+        (item,) = (item for item in parameters_of(kind, layout.machine.priors) if item.name == one.name)
+        ranges[one.part, one.name] = (item.low / ROOM, item.high * ROOM)
+    dead = layout.of("dead_time")
+    low[dead] = np.maximum(low[dead], -layout.machine.plant.dead_time)
+    machine = replace(layout.machine, priors=Priors.of(ranges))
+    return replace(candidate, layout=replace(layout, machine=machine, low=low, high=high))

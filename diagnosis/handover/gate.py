@@ -1,0 +1,231 @@
+"""Which machine file is handed over: the richest that does no harm on motions that it was not fitted to.
+
+The candidates are the machine as delivered, with its offset fitted, re-fitted, and with effects. Each is fitted without
+a part of the motions in turn and judged on that part, in force, position and settling. One that is worse than the
+machine as delivered, or than a simpler candidate that passed, by more than chance in any of the three is not adopted;
+chance is told by drawing motions, the same for both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to
+the Bootstrap, 1993, section 8.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.baseline import Baseline
+from diagnosis.handover.files import Judged, judged, machine_of, starts_of
+from diagnosis.handover.final_fit import Finished
+from diagnosis.how_far import Errors, Gap, errors_of
+from diagnosis.model.fit import Fit, without
+from diagnosis.model.parallel import parallel_map
+from diagnosis.model.residual import Candidate, SmoothedPath, smooth
+from models.machine import Machine
+
+Array = NDArray[np.float64]
+
+PARTS: Final = 3  # into which the motions are divided; each is judged by a fit to the others
+DRAWS: Final = 1000
+CHANCE: Final = 0.05  # one-sided level at which a candidate counts as worse
+ROUNDING: Final = 1e-6  # relative difference of errors that are equal but for their arithmetic
+MEASURES: Final = ("force", "position", "settling")
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Errors by motion: sums of squares (m,) [N^2] and [m^2] over `count` (m,) samples, and settling differences (m,)
+    [s], the sum over `settled` (m,) of them. Motions at which the floor is not known have a count of 0."""
+
+    force: Array
+    position: Array
+    count: Array
+    settling: Array
+    settled: Array
+
+    def mean(self, measure: str, motions: NDArray[np.int64] | None = None) -> Array:
+        """Mean square [N^2], [m^2] or mean difference [s] of a measure, over all motions or rows of them (k, m)."""
+        above, below = (self.settling, self.settled) if measure == "settling" else (getattr(self, measure), self.count)
+        if motions is None:
+            motions = np.arange(above.size)
+        return np.asarray(above[motions].sum(axis=-1) / np.maximum(below[motions].sum(axis=-1), 1e-300))
+
+    def gap(self) -> Gap:
+        """As a gap: root mean squares, and the mean settling difference."""
+        settling = float(self.mean("settling")) if self.settled.sum() else None
+        return Gap(float(np.sqrt(self.mean("force"))), float(np.sqrt(self.mean("position"))), settling)
+
+
+@dataclass(frozen=True)
+class File:
+    """A machine file: its name among the candidates, what it leaves of the records, and of motions left out of its fit;
+    the fit behind it (None as delivered)."""
+
+    name: str
+    judged: Judged
+    gap: Gap
+    held_out: Sums
+    finished: Finished | None = None
+
+    @property
+    def machine(self) -> Machine:
+        """The machine as loaded from the file."""
+        return self.judged.machine
+
+    @property
+    def fitted(self) -> Fit:
+        """The fit behind the file. Raises ValueError where there is none."""
+        if self.finished is None:
+            raise ValueError(f"the file {self.name} has no fit")
+        return self.finished.fitted
+
+
+@dataclass(frozen=True)
+class Harm:
+    """A candidate that is worse than another file in one measure ("force", "position" or "settling") on motions held
+    out: by how much, in that measure's unit."""
+
+    file: str
+    measure: str
+    than: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Handover:
+    """The file that is handed over, all that were judged, the simplest first, and why the others were not adopted."""
+
+    adopted: File
+    files: tuple[File, ...]
+    harms: tuple[Harm, ...] = ()
+
+    def named(self, name: str) -> File | None:
+        """The candidate of this name."""
+        return next((file for file in self.files if file.name == name), None)
+
+
+def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) -> Handover:
+    """The handover among files, the first of them as delivered and then the richer the later; fallback: a simpler one
+    than the second, which is judged only where that does harm."""
+    first, *rest = files
+    best, judged_, harms = first, [first], list[Harm]()
+    for number, file in enumerate(rest):
+        found = _harms(file, first) or _harms(file, best)
+        judged_.append(file)
+        harms += found
+        if not found:
+            best = file
+        elif number == 0 and fallback is not None:
+            simpler = fallback()
+            judged_.insert(1, simpler)
+            worse = _harms(simpler, first)
+            harms += worse
+            best = best if worse else simpler
+    return Handover(best, tuple(judged_), tuple(harms))
+
+
+def _harms(file: File, other: File) -> list[Harm]:
+    """The measures in which a file is worse than another beyond chance."""
+    before, after = other.held_out, file.held_out
+    draws = np.random.default_rng(0).integers(0, before.count.size, (DRAWS, before.count.size))
+    found = []
+    for measure in MEASURES:
+        apart = after.mean(measure, draws) - before.mean(measure, draws)
+        if np.quantile(apart, CHANCE) > ROUNDING * before.mean(measure):
+            sizes = (float(one.mean(measure)) for one in (before, after))
+            first, then = (size if measure == "settling" else size**0.5 for size in sizes)
+            found.append(Harm(file.name, measure, other.name, first, then))
+    return found
+
+
+def as_delivered(baseline: Baseline) -> File:
+    """The machine as its file states it; only the starts of the records, which no file can know, are the re-fit's."""
+    candidate = baseline.nominal.candidate
+    file = judged(candidate.nominal, starts_of(candidate))
+    left = _errors(file.candidate, baseline, smooth(file.candidate, baseline.records))
+    return File("as delivered", file, left.gap(), sums(left, baseline))
+
+
+def with_fit(name: str, finished: Finished, baseline: Baseline) -> File:
+    """The file of a finished fit, judged on its records and on motions that were left out of it."""
+    file = file_of(finished.candidate, baseline.machine)
+    left = _errors(file.candidate, baseline, smooth(file.candidate, baseline.records))
+    return File(name, file, left.gap(), held_out(finished, baseline), finished)
+
+
+def file_of(candidate: Candidate, nominal: Machine) -> Judged:
+    """The file that is written of a fitted candidate."""
+    return judged(machine_of(nominal, candidate), starts_of(candidate), candidate.random_forces)
+
+
+def held_out(finished: Finished, baseline: Baseline) -> Sums:
+    """The errors by motion of files that were fitted without these motions."""
+    segment = baseline.segment
+    part = parts(int(segment.max()) + 1)
+
+    def of_part(number: int) -> Sums:
+        candidate = without(finished.fitted, baseline.records, part[segment] == number)
+        file = file_of(candidate, baseline.machine)
+        return sums(_errors(file.candidate, baseline, finished.fitted.paths), baseline)
+
+    found = list(parallel_map(of_part, range(PARTS)))
+    names = ("force", "position", "count", "settling", "settled")
+    return Sums(*(np.choose(part, [getattr(one, name) for one in found]) for name in names))
+
+
+def parts(count: int) -> NDArray[np.int64]:
+    """The number of the part [1] that each motion belongs to (count,), at random."""
+    return np.asarray(np.random.default_rng(0).permutation(count) % PARTS)
+
+
+def sums(left: Errors, baseline: Baseline) -> Sums:
+    """Errors summed by motion."""
+    segment, size = baseline.segment, len(baseline.pieces)
+    force, position = np.concatenate(left.force), np.concatenate(left.position)
+    known = ~np.isnan(force)
+    begins = np.cumsum([0, *(record.position.size for record in baseline.records)])
+    rows = [np.column_stack([one[:, 0] + begin, one[:, 1]]) for one, begin in zip(left.settling, begins, strict=False)]
+    settling = np.concatenate(rows)
+    at = segment[settling[:, 0].astype(np.int64)]
+
+    def by_motion(weights: Array) -> Array:
+        return np.asarray(np.bincount(segment[known], weights[known], size), float)
+
+    return Sums(
+        by_motion(force**2),
+        by_motion(position**2),
+        by_motion(np.ones(force.size)),
+        np.asarray(np.bincount(at, settling[:, 1], size), float),
+        np.bincount(at, minlength=size).astype(float),
+    )
+
+
+def _errors(candidate: Candidate, baseline: Baseline, paths: Sequence[SmoothedPath]) -> Errors:
+    return errors_of(candidate, baseline.records, paths, baseline.driving)
+
+
+def offset_alone(baseline: Baseline, delivered: File) -> File:
+    """The machine as delivered but for its offset, which is the mean of the force that it leaves."""
+    candidate = delivered.judged.candidate
+    paths = smooth(candidate, baseline.records)
+    left = _errors(candidate, baseline, paths)
+    segment, force = baseline.segment, np.concatenate(left.force)
+    part = parts(int(segment.max()) + 1)
+
+    def with_mean(used: NDArray[np.bool_]) -> Judged:
+        machine = delivered.machine
+        offset = machine.drive.offset + float(np.nanmean(force[used]))
+        moved = replace(machine, drive=replace(machine.drive, offset=offset))
+        return judged(moved, starts_of(candidate))
+
+    def of_part(number: int) -> Sums:
+        return sums(_errors(with_mean(part[segment] != number).candidate, baseline, paths), baseline)
+
+    found = list(parallel_map(of_part, range(PARTS)))
+    names = ("force", "position", "count", "settling", "settled")
+    held = Sums(*(np.choose(part, [getattr(one, name) for one in found]) for name in names))
+    file = with_mean(np.ones(force.size, bool))
+    return File("offset alone", file, _errors(file.candidate, baseline, paths).gap(), held)

@@ -1,0 +1,198 @@
+"""How far the gap shrinks: the files that the stages of the search make, which of them is handed over, the closure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.baseline import Baseline
+from diagnosis.closure import NoiseFloor
+from diagnosis.handover.final_fit import AtBound, finished
+from diagnosis.handover.gate import (
+    DRAWS,
+    File,
+    Handover,
+    Harm,
+    Sums,
+    as_delivered,
+    chosen,
+    file_of,
+    offset_alone,
+    with_fit,
+)
+from diagnosis.handover.transfer import Transfer, transferred
+from diagnosis.how_far import Gap, errors_of
+from diagnosis.model.motions import rms
+from diagnosis.verdict import Outcome
+from diagnosis.which.stage import Stage
+
+Array = NDArray[np.float64]
+
+ADOPTED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes whose effects may go into the machine
+BETWEEN: Final = 2  # iterations of the fits of stages between the first and the last
+FORMULA: Final = "(refitted^2 - after^2 + random^2) / (refitted^2 - floor^2)"
+UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What the closure is computed from: the unknown force (rms) [N] of the machine as delivered, re-fitted, and with
+    the effects, all on motions left out of their fits; of the floor; and what effects at random add to the floor. Where
+    the floor is the scatter between equal motions, all are of those motions."""
+
+    delivered: float
+    refitted: float
+    after: float
+    floor: float
+    random: float = 0.0
+
+    def closure(self, start: float | None = None) -> float:
+        """The closure [1] from the re-fitted machine, or from another force to start at [N]."""
+        before = self.refitted if start is None else start
+        return float(closed(before**2, self.after**2, self.floor**2, self.random**2))
+
+    def to_json(self) -> dict[str, Any]:
+        """With the formula, in which the terms have these names."""
+        return {
+            "delivered": self.delivered,
+            "refitted": self.refitted,
+            "after": self.after,
+            "floor": self.floor,
+            "random": self.random,
+            "unit": "N",
+            "formula": FORMULA,
+        }
+
+
+def closed(before: Array | float, after: Array | float, floor: float, random: float = 0.0) -> Array:
+    """The closure [1] of mean squares [N^2]: of a gap above the floor, the share that is gone."""
+    gap = np.maximum(np.asarray(before) - floor, 1e-30)
+    return np.asarray(np.clip((np.asarray(before) - after + random) / gap, -1.0, 1.0))
+
+
+@dataclass(frozen=True)
+class HowFar:
+    """The gaps by stage, in order, each with what was added; the floor and where it is from: "simulated" or "repeats";
+    the closure, its 95 % interval [1] and the terms that it is computed from; the file that is handed over, among those
+    that were judged; the drive's force (rms) [N]; values at bounds of the last file; transfer: between the records,
+    where there are several."""
+
+    stages: tuple[tuple[str, Gap], ...]
+    floor: Gap
+    source: str
+    terms: Terms
+    interval: tuple[float, float]
+    handover: Handover
+    drive: float
+    widened: tuple[AtBound, ...] = ()
+    at_bound: tuple[AtBound, ...] = ()
+    transfer: Transfer | None = None
+
+    @property
+    def closure(self) -> float:
+        """The closure [1], on motions left out of the fits."""
+        return self.terms.closure()
+
+    def to_json(self) -> dict[str, Any]:
+        """As interfaces fix it, the stages between, and all that the closure and the choice of a file hang on."""
+        named, adopted = dict(self.stages), self.handover.adopted
+        return {
+            "gap_as_delivered": named["as delivered"].to_json(),
+            "gap_refitted": named["re-fitted"].to_json(),
+            "gap_after": self.stages[-1][1].to_json(),
+            "gap_improved": adopted.gap.to_json(),
+            "floor": self.floor.to_json(),
+            "floor_source": self.source,
+            "closure": self.closure,
+            "closure_interval": list(self.interval),
+            "closure_of": {"delivered": self.terms.closure(self.terms.delivered), "refitted": self.closure},
+            "closure_terms": self.terms.to_json(),
+            "held_out": True,
+            "drive_rms_N": self.drive,
+            "stages": [{"added": name, **gap.to_json()} for name, gap in self.stages],
+            "adopted_file": adopted.name,
+            "files": [_file(file) for file in self.handover.files],
+            "harms": [_harm(harm) for harm in self.handover.harms],
+            "widened": [_bound(one) for one in self.widened],
+            "at_bounds": [_bound(one) for one in self.at_bound],
+            "transfer": self.transfer.to_json() if self.transfer else None,
+        }
+
+
+def _file(file: File) -> dict[str, Any]:
+    return {"file": file.name, "on_records": file.gap.to_json(), "held_out": file.held_out.gap().to_json()}
+
+
+def _harm(harm: Harm) -> dict[str, Any]:
+    return {
+        "file": harm.file,
+        "measure": harm.measure,
+        "unit": UNITS[harm.measure],
+        "than": harm.than,
+        "before": harm.before,
+        "after": harm.after,
+    }
+
+
+def _bound(one: AtBound) -> dict[str, Any]:
+    return {"part": one.part, "name": one.name, "value": one.value, "unit": one.unit}
+
+
+def how_far(stages: Sequence[Stage], outcome: Outcome, floor: NoiseFloor, baseline: Baseline) -> HowFar:
+    """The files of the machine as delivered, re-fitted and with the effects of the stages; which is handed over."""
+    delivered, records = as_delivered(baseline), baseline.records
+    fits = [finished(stages[0].fitted, records)]
+    if len(stages) > 1:
+        fits.append(finished(stages[-1].fitted, records))
+    transfer = None
+    if len(records) > 1:
+        fits, transfer = transferred(fits, baseline)
+    names = ("re-fitted", "with effects")
+    files = [with_fit(name, one, baseline) for name, one in zip(names, fits, strict=False)]
+    if outcome is Outcome.NOTHING:
+        handover = Handover(delivered, (delivered, *files))
+    else:
+        tried = files if outcome in ADOPTED else files[:1]
+        handover = chosen((delivered, *tried), lambda: offset_alone(baseline, delivered))
+        handover = replace(handover, files=(*handover.files, *files[len(tried) :]))
+    named = [("as delivered", delivered.gap), ("re-fitted", files[0].gap), *_between(stages, baseline)]
+    if len(files) > 1:
+        named.append((f"{stages[-1].added}", files[-1].gap))
+    terms, interval = _terms((delivered, files[0], files[-1]), floor, baseline)
+    drive = rms([record.command * baseline.machine.plant.thrust_constant for record in records])
+    at = fits[-1].widened, fits[-1].at_bound
+    return HowFar(tuple(named), floor.gap(), floor.source, terms, interval, handover, drive, *at, transfer)
+
+
+def _between(stages: Sequence[Stage], baseline: Baseline) -> list[tuple[str, Gap]]:
+    """What the files of the stages between the re-fit and the last one leave."""
+    found = []
+    for stage in stages[1:-1]:
+        one = finished(stage.fitted, baseline.records, BETWEEN)
+        file = file_of(one.candidate, baseline.machine)
+        left = errors_of(file.candidate, baseline.records, one.fitted.paths, baseline.driving)
+        found.append((f"{stage.added}", left.gap()))
+    return found
+
+
+def _terms(files: Sequence[File], floor: NoiseFloor, baseline: Baseline) -> tuple[Terms, tuple[float, float]]:
+    """The closure's terms by files as delivered, re-fitted and last, and its interval by a bootstrap over motions."""
+    known = np.bincount(baseline.segment[floor.known], minlength=len(baseline.pieces)) > 0
+    delivered, refitted, after = (_of(file.held_out, known) for file in files)
+    least = floor.gap().force
+    random = floor.random_force()
+    first, then, last = (float(np.sqrt(one.mean("force"))) for one in (delivered, refitted, after))
+    terms = Terms(first, then, last, least, random)
+    draws = np.random.default_rng(0).integers(0, refitted.count.size, (DRAWS, refitted.count.size))
+    drawn = closed(refitted.mean("force", draws), after.mean("force", draws), least**2, random**2)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return terms, (float(min(low, terms.closure())), float(max(high, terms.closure())))
+
+
+def _of(one: Sums, known: NDArray[np.bool_]) -> Sums:
+    """The sums of those motions alone."""
+    return Sums(one.force[known], one.position[known], one.count[known], one.settling[known], one.settled[known])

@@ -1,0 +1,69 @@
+"""The fit behind a machine file, on a simulated axis with one friction element: its offset, and values at bounds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from diagnosis.experiments.schedules import strokes
+from diagnosis.handover.files import judged, machine_of, starts_of
+from diagnosis.handover.final_fit import at_bounds, finished
+from diagnosis.how_far import errors_of
+from diagnosis.model.fit import Fit, fit
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate, smooth
+from diagnosis.model.start_states import static_equilibrium_start
+from models.effects.catalogue import in_order
+from models.machine import Machine, load
+from models.records.record import Record
+from tests.diagnosis.tables import recorded
+
+AXIS = load(Path(__file__).parents[3] / "models" / "machines" / "emps.toml")
+
+
+def _with_offset(shift: float) -> tuple[Machine, Record]:
+    """The axis with another offset [N], and a record of it."""
+    truth = replace(AXIS, drive=replace(AXIS.drive, offset=AXIS.drive.offset + shift))
+    (record,) = recorded(truth, (strokes(AXIS, 20e-3, (0.1,)),), AXIS.effects, seed=1, wrong=0.0)
+    return truth, record
+
+
+def _searched(record: Record) -> Fit:
+    """As the search fits: beside a force that walks."""
+    layout = parameters(AXIS, 1)
+    start = static_equilibrium_start(layout, [record])
+    return fit(Candidate(layout, start, in_order(AXIS.effects)), [record], iterations=3)
+
+
+def test_the_offset_is_found() -> None:
+    truth, record = _with_offset(5.0)
+    found = finished(_searched(record), [record])
+    assert found.candidate.machine.drive.offset == pytest.approx(truth.drive.offset, abs=0.05)
+    assert not found.widened
+
+
+def test_a_value_at_its_bound_gets_twice_the_room_once() -> None:
+    """Of 9 N, three deviations of the tolerance: 13 N are found, and 30 N are said to be out of reach."""
+    truth, record = _with_offset(13.0)
+    found = finished(_searched(record), [record])
+    assert "amplifier_offset" in [one.name for one in found.widened]
+    assert found.at_bound == at_bounds(found.candidate) == ()
+    assert found.candidate.machine.drive.offset == pytest.approx(truth.drive.offset, abs=0.05)
+    _, record = _with_offset(30.0)
+    found = finished(_searched(record), [record])
+    assert "amplifier_offset" in [one.name for one in found.at_bound]
+
+
+def test_the_file_keeps_the_machine_files_priors_and_leaves_no_constant_force() -> None:
+    _, record = _with_offset(5.0)
+    found = finished(_searched(record), [record])
+    machine = machine_of(AXIS, found.candidate)
+    assert machine.priors == AXIS.priors
+    file = judged(machine, starts_of(found.candidate))
+    left = errors_of(file.candidate, [record], smooth(file.candidate, [record])).gap()
+    before = judged(AXIS, starts_of(found.candidate)).candidate
+    delivered = errors_of(before, [record], smooth(before, [record])).gap()
+    assert delivered.force == pytest.approx(5.0, rel=0.05)  # a constant counts
+    assert left.force < 0.1

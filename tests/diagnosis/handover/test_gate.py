@@ -1,0 +1,99 @@
+"""The gate: a file that is worse than a simpler one on motions held out is not handed over."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.handover.gate import File, Sums, chosen
+from diagnosis.handover.hand_over import Terms, closed
+from diagnosis.how_far import Gap
+
+MOTIONS = 24
+JUDGED: Any = None  # the gate looks at what a file leaves only
+
+
+def _file(name: str, force: float, position: float, settling: float = 1e-3, scatter: float = 0.1) -> File:
+    """What leaves these errors, another in each motion."""
+    rng = np.random.default_rng(len(name))
+    each = 1 + scatter * rng.standard_normal((3, MOTIONS))
+    count = np.full(MOTIONS, 1000.0)
+    held_out = Sums(
+        count * force**2 * each[0], count * position**2 * each[1], count, settling * each[2], np.ones(MOTIONS)
+    )
+    return File(name, JUDGED, Gap(force, position, settling), held_out)
+
+
+def test_the_richest_file_that_does_no_harm_is_handed_over() -> None:
+    files = [_file("as delivered", 2.5, 2e-6), _file("re-fitted", 2.0, 1.5e-6), _file("with effects", 1.0, 1e-6)]
+    found = chosen(files)
+    assert found.adopted is files[2]
+    assert not found.harms
+
+
+def test_a_better_force_does_not_excuse_a_worse_position() -> None:
+    """As on a drive with pulses: 2.3 um as delivered, 7.9 um re-fitted, 8.2 um with effects."""
+    files = [_file("as delivered", 2.5, 2.3e-6), _file("re-fitted", 2.9, 7.9e-6), _file("with effects", 1.8, 8.2e-6)]
+    found = chosen(files)
+    assert found.adopted is files[0]
+    assert {(harm.file, harm.measure) for harm in found.harms} == {
+        ("re-fitted", "force"),
+        ("re-fitted", "position"),
+        ("with effects", "position"),
+    }
+    worst = found.harms[-1]
+    assert worst.before == pytest.approx(2.3e-6, rel=0.05)
+    assert worst.after == pytest.approx(8.2e-6, rel=0.05)
+
+
+def test_effects_have_to_be_no_worse_than_the_re_fit_either() -> None:
+    files = [_file("as delivered", 26.6, 9e-6), _file("re-fitted", 1.2, 1e-6), _file("with effects", 2.1, 1e-6)]
+    assert chosen(files).adopted is files[1]
+
+
+def test_what_is_worse_by_chance_is_no_harm() -> None:
+    files = [_file("as delivered", 2.0, 1e-6, scatter=0.5), _file("re-fitted", 2.02, 1e-6, scatter=0.5)]
+    assert chosen(files).adopted is files[1]
+
+
+def test_what_differs_by_rounding_is_no_harm() -> None:
+    """An offset, say, that an integral takes up."""
+    first = _file("as delivered", 2.0, 1.0e-6)
+    other = File("re-fitted", JUDGED, first.gap, replace(first.held_out, position=first.held_out.position * (1 + 1e-9)))
+    assert chosen([first, other]).adopted is other
+
+
+def test_settling_counts_as_well() -> None:
+    files = [_file("as delivered", 2.0, 1e-6, 1e-3), _file("re-fitted", 1.0, 1e-6, 3e-3)]
+    found = chosen(files)
+    assert found.adopted is files[0]
+    assert [harm.measure for harm in found.harms] == ["settling"]
+
+
+def test_the_offset_alone_is_judged_where_the_re_fit_does_harm_and_not_else() -> None:
+    delivered, simpler = _file("as delivered", 2.0, 2e-6), _file("offset alone", 1.5, 1.5e-6)
+    found = chosen([delivered, _file("re-fitted", 3.0, 1e-6)], lambda: simpler)
+    assert found.adopted is simpler
+    assert [file.name for file in found.files] == ["as delivered", "offset alone", "re-fitted"]
+
+    def never() -> File:
+        raise AssertionError("the re-fit does no harm")
+
+    assert chosen([delivered, _file("re-fitted", 1.0, 1e-6)], never).adopted.name == "re-fitted"
+
+
+def test_motions_without_settling_have_no_settling_gap() -> None:
+    none = np.zeros(3)
+    one = Sums(np.array([4.0, 0.0, 4.0]), none, np.array([1.0, 0.0, 1.0]), none, none)
+    assert one.gap() == Gap(2.0, 0.0, None)
+
+
+def test_the_closure_follows_from_its_terms() -> None:
+    terms = Terms(delivered=26.6, refitted=4.8, after=2.1, floor=0.5)
+    assert terms.closure() == pytest.approx((4.8**2 - 2.1**2) / (4.8**2 - 0.5**2))
+    assert terms.closure(terms.delivered) == pytest.approx((26.6**2 - 2.1**2) / (26.6**2 - 0.5**2))
+    assert terms.closure(2.1) == 0.0
+    assert closed(1.0, 9.0, 0.1) == -1.0

@@ -1,0 +1,62 @@
+"""What carries over from record to record, and what belongs to a record."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.handover.transfer import Matrix, PerRecord, differing, without_effects_of_records
+from diagnosis.how_far import Gap
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from models.effects.catalogue import in_order
+from models.effects.friction_laws import ViscousFriction
+from models.effects.motor import Cogging
+from models.machine import load
+
+
+def _phase(part: str, *, differs: bool) -> PerRecord:
+    return PerRecord(part, "phase", "1", (0.0, 1.0), (0.1, 0.1), differs)
+
+
+def test_all_ripples_of_a_law_go_where_one_phase_differs_and_the_files_own_stay() -> None:
+    own, added = Cogging(9.0, 0.05, 0.0), (Cogging(1.0, 0.0025, 1.0), Cogging(0.4, 0.00125, 2.0), ViscousFriction(9.0))
+    machine = replace(load(), effects=(own,))
+    layout = parameters(machine, 2)
+    candidate = Candidate(layout, np.zeros(layout.count), in_order((own, *added)))
+    offset = PerRecord("nominal", "offset", "N", (1.0, 3.0), (0.1, 0.1), differs=True)
+    phases = [_phase("cogging", differs=False), _phase("cogging", differs=True), _phase("cogging", differs=False)]
+    left = without_effects_of_records(candidate, [offset, *phases])
+    assert set(left.effects) == {own, added[2]}
+    same = without_effects_of_records(candidate, [offset, *(_phase("cogging", differs=False) for _ in range(3))])
+    assert same.effects == candidate.effects
+
+
+@pytest.mark.parametrize(
+    ("values", "deviations", "turns", "found"),
+    [
+        ((2.86, 1.24), (0.19, 0.10), True, True),
+        ((6.15, 2.22), (2.7, 0.26), True, False),  # too uncertain to tell
+        ((0.02, 6.27), (0.01, 0.01), True, False),  # the same angle but for a turn
+        ((0.02, 6.27), (0.01, 0.01), False, True),
+        ((3.4, 3.1, 3.3), (0.15, 0.15, 0.15), False, False),
+        ((3.4, 3.1, 4.8), (0.15, 0.15, 0.15), False, True),
+    ],
+)
+def test_values_differ_where_their_deviations_do_not_explain_it(
+    values: tuple[float, ...], deviations: tuple[float, ...], turns: bool, found: bool
+) -> None:
+    assert differing(values, deviations, turns=turns) == found
+
+
+def test_elsewhere_is_what_files_leave_of_records_that_they_were_not_fitted_to() -> None:
+    rows = (
+        (Gap(1.0, 1e-6, None), Gap(3.0, 3e-6, 2e-3)),
+        (Gap(4.0, 4e-6, None), Gap(1.0, 1e-6, 1e-3)),
+    )
+    found = Matrix("re-fitted", rows).elsewhere()
+    assert found.force == pytest.approx(12.5**0.5)
+    assert found.position == pytest.approx(12.5**0.5 * 1e-6)
+    assert found.settling == pytest.approx(2e-3)
