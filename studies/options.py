@@ -205,6 +205,21 @@ def paths(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
     )
 
 
+def files(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
+    """A field that is a tuple of paths; the option may be repeated. reviewable: as `path`."""
+    return _field(
+        (),
+        lambda _, value: _listed(value, Path),
+        file=True,
+        reviewable=reviewable,
+        metavar=metavar,
+        help=meaning,
+        action="append",
+        type=Path,
+        default=[],
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """What every study is asked, and the base of what one is asked beyond; quantities in SI.

@@ -124,6 +124,11 @@ def _values(parameters: Results) -> str:
 
 
 def _how_far(results: Results) -> str:
+    return " ".join([_gap_closed(results), *_handed_over(results["how_far"])])
+
+
+def _gap_closed(results: Results) -> str:
+    """From the machine as delivered to the one with effects, and the closure."""
     verdict, far = results["verdict"], results["how_far"]
     floor = _gap(far["floor"])
     if far["floor_source"] == "repeats":
@@ -145,11 +150,111 @@ def _how_far(results: Results) -> str:
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     part = verdict["outcome"] == "none_of_these"
     return (
-        f"On held-out motions {'what goes into the model' if part else 'this'} closes {100 * far['closure']:.0f} % "
-        f"({100 * low:.0f} to {100 * high:.0f} %) of the gap between the re-fitted model and the noise floor"
-        f"{', which is not the whole answer' if part else ''}: {moved}{_unexplained(results)}; the noise floor is "
-        f"{floor}."
+        f"{_parameters_share(far)} On held-out motions {'what goes into the model' if part else 'this'} closes "
+        f"{100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of the gap between the re-fitted model "
+        f"and the noise floor{', which is not the whole answer' if part else ''}: {moved}{_unexplained(results)}; the "
+        f"noise floor is {floor}."
     )
+
+
+def _parameters_share(far: Results) -> str:
+    """What nominal values take off the force, and what effects do, beside the drive's own force."""
+    delivered, refitted, after = (far[name]["force_N"] for name in ("gap_as_delivered", "gap_refitted", "gap_after"))
+    drive = far["drive_rms_N"]
+    return (
+        f"Of the drive's force of {show(drive, 'N', 3)} (rms), the machine as delivered leaves "
+        f"{show(delivered, 'N', 3)} ({_percent(delivered, drive)}), its nominal values re-fitted "
+        f"{show(refitted, 'N', 3)} ({_percent(refitted, drive)}), and with effects {show(after, 'N', 3)} "
+        f"({_percent(after, drive)})."
+    )
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100 * part / whole:.2g} %" if whole > 0 else "–"
+
+
+def _handed_over(far: Results) -> list[str]:
+    """Why files were not adopted, and which values ran to their bounds; nothing without either."""
+    told, names = [], list(CANDIDATES)
+    richer = names[names.index(far["adopted_file"]) + 1 :]
+    harms = [harm_told(harm) for harm in far["harms"] if harm["file"] in richer]
+    if harms:
+        told.append(f"{' '.join(harms)} {FILES[far['adopted_file']]}")
+    if far["at_bounds"]:
+        told.append(f"The model is incomplete: {bounds_told(far['at_bounds'])} at the end of twice the usual room.")
+    elif far["widened"]:
+        told.append(f"Twice the usual room was needed for {bounds_told(far['widened'], verb=False)}.")
+    return [*told, *_carried_over(far["transfer"]), *elsewhere(far)]
+
+
+def _carried_over(transfer: Results | None) -> list[str]:
+    """What files leave of records that they were not fitted to, and what belongs to single records."""
+    if transfer is None:
+        return []
+    parts = [f"{one['file']} {_gap(one['elsewhere'])}" for one in transfer["matrices"]]
+    told = [f"Fitted to one record and judged on the others, the files leave, {listed(parts)}."]
+    out = dict.fromkeys(one["part"] for one in transfer["by_record"] if one["kept_out"])
+    if out:
+        told.append(
+            f"The phase of {effects_listed(list(out))} is another in each record, so that it belongs to the records "
+            "and is not in improved.toml."
+        )
+    return told
+
+
+def elsewhere(far: Results) -> list[str]:
+    """Whether the gap shrinks on each record that nothing was fitted to."""
+    apart, told = far["hold_out"], []
+    if apart is None:
+        return []
+    files = {one["file"]: one for one in apart["files"]}
+    delivered, adopted = files["as delivered"], files[far["adopted_file"]]
+    for i, name in enumerate(apart["records"]):
+        before, after = ({key: one[key][i] for key in KEYS} for one in (delivered, adopted))
+        larger = [
+            MEASURES[KEYS[key]] for key in KEYS if None not in (before[key], after[key]) and after[key] > before[key]
+        ]
+        ends = f"is larger there in {listed(larger)}" if larger else "shrinks there"
+        if far["adopted_file"] == "as delivered":
+            ends = "is that of the machine as delivered"
+        told.append(f"On {name}, to which nothing was fitted, the gap {ends}: {_from_to(before, after)}.")
+    return told
+
+
+KEYS: Final = {"force_N": "force", "position_m": "position", "settling_s": "settling"}
+
+
+FILES: Final = {
+    "as delivered": "So improved.toml is the machine as delivered.",
+    "offset alone": "So improved.toml is the machine as delivered with another offset.",
+    "re-fitted": "So improved.toml has the re-fitted values alone.",
+    "with effects": "So improved.toml has the effects.",
+}
+MEASURES: Final = {"force": "unknown force", "position": "position error", "settling": "error of the settling times"}
+CANDIDATES: Final = {
+    "as delivered": "the machine as delivered",
+    "offset alone": "the machine with its offset fitted",
+    "re-fitted": "the re-fitted machine",
+    "with effects": "the machine with effects",
+}
+
+
+def harm_told(harm: Results) -> str:
+    """In which measure a file was worse than a simpler one, in one sentence."""
+    before, after = (show(harm[name], harm["unit"], 3) for name in ("before", "after"))
+    return (
+        f"On motions left out of the fit, {CANDIDATES[harm['file']]} has {MEASURES[harm['measure']]} of {after}, and "
+        f"{CANDIDATES[harm['than']]} of {before}: it is not adopted."
+    )
+
+
+def bounds_told(bounds: Sequence[Results], *, verb: bool = True) -> str:
+    """The values that ran to their bounds, each named once."""
+    names = dict.fromkeys(
+        effect(one["name"]) if one["part"] == "nominal" else f"the {effect(one['name'])} of {effect(one['part'])}"
+        for one in bounds
+    )
+    return listed(list(names)) + ((" are" if len(names) > 1 else " is") if verb else "")
 
 
 def _unexplained(results: Results) -> str:

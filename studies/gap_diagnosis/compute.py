@@ -10,29 +10,33 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from diagnosis.baseline import refit_and_null
+from diagnosis.baseline import driven, refit_and_null
 from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import suite, to_csv
+from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
 from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.motions import Piece
+from diagnosis.where.controller import replayed
 from diagnosis.where.serialise import pictures
 from models.effects.base import parameters
 from models.effects.catalogue import every
 from models.machine import Machine
 from models.machine_file import to_toml
+from models.records.files import Loaded
 from models.records.record import Record
 from studies.beforehand import require_designable, require_stable
 from studies.effort import DIAGNOSED, DIAGNOSING, MOST, foresee, seconds_a_sample
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.options import DiagnosisOptions
-from studies.gap_diagnosis.records import disabled, loaded
+from studies.gap_diagnosis.records import disabled, held_out, loaded
 from studies.study import Answer, Check, Progress
 
 CACHE: Final = Path("reports/out/.null")  # keeps the thresholds of a machine and a schedule from run to run
+TRANSFERRED: Final = 0.5  # of a diagnosis' time that the fits to single records take
 CLOSED: Final = 0.9  # share of the gap that the effect in simulated records has to close
 
 
@@ -56,8 +60,10 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         _foresee(machine, samples, options, progress)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
+    apart = held_out(machine, options, progress)
     if options.record:
-        _foresee(machine, sum(record.position.size for record in given.records), options, progress)
+        samples = sum(record.position.size for record in given.records)
+        _foresee(machine, samples * (1 + TRANSFERRED * (len(given.records) > 1)), options, progress)
 
     def say(share: float, text: str) -> None:
         progress(0.05 + 0.8 * share, text)
@@ -66,7 +72,7 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
     better = improved_machine(found, "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown))
     adopted = [effect.name for effect in better.effects]
-    results = {**_results(found, beside, given, quick=options.quick), "adopted": adopted}
+    results = {**_results(found, beside, given, _elsewhere(found, apart), quick=options.quick), "adopted": adopted}
     files = {"improved.toml": to_toml(better)}
     if not options.record:
         files["suite.csv"] = to_csv(suite(machine), machine.sample_time)
@@ -118,9 +124,26 @@ def _shown(name: str, sha256: str, record: Any, findings: Sequence[str]) -> dict
     }
 
 
-def _results(found: Diagnosis, beside: Evidence, given: Given, *, quick: bool) -> dict[str, Any]:
+def _elsewhere(found: Diagnosis, apart: Sequence[Loaded]) -> dict[str, Any] | None:
+    """What each machine file leaves of the records that nothing was fitted to."""
+    if not apart:
+        return None
+    records = [one.content for one in apart if isinstance(one.content, Record)]
+    handover, machine = found.how_far.handover, found.baseline.machine
+    driving = [driven(machine, record, replayed(machine, record, found.baseline.criteria)) for record in records]
+    files = []
+    for file in handover.files:
+        gaps = [on_record(file.machine, *pair).to_json() for pair in zip(records, driving, strict=True)]
+        files.append({"file": file.name, **{name: [gap[name] for gap in gaps] for name in gaps[0]}})
+    return {"records": [Path(one.name).name for one in apart], "files": files}
+
+
+def _results(
+    found: Diagnosis, beside: Evidence, given: Given, elsewhere: Mapping[str, Any] | None, *, quick: bool
+) -> dict[str, Any]:
     """The agreed keys, and what the report needs besides."""
     more, plain = beside.to_json(), verdict_of(found)
+    plain["how_far"]["hold_out"] = elsewhere
     verdict = {**plain["verdict"], **more["verdict"]}
     results = {
         **plain,
@@ -152,14 +175,17 @@ def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -
 
 
 def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
-    """By how many standard deviations of its tolerance the re-fit moved each kind of nominal value at most, without the
-    friction's initial state."""
-    layout, theta = found.baseline.nominal.candidate.layout, found.baseline.nominal.candidate.theta
+    """By how many standard deviations of its tolerance each kind of nominal value was moved at most, without the
+    friction's initial state: by the re-fit alone, and in the file that is handed over."""
+    refitted, adopted = found.how_far.handover.named("re-fitted"), found.how_far.handover.adopted
+    fits = [file.finished.fitted.candidate for file in (refitted, adopted) if file is not None and file.finished]
     rows = []
-    for name in dict.fromkeys(layout.names):
+    for name in dict.fromkeys(fits[0].layout.names):
         if name != "initial_friction_state":
-            moved = theta[layout.of(name)] / layout.deviation[layout.of(name)]
-            rows.append({"name": name, "moved": float(moved[abs(moved).argmax()]), "values": int(moved.size)})
+            moved = [one.theta[one.layout.of(name)] / one.layout.deviation[one.layout.of(name)] for one in fits]
+            most = [float(one[abs(one).argmax()]) for one in moved]
+            in_file = most[-1] if adopted.finished else 0.0
+            rows.append({"name": name, "moved": most[0], "in_file": in_file, "values": int(moved[0].size)})
     return rows
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from models.records.tables.formats import LISTED
-from studies.options import paths, texts, whole
+from studies.options import files, paths, texts, whole
 from studies.record_options import RecordOptions
 
 # Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
@@ -23,6 +23,11 @@ class DiagnosisOptions(RecordOptions):
         "RECORD",
         f"{LISTED} files of one machine, one or several. Without any, a simulated table with an "
         "effect that the model lacks is diagnosed, so that the answer can be verified",
+        reviewable=True,
+    )
+    hold_out: tuple[Path, ...] = files(
+        "RECORD",
+        "a record that nothing is fitted to: at the end it tells whether the gap shrinks there; may be repeated",
         reviewable=True,
     )
     disable: tuple[str, ...] = texts(

@@ -26,20 +26,46 @@ from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.options import BadInputError
 from studies.record_columns import mapped
 
+Progress = Callable[[float, str], None]
+
 
 def loaded(
-    machine: Machine, options: DiagnosisOptions, progress: Callable[[float, str], None] = lambda _share, _text: None
+    machine: Machine, options: DiagnosisOptions, progress: Progress = lambda _share, _text: None
 ) -> tuple[Loaded, ...]:
     """The records that were given; progress is told how each was read.
 
     Raises BadInputError for one that can't be read or diagnosed.
     """
-    mapping, control = mapped(machine, options, options.record), machine.control
+    return _loaded(machine, options, options.record, progress)
+
+
+def held_out(
+    machine: Machine, options: DiagnosisOptions, progress: Progress = lambda _share, _text: None
+) -> tuple[Loaded, ...]:
+    """The records of --hold-out; progress is told how each was read.
+
+    Raises BadInputError for one that can't be read or diagnosed, and for one that is fitted to as well.
+    """
+    if not options.hold_out:
+        return ()
+    if not options.record:
+        raise BadInputError("--hold-out: needs records to fit to; give them as well")
+    fitted = {path.resolve() for path in options.record}
+    for path in options.hold_out:
+        if path.resolve() in fitted:
+            raise BadInputError(f"--hold-out {path}: is among the records that are fitted to; give it once")
+    return _loaded(machine, options, options.hold_out, progress)
+
+
+def _loaded(
+    machine: Machine, options: DiagnosisOptions, paths: Sequence[Path], progress: Progress
+) -> tuple[Loaded, ...]:
+    mapping, control = mapped(machine, options, (*options.record, *options.hold_out)), machine.control
     found, most = list[Loaded](), options.most_samples
     limits = replace(
         LIMITS, samples=most, remedy=f"{WAY_OUT}, or give --most-samples where there are 14 kB of memory for each"
     )
-    for path in options.record:
+    for path in paths:
         columns = mapping.columns(path)
         with _refused():
             one = read(machine, path, columns, trusted=options.trust_records, limits=limits)
@@ -54,10 +80,10 @@ def loaded(
         found.append(one)
         progress(0.02, "\n".join([f"read {path}", *one.recognised]))
         if sum(map(_samples, found)) > most:
-            names = ", ".join(map(str, options.record))
+            names = ", ".join(map(str, paths))
             raise BadInputError(f"{names}: hold more than {most:,} samples together; {limits.remedy}")
     records = [one.content for one in found if isinstance(one.content, Record)]
-    doubts = check(records, options.record, trusted=options.trust_records)
+    doubts = check(records, paths, trusted=options.trust_records)
     return (replace(found[0], findings=(*doubts, *found[0].findings)), *found[1:])
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.gap_diagnosis import figures
-from studies.gap_diagnosis.answer import effects_listed
+from studies.gap_diagnosis.answer import bounds_told, effects_listed, harm_told
 from studies.wording import filters, fitted
 
 Results = Mapping[str, Any]
@@ -33,6 +33,8 @@ def tell(whole: Results) -> Report:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
     extra: dict[str, Callable[..., Any]] = {
         "listed": effects_listed,
+        "harm": harm_told,
+        "bounds": partial(bounds_told, verb=False),
         "share": _share,
         "sized": partial(fitted, digits=4),
     }
@@ -40,12 +42,22 @@ def tell(whole: Results) -> Report:
     question = (
         "Where does the real machine deviate from its model, which effect causes it, how much of the gap does it close?"
     )
-    tables = {name: keys for name, keys in TABLES.items() if name != "values" or _fitted(results)}
+    there = {
+        "values": bool(_fitted(results)),
+        "transfer": results["how_far"]["transfer"] is not None,
+        "byrecord": results["how_far"]["transfer"] is not None,
+        "holdout": results["how_far"]["hold_out"] is not None,
+    }
+    tables = {name: keys for name, keys in TABLES.items() if there.get(name, True)}
     return Report(title, question, Path(__file__).parent / "report.md", tuple(shown), {**filters(), **extra}, tables)
 
 
 TABLES = {
     "records": ("results.records",),
+    "files": ("results.how_far",),
+    "transfer": ("results.how_far", "results.records"),
+    "byrecord": ("results.how_far", "results.records"),
+    "holdout": ("results.how_far",),
     "parts": ("results.where",),
     "values": ("results.which", "results.verdict"),
     "shifts": ("results.shifts",),

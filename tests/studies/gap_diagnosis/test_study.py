@@ -20,7 +20,7 @@ from models.records.record import Record
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT_DESIGN
 from studies.gap_diagnosis.__main__ import STUDY
-from studies.gap_diagnosis.answer import sentences
+from studies.gap_diagnosis.answer import elsewhere, sentences
 from studies.gap_diagnosis.compute import CLOSED
 from studies.gap_diagnosis.own_records import Made, made
 from studies.review.follows import review
@@ -333,6 +333,42 @@ def test_what_can_not_be_diagnosed_is_one_line(own: Made, tmp_path: Path, capsys
         assert run(folder, records, own.machine) == BAD_INPUT, says
         assert says in error_of(capsys)
         assert not (folder / "out").exists()
+
+
+def test_a_record_to_hold_out_is_not_fitted_to_as_well(
+    own: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(own.records[0], tmp_path / "one.csv")
+    for given, says in (([], "needs records to fit to"), ([str(path)], "is among the records that are fitted to")):
+        assert main(STUDY, [*given, "--hold-out", str(path), "--output", str(tmp_path / "out")]) == BAD_INPUT
+        assert says in error_of(capsys)
+
+
+def test_what_is_told_of_a_record_that_was_held_out(results: dict[str, Any]) -> None:
+    def file(name: str, force: float, position: float) -> dict[str, Any]:
+        return {"file": name, "force_N": [force], "position_m": [position], "settling_s": [None]}
+
+    far = results["how_far"]
+    for position, says in ((1e-6, "the gap shrinks there"), (3e-6, "the gap is larger there in position error")):
+        files = [file("as delivered", 2.0, 2e-6), file(far["adopted_file"], 1.5, position)]
+        (told,) = elsewhere({**far, "hold_out": {"records": ["b.csv"], "files": files}})
+        assert says in told
+    assert elsewhere({**far, "hold_out": None}) == []
+
+
+def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> None:
+    harm = {"file": "with effects", "measure": "position", "unit": "m", "than": "as delivered"}
+    bound = {"part": "nominal", "name": "payload_mass", "value": 40.0, "unit": "deviations of its tolerance"}
+    far = {
+        **results["how_far"],
+        "adopted_file": "as delivered",
+        "harms": [{**harm, "before": 2.3e-6, "after": 8.2e-6}],
+        "at_bounds": [bound],
+    }
+    told = sentences({**results, "how_far": far})["how_far"]
+    assert "the machine with effects has position error of 8.2 µm, and the machine as delivered of 2.3 µm" in told
+    assert "improved.toml is the machine as delivered." in told
+    assert "The model is incomplete: payload mass is at the end of twice the usual room." in told
 
 
 def test_what_is_too_long_or_jumps_is_refused_with_the_way_out(
