@@ -18,7 +18,8 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.null import Null, null
 from diagnosis.refit import refit_within
-from diagnosis.where.controller import Replayed, added_signals, replayed
+from diagnosis.where.added import with_the_added
+from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
 from models.machine import Machine
 from models.records.record import Record
 
@@ -29,13 +30,17 @@ Progress = Callable[[float, str], None]
 @dataclass(frozen=True)
 class Baseline:
     """The re-fitted nominal machine, the records and their pieces, what the search gains on tables where nothing is
-    missing, and the criteria of all that follows."""
+    missing, and the criteria of all that follows.
+
+    known_replays: of the controller on the records as they were logged, where signals that were added behind the
+    controller have gone into their feedforward."""
 
     nominal: Fit
     records: tuple[Record, ...]
     pieces: tuple[Piece, ...]
     null: Null
     criteria: Criteria = Criteria()
+    known_replays: tuple[Replayed, ...] = ()
 
     @property
     def machine(self) -> Machine:
@@ -50,6 +55,8 @@ class Baseline:
     @cached_property
     def replays(self) -> tuple[Replayed, ...]:
         """By record, whether the stated controller, replayed, made its commands."""
+        if self.known_replays:
+            return self.known_replays
         return tuple(replayed(self.machine, record, self.criteria) for record in self.records)
 
     @cached_property
@@ -78,9 +85,9 @@ class Baseline:
 
 
 def driven(machine: Machine, record: Record, found: Replayed) -> Record:
-    """A record as it drives a simulated closed loop: where the stated controller did not make the commands, with all
-    that they hold beyond its law as feedforward, since no model of the plant can answer to what it is not given."""
-    return record if found.replays else added_signals(machine, record)
+    """A record as it drives a simulated closed loop: where the stated controller alone did not make the commands, with
+    all that they hold beyond its law as feedforward, since no model of the plant can answer to what it is not given."""
+    return record if found.replays and found.added is None else added_signals(machine, record)
 
 
 def refit_and_null(
@@ -97,6 +104,7 @@ def refit_and_null(
     """
     say = progress or (lambda _share, _text: None)
     say(0.02, "re-fitting the nominal parameters; simulating what the search gains by chance")
+    records, known = with_what_was_added(machine, records, criteria)
     layout = parameters(machine, len(records))
     nominal, chance = parallel_map(
         call,
@@ -105,4 +113,20 @@ def refit_and_null(
             lambda: null(layout, records, cache=cache, say=lambda text: say(0.1, text)),
         ),
     )
-    return Baseline(nominal, tuple(records), pieces(records), chance, criteria)
+    return Baseline(nominal, tuple(records), pieces(records), chance, criteria, known)
+
+
+def with_what_was_added(
+    machine: Machine, records: Sequence[Record], criteria: Criteria = Criteria()
+) -> tuple[Sequence[Record], tuple[Replayed, ...]]:
+    """The records with the signals that were added behind the controller in their feedforward, so that simulations have
+    them and motions that differ in them do not count as equal; and the replays, where there was such a signal."""
+    if all(reproduces(machine, record, criteria) for record in records):
+        return records, ()
+    known = tuple(replayed(machine, record, criteria) for record in records)
+    if not any(one.is_mostly_added(criteria) for one in known):
+        return records, ()
+    return tuple(
+        with_the_added(record, one.added) if one.added and one.is_mostly_added(criteria) else record
+        for record, one in zip(records, known, strict=True)
+    ), known

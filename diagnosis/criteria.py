@@ -65,6 +65,12 @@ class Criteria:
     replay_remedy: float = _criterion(
         0.5, "1", "part of the difference that a change of the controller may leave to be stated as the remedy"
     )
+    replay_added: float = _criterion(
+        0.1,
+        "1",
+        "part of the difference that a signal added behind the controller may leave to go into the feedforward",
+        "between the 0.002 of pulses on a measured axis and the 0.3 of a column that has nothing to do with them",
+    )
 
     # Where: what is stated.
     force_above_noise: float = _criterion(

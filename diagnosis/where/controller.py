@@ -2,7 +2,8 @@
 
 The states of the integral and of the filters before the first sample are unknown, so that a constant and the first
 samples are free: STARTING of them, or as many as the slowest filter takes. What then remains is rounding, or the law is
-different: another delay, unit, gain, filter or structure, or swapped columns. A log in which the reading was rounded,
+different: another delay, unit, gain, filter or structure, or swapped columns; or a signal was added behind the
+controller (`diagnosis.where.added`), which accuses no controller. A log in which the reading was rounded,
 or the command quantised by a converter, leaves noise that no other law explains; the resolution of the reading says how
 large that may be. n samples.
 """
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.residual import STARTING
+from diagnosis.where.added import AS_GOOD, Added, added
 from diagnosis.where.structure import Structure, structure
 from models.controller import PID, Feedback
 from models.feedback.law import Law, follow
@@ -40,7 +42,8 @@ class Replayed:
     sample beyond it (departs), and the best of the changes that were tried (remedy) with the rms that remains [N].
 
     checked: False for a record that has no reference to replay on. structure: the PID or P/PI cascade that leaves least
-    of the commands, whose standard deviation is spread [N], where no such change leaves rounding alone.
+    of the commands, whose standard deviation is spread [N], where no such change leaves rounding alone. added: the
+    signal that was added behind the controller, where that leaves least.
     """
 
     checked: bool
@@ -52,6 +55,7 @@ class Replayed:
     remains: float
     structure: Structure | None = None
     spread: float = 0.0
+    added: Added | None = None
 
     @property
     def other(self) -> str | None:
@@ -64,34 +68,61 @@ class Replayed:
             return f"{best.words} leaves {left}"
         return f"no PID and no P/PI cascade fits, the best of which leaves {left}"
 
+    def is_mostly_added(self, criteria: Criteria) -> bool:
+        """Whether a signal was added behind the controller that leaves next to nothing of the difference."""
+        return self.added is not None and (self.added.is_all or self.added.leaves < criteria.replay_added * self.rms)
+
     @property
     def replays(self) -> bool:
-        """Whether the stated law made the record, or that cannot be checked."""
-        return not self.checked or self.departs is None
+        """Whether the stated law made the record, signals added behind it apart, or that cannot be checked."""
+        return not self.checked or self.departs is None or (self.added is not None and self.added.is_all)
 
 
 def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> Replayed:
     """The machine's feedback and reference delay, replayed on a record; forces in [N]."""
     feedback, delay = machine.control.feedback, machine.control.reference_delay
-    begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
-    difference = _difference(record, replay(record, feedback, delay, machine.drive.rated_thrust), begin)
-    steps = quantisation(record.command)
-    spread = float(np.std(record.command[begin:]))
-    tolerance = max(criteria.replay_tolerance * spread, steps, _resolution(machine, record))
-    beyond = np.flatnonzero(np.abs(difference) > tolerance)
-    largest, rms = float(np.max(np.abs(difference), initial=0.0)), float(np.sqrt(np.mean(difference**2)))
-    if beyond.size == 0:
-        return Replayed(True, largest, rms, tolerance, None, None, rms)
-    if np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution:
-        return Replayed(False, largest, rms, tolerance, None, None, rms)
+    plain, made, begin = _plainly(machine, record, criteria)
+    if plain.replays:
+        return plain
+    rms, largest = plain.rms, plain.largest
     remedy, remains = min(_remedies(record, feedback, delay, begin), key=lambda one: one[1])
     noise = criteria.replay_log_noise * _rounded(machine, record)
     most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
-    if remains > mended and rms < noise and largest < most:
-        return Replayed(True, largest, rms, most, None, None, rms)
-    departs, best = int(beyond[0]) + begin, remedy if remains < mended else None
-    other = structure(record, begin) if remains > tolerance else None
-    return Replayed(True, largest, rms, tolerance, departs, best, remains, other, spread)
+    signal = added(record, made, begin, max(noise, plain.tolerance))
+    least = min(remains, mended, signal.leaves if signal else np.inf)
+    if least >= mended and rms < noise and largest < most:
+        return replace(plain, tolerance=most, departs=None)
+    if signal is not None and remains > signal.noise and signal.leaves < min(mended, remains / AS_GOOD):
+        other = None if signal.is_all else structure(record, begin)
+        return replace(
+            plain, remedy=signal.words, remains=signal.leaves, structure=other, spread=plain.spread, added=signal
+        )
+    best = remedy if remains < mended else None
+    other = structure(record, begin) if remains > plain.tolerance else None
+    return replace(plain, remedy=best, remains=remains, structure=other)
+
+
+def reproduces(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> bool:
+    """Whether the replayed law makes a record's commands to within the rounding of the log, without a search for what
+    would."""
+    return _plainly(machine, record, criteria)[0].replays
+
+
+def _plainly(machine: Machine, record: Record, criteria: Criteria) -> tuple[Replayed, Array, int]:
+    """(what the law as stated leaves, the commands that it makes (n,) [N], the sample from which on they count)."""
+    feedback, delay = machine.control.feedback, machine.control.reference_delay
+    begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
+    made = replay(record, feedback, delay, machine.drive.rated_thrust)
+    difference = _difference(record, made, begin)
+    spread = float(np.std(record.command[begin:]))
+    tolerance = max(criteria.replay_tolerance * spread, quantisation(record.command), _resolution(machine, record))
+    beyond = np.flatnonzero(np.abs(difference) > tolerance)
+    largest, rms = float(np.max(np.abs(difference), initial=0.0)), float(np.sqrt(np.mean(difference**2)))
+    departs = int(beyond[0]) + begin if beyond.size else None
+    still = np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution
+    if departs is not None and still:
+        return Replayed(False, largest, rms, tolerance, None, None, rms), made, begin
+    return Replayed(True, largest, rms, tolerance, departs, None, rms, spread=spread), made, begin
 
 
 def added_signals(machine: Machine, record: Record) -> Record:
@@ -167,13 +198,12 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
     if isinstance(feedback, PID):
         yield from _filters(record, feedback, delay, begin)
     error = made - record.feedforward
-    groups = [("the whole command", [made]), ("the feedback", [error]), ("the feedforward", [record.feedforward])]
+    groups = [("the whole command", [made]), ("the feedback", [error])]
     if isinstance(feedback, PID):
         groups.append(_parts(record, feedback, delay))
     for words, columns in groups:
         if all(np.ptp(column) > 0 for column in columns):
             yield _scaled(record, made, words, columns, begin)
-    yield "the feedforward omitted", _rms(record, error, begin)
 
 
 def _filters(record: Record, pid: PID, delay: int, begin: int) -> Iterator[tuple[str, float]]:

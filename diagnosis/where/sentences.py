@@ -8,6 +8,8 @@ from enum import StrEnum
 from typing import Final
 
 from diagnosis.criteria import Criteria
+from diagnosis.where.added import OMITTED, Added
+from diagnosis.where.controller import Replayed
 from diagnosis.where.coordinates import Explained
 from diagnosis.where.energy import Shares
 from diagnosis.where.locate import Where
@@ -92,6 +94,8 @@ def _controller(where: Where) -> Iterator[Statement]:
         if not one.checked:
             text = f"Whether the stated controller made {record} cannot be checked, because it has no reference."
             yield Statement(Topic.UNCHECKED, text)
+        elif one.added is not None and one.replays:
+            yield Statement(Topic.CONTROLLER, added_in_words(one, one.added, record, where.sample_time))
         elif one.departs is not None:
             fits = f"with {one.remedy}, {show(one.remains, 'N', 2)} (rms) would remain" if one.remedy else (
                 "none of the delays, gains and filters that were tried reproduces it"
@@ -102,6 +106,33 @@ def _controller(where: Where) -> Iterator[Statement]:
                 f"The stated controller did not make {record}: from sample {one.departs} on, its replay differs from "
                 f"the logged command by up to {show(one.largest, 'N', 3)} ({show(one.rms, 'N', 3)} rms); {fits}.",
             )
+
+
+def added_in_words(one: Replayed, signal: Added, record: str, sample_time: float) -> str:
+    """What was added behind the controller of a record, sampled every sample_time [s]: a sentence or two."""
+    rest = (
+        f"what is left then, {show(signal.leaves, 'N', 2)} (rms), is no more than the noise of the log explains "
+        f"({show(signal.noise, 'N', 2)})"
+    )
+    if signal.mapped:
+        late = f" and {signal.shift}" if signal.delay else ""
+        how = f"acts times {signal.gain:.4g} instead of 1{late}" if abs(signal.gain) > OMITTED else "does not act"
+        return (
+            f"The stated controller made {record}, but {signal.name}, which is mapped to the feedforward, {how}: "
+            f"{rest}. As mapped, the replay differs from the logged command by up to {show(one.largest, 'N', 3)} "
+            f"({show(one.rms, 'N', 3)} rms); the diagnosis takes it as it acts."
+        )
+    what = (
+        "It is constant between its jumps, and no column that is known shows it"
+        if signal.column is None
+        else f"It is {signal.name} of the file times {show(signal.gain, 'N')}"
+        + (f", {signal.shift}" if signal.delay else f' (feedforward = "{signal.column} * {show(signal.gain, "N")}")')
+    )
+    return (
+        f"Something that is not in the mapping is added to the command behind the stated controller of {record}: "
+        f"up to {show(signal.largest, 'N', 3)}, {signal.when(sample_time)}. {what}; {rest}. The diagnosis takes it as "
+        "a part of the feedforward."
+    )
 
 
 def _drive(where: Where) -> Iterator[Statement]:

@@ -11,11 +11,12 @@ from scipy.signal import welch
 
 from diagnosis.model.motions import MotionKind, Piece, repeated
 from diagnosis.model.residual import Candidate, noise
+from diagnosis.where.controller import Replayed
 from diagnosis.where.coordinates import PITCHES, Explained, periodogram
 from diagnosis.where.energy import PHASES, WAVELENGTHS, Shares, bands
 from diagnosis.where.force import FAST, smoother_response
 from diagnosis.where.locate import Where
-from diagnosis.where.sentences import statements
+from diagnosis.where.sentences import added_in_words, statements
 from diagnosis.where.side import force_or_reading
 from models.records.record import Record
 
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 POINTS: Final = 600  # points of the force over a whole record
 COURSE: Final = 300  # points of the force over one motion
 LINES: Final = 80  # lines of a spectrum
+STRETCHES: Final = 20  # of time in which a signal was added, that are kept
 COURSES: Final = 3  # kinds of motion whose force is kept
 
 
@@ -90,6 +92,7 @@ def _details(where: Where) -> dict[str, Any]:
                 "would_fit": one.remedy,
                 "would_leave_N": one.remains,
                 "other_structure": one.other,
+                "added": _added(one, where.sample_time),
             }
             for one in where.controller
         ],
@@ -109,6 +112,25 @@ def _details(where: Where) -> dict[str, Any]:
         "coordinates": [_explained(one) for one in where.dependence.coordinates],
         "parity": {"even": _explained(where.dependence.parity[0]), "odd": _explained(where.dependence.parity[1])},
         "scatter": [_explained(one) for one in where.dependence.scatter],
+    }
+
+
+def _added(one: Replayed, sample_time: float) -> dict[str, Any] | None:
+    """The signal that was added behind the controller, and when it acted, STRETCHES times at most."""
+    signal = one.added
+    if signal is None:
+        return None
+    return {
+        "column": signal.column,
+        "mapped": signal.mapped,
+        "gain": signal.gain,
+        "delay_samples": signal.delay,
+        "largest_N": signal.largest,
+        "leaves_N": signal.leaves,
+        "noise_N": signal.noise,
+        "stretches": len(signal.stretches),
+        "first_s": [[sample_time * start, sample_time * stop] for start, stop in signal.stretches[:STRETCHES]],
+        "in_words": added_in_words(one, signal, "the record", sample_time),
     }
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,7 +25,7 @@ from models.records.columns import UNITS, Columns
 from models.records.grids import on_one_grid
 from models.records.plausible import doubts
 from models.records.recognised import recognised
-from models.records.record import Record
+from models.records.record import Column, Record
 from models.records.sampling import ROW, sampling
 from models.records.tables.reader import read_table
 from models.records.tables.sizes import LIMITS, Limits, RecordError
@@ -140,8 +140,29 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
         signals.get("feedforward", zero),
         signals["command"],
         signals["position"],
+        columns=(Column(names["feedforward"], signals["feedforward"], mapped=True),)
+        if "feedforward" in signals
+        else (),
     )
     return record, {signal: names[signal] for signal in signals}, (*said, *sampled.said)
+
+
+def with_columns(loaded: Loaded, path: Path, columns: Columns, limits: Limits = LIMITS) -> Loaded:
+    """A record with every other column of its file, as far as these are as long as it and not more than `limits`."""
+    record = loaded.content
+    if not isinstance(record, Record):
+        return loaded
+    try:
+        found = read(path, limits)
+    except RecordError:
+        return loaded
+    used = {columns.source(signal).name for signal in (*NEEDED, *OPTIONAL)}
+    others = tuple(
+        Column(name, values)
+        for name, values in found.items()
+        if name not in used and values.shape == record.command.shape
+    )
+    return replace(loaded, content=replace(record, columns=(*record.columns, *others)))
 
 
 def _signals(table: Table, columns: Columns) -> tuple[dict[str, Array], dict[str, str], tuple[str, ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,20 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Column:
+    """A column (n,) of a record's file by its name there: in [N] if it is mapped to the feedforward, else as the file
+    has it."""
+
+    name: str
+    values: Array
+    mapped: bool = False
+
+
+@dataclass(frozen=True)
 class Record:
     """Equally spaced samples (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], the scale's reading [m].
+
+    columns: what else its file holds, where that is known; and the column of the feedforward as it was logged.
 
     >>> response.record
     Record(2000 samples every 500 µs, position -... nm to 100... µm, command up to ... N)
@@ -26,6 +38,7 @@ class Record:
     feedforward: Array
     command: Array
     position: Array
+    columns: tuple[Column, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
         low, high, most = np.min(self.position), np.max(self.position), np.max(np.abs(self.command))
@@ -41,7 +54,8 @@ class Record:
     def part(self, start: int, stop: int) -> Record:
         """Samples start .. stop."""
         signals = (self.target, self.reference, self.feedforward, self.command, self.position)
-        return Record(self.sample_time, *(signal[start:stop] for signal in signals))
+        columns = tuple(replace(one, values=one.values[start:stop]) for one in self.columns)
+        return Record(self.sample_time, *(signal[start:stop] for signal in signals), columns=columns)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from diagnosis.model.motions import check_count
+from diagnosis.where.controller import reproduces
 from models.identification.recognise import read
 from models.machine import Machine
 from models.records.checks import (
@@ -19,7 +20,7 @@ from models.records.checks import (
     check_sample_time,
     derivative_of_error,
 )
-from models.records.files import Loaded
+from models.records.files import Loaded, with_columns
 from models.records.record import Record
 from models.records.tables.sizes import LIMITS, WAY_OUT, RecordError
 from studies.gap_diagnosis.options import DiagnosisOptions
@@ -77,6 +78,8 @@ def _loaded(
             check_sample_time(one.content, machine.sample_time)
         if columns.derivative == "position":
             one = replace(one, content=derivative_of_error(one.content, control.pid, control.reference_delay))
+        if isinstance(one.content, Record) and not reproduces(machine, one.content):
+            one = with_columns(one, path, columns, limits)
         found.append(one)
         progress(0.02, "\n".join([f"read {path}", *one.recognised]))
         if sum(map(_samples, found)) > most:
