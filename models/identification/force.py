@@ -14,7 +14,9 @@ Symbols as in models.friction; n samples kept, p parameters.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -250,6 +252,25 @@ def _columns(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array]:
     return np.hstack([fixed[:, :-1], *states]), fixed[:, -1]
 
 
+def _remembering(data: _Data, count: int) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """`_columns` of a refinement of so many elements, with the same digits, which keeps what it made last: slopes by
+    differences change one element at a time, and filtering is most of the work."""
+
+    @lru_cache(maxsize=2)
+    def beside(delay: float) -> tuple[Array, Array]:
+        return (data.beside if delay == 0 else None) or _beside(data, delay)
+
+    @lru_cache(maxsize=2 * count + 1)
+    def element(limit: float, delay: float, lead: float) -> Array:
+        return _filtered(data, _states(np.array([limit]), beside(delay)[0], lead / data.sample_time))
+
+    def columns(limits: Array, lags: Array) -> tuple[Array, Array]:
+        fixed = beside(float(lags[0]))[1]
+        return np.hstack([fixed[:, :-1], *(element(float(limit), *map(float, lags)) for limit in limits)]), fixed[:, -1]
+
+    return columns
+
+
 def _filtered(data: _Data, columns: Array) -> Array:
     """Columns (samples, c) through the pass band, at the samples kept (n, c)."""
     width = max(AT_A_TIME // len(columns), 1)
@@ -257,9 +278,11 @@ def _filtered(data: _Data, columns: Array) -> Array:
     return np.hstack([sosfiltfilt(data.pass_band, part, axis=0)[data.keep] for part in parts])
 
 
-def _solved(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array, float]:
-    """(linear parameters, residual at the fitted samples, BIC)."""
-    columns, force = _columns(data, limits, lags)
+def _solved(
+    data: _Data, limits: Array, lags: Array, made: tuple[Array, Array] | None = None
+) -> tuple[Array, Array, float]:
+    """(linear parameters, residual at the fitted samples, BIC); made: the `_columns`, where they are at hand."""
+    columns, force = made or _columns(data, limits, lags)
     columns, force = columns[data.fitted], force[data.fitted]
     scale = np.maximum(np.max(np.abs(columns), axis=0), 1e-300)
     weights = np.linalg.lstsq(columns / scale, force, rcond=None)[0] / scale
@@ -302,9 +325,14 @@ def _refined(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array]:
         np.append(np.full(count, end), lag[free] + LAG_ORIGIN) for end, lag in zip((low, high), LAG_RANGE, strict=True)
     )
     start = np.clip(np.append(np.log(limits), lags[free] / ts + LAG_ORIGIN), *bounds)
+    columns = _remembering(data, count)
+
+    def left(theta: Array) -> Array:
+        limits, lags = split(theta)
+        return _solved(data, limits, lags, columns(limits, lags))[1]
+
     found = least_squares(
-        lambda theta: _solved(data, *split(theta))[1],
-        start, bounds=bounds, diff_step=1e-3, max_nfev=15, x_scale="jac",
+        left, start, bounds=bounds, diff_step=1e-3, max_nfev=15, x_scale="jac",
     )  # fmt: skip
     limits, lags = split(found.x)
     return np.sort(limits), lags
