@@ -123,18 +123,28 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) ->
             judged_.insert(1, simpler)
             worse = _harms(simpler, first)
             harms += worse
-            best = best if worse else simpler
+            best = simpler if not worse and _better(simpler, first) else best
     return Handover(best, tuple(judged_), tuple(harms))
+
+
+def _better(file: File, other: File) -> bool:
+    """Whether a file leaves less force than another beyond chance."""
+    return bool(np.quantile(_apart(file, other, "force"), 1 - CHANCE) < 0)
+
+
+def _apart(file: File, other: File, measure: str) -> Array:
+    """By how much a file leaves more than another in draws of motions (DRAWS,) [the measure's unit, or its square]."""
+    before, after = other.held_out, file.held_out
+    draws = np.random.default_rng(0).integers(0, before.count.size, (DRAWS, before.count.size))
+    return np.asarray(after.mean(measure, draws) - before.mean(measure, draws))
 
 
 def _harms(file: File, other: File) -> list[Harm]:
     """The measures in which a file is worse than another beyond chance."""
     before, after = other.held_out, file.held_out
-    draws = np.random.default_rng(0).integers(0, before.count.size, (DRAWS, before.count.size))
     found = []
     for measure in MEASURES:
-        apart = after.mean(measure, draws) - before.mean(measure, draws)
-        if np.quantile(apart, CHANCE) > ROUNDING * before.mean(measure):
+        if np.quantile(_apart(file, other, measure), CHANCE) > ROUNDING * before.mean(measure):
             sizes = (float(one.mean(measure)) for one in (before, after))
             first, then = (size if measure == "settling" else size**0.5 for size in sizes)
             found.append(Harm(file.name, measure, other.name, first, then))
@@ -156,19 +166,20 @@ def with_fit(name: str, finished: Finished, baseline: Baseline) -> File:
     return File(name, file, left.gap(), held_out(finished, baseline), finished)
 
 
-def file_of(candidate: Candidate, nominal: Machine) -> Judged:
-    """The file that is written of a fitted candidate."""
-    return judged(machine_of(nominal, candidate), starts_of(candidate), candidate.random_forces)
+def file_of(candidate: Candidate, nominal: Machine, starts: Sequence[Array] | None = None) -> Judged:
+    """The file that is written of a fitted candidate; starts: displacements (N,) [m] of the friction by record, which
+    no file holds, in place of the candidate's."""
+    return judged(machine_of(nominal, candidate), starts or starts_of(candidate), candidate.random_forces)
 
 
 def held_out(finished: Finished, baseline: Baseline) -> Sums:
     """The errors by motion of files that were fitted without these motions."""
     segment = baseline.segment
-    part = parts(int(segment.max()) + 1)
+    part, starts = parts(int(segment.max()) + 1), starts_of(finished.candidate)
 
     def of_part(number: int) -> Sums:
         candidate = without(finished.fitted, baseline.records, part[segment] == number)
-        file = file_of(candidate, baseline.machine)
+        file = file_of(candidate, baseline.machine, starts)
         return sums(_errors(file.candidate, baseline, finished.fitted.paths), baseline)
 
     found = list(parallel_map(of_part, range(PARTS)))

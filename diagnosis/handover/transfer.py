@@ -117,10 +117,10 @@ def transferred(fits: Sequence[Finished], baseline: Baseline) -> tuple[list[Fini
         apart[-1] = alone(kept[-1], baseline)
         left = {effect.name for effect in common.effects}
         values = tuple(replace(one, kept_out=one.part != "nominal" and one.part not in left) for one in values)
-    starts = starts_of(fits[0].candidate)
-    names = ("re-fitted", "with effects")
-    matrices = [matrix(name, one, starts, baseline) for name, one in zip(names, apart, strict=False)]
-    return kept, Transfer((as_delivered(starts, baseline), *matrices), values)
+    starts = [starts_of(one.candidate) for one in kept]
+    rows = zip(("re-fitted", "with effects"), apart, starts, strict=False)
+    matrices = [matrix(name, one, begun, baseline) for name, one, begun in rows]
+    return kept, Transfer((as_delivered(starts[0], baseline), *matrices), values)
 
 
 def alone(finished: Finished, baseline: Baseline) -> tuple[Fit, ...]:

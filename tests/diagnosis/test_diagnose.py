@@ -61,6 +61,8 @@ def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> Non
     assert adopted.name == told["adopted_file"] == "with effects"
     assert left.to_json() == pytest.approx(told["gap_improved"], rel=1e-9)
     assert told["gap_improved"] == told["gap_after"]
+    last = told["files"][-1]
+    assert last["held_out"] == pytest.approx(last["on_records"], rel=0.3)  # nothing but what is fitted differs
     terms = told["closure_terms"]
     d, r, e, f = (terms[name] ** 2 for name in ("delivered", "refitted", "after", "floor"))
     assert terms["random"] == 0

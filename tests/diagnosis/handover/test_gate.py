@@ -79,6 +79,9 @@ def test_the_offset_alone_is_judged_where_the_re_fit_does_harm_and_not_else() ->
     assert found.adopted is simpler
     assert [file.name for file in found.files] == ["as delivered", "offset alone", "re-fitted"]
 
+    same = _file("offset alone", 2.0, 2e-6)
+    assert chosen([delivered, _file("re-fitted", 3.0, 1e-6)], lambda: same).adopted is delivered
+
     def never() -> File:
         raise AssertionError("the re-fit does no harm")
 
