@@ -33,7 +33,7 @@ from diagnosis.which.stage import Stage
 Array = NDArray[np.float64]
 
 ADOPTED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes whose effects may go into the machine
-BETWEEN: Final = 2  # iterations of the fits of stages between the first and the last
+BETWEEN: Final = 4  # iterations of the fits of stages between the first and the last
 FORMULA: Final = "(refitted^2 - after^2 + random^2) / (refitted^2 - floor^2)"
 UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
 
