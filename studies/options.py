@@ -220,6 +220,21 @@ def files(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
     )
 
 
+def path_list(metavar: str, meaning: str) -> Any:
+    """A field that is a tuple of paths, given after the option's name."""
+    return _field(
+        (),
+        lambda _, value: _listed(value, Path),
+        file=True,
+        reviewable=False,
+        nargs="+",
+        type=_read_path,
+        metavar=metavar,
+        help=meaning,
+        default=[],
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """What every study is asked, and the base of what one is asked beyond; quantities in SI.

@@ -20,11 +20,11 @@ from studies.blind_trial.guard import forbid
 
 def answer(task: dict[str, Any]) -> dict[str, Any]:
     """The diagnosis of a case, under the keys of results.json, with its wall-clock time in seconds."""
-    from models import nominal_file as nominal
     from models.records import files as record_file
+    from studies.study import machine_of
 
     diagnosis = import_module(task["diagnosis"])
-    machine = nominal.load(Path(task["nominal"]))
+    machine = machine_of(Path(task["nominal"]))
     records = [record_file.load(Path(file)).content for file in task["records"]]
     given: dict[str, Any] = {"seed": task["seed"], "disabled": tuple(task["disabled"]), "progress": None}
     if task.get("cache") and "cache" in signature(diagnosis.diagnose).parameters:

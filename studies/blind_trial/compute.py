@@ -21,6 +21,7 @@ from studies.blind_trial.answering import Conditions, all_answered, answer_all, 
 from studies.blind_trial.cluster import Cluster, cluster_of
 from studies.blind_trial.committing import commit, require_committed
 from studies.blind_trial.guard import SEALER_FOLDER, leaks, shared_code
+from studies.blind_trial.injected import compute_injected
 from studies.blind_trial.options import TrialOptions
 from studies.blind_trial.packs import Pack, open_key, read_pack
 from studies.blind_trial.scoring import OUTCOMES, KeyFileError, Label, Score, groups_of, label_of, score
@@ -64,6 +65,9 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
 
     The machine is the pack's nominal one, which the answering processes read for themselves.
     """
+    if options.inject:
+        return compute_injected(machine, options, progress, DIAGNOSIS, CACHE)
+    _require_no_columns(options)
     for name in ("machine", "controller"):
         if getattr(options, name) is not None:
             raise BadInputError(f"--{name}: a trial runs on the nominal.json of its pack; leave it out")
@@ -116,6 +120,15 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
         results["seconds"]["trial"] = time.monotonic() - begun
     checks = _checks(results, quick=options.quick)
     return Answer(results, tuple(checks), {"answers.json": answers}, tuple(_summary(results)))
+
+
+def _require_no_columns(options: TrialOptions) -> None:
+    """Raises BadInputError for options on how measured records are read, which only --inject has."""
+    for name in ("column", "mapping", "recipe", "trust_records"):
+        if getattr(options, name):
+            raise BadInputError(
+                f"--{name.replace('_', '-')}: is for the measured records of --inject; give it too, or leave it out"
+            )
 
 
 def _foresee(machine: Machine, options: TrialOptions, progress: Progress) -> None:

@@ -5,23 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from studies.options import Options, flag, path, text, whole
+from studies.options import flag, path, path_list, text, whole
+from studies.record_options import RecordOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialOptions(Options):
-    """The options of the blind trial."""
+class TrialOptions(RecordOptions):
+    """The options of the blind trial; those on how records are read are for --inject."""
 
     cases: int | None = whole(
         "N",
-        "number of cases to seal and answer, from 1 on (default: 60; 4 with --quick). The total time is checked too "
-        "from 300 cases on, on two cores, if --output holds nothing of an earlier run",
+        "number of cases to seal and answer, from 1 on (default: 60, or all with --inject; 4 with --quick). The total "
+        "time is checked too from 300 cases on, on two cores, if --output holds nothing of an earlier run",
         1,
     )
     pack: Path | None = path(
         "FOLDER",
         "answer these sealed cases instead: case-*/*.csv.gz, nominal.json, commitments.json. answers.json in --output "
         "grows with each case, and an interrupted run resumes from it",
+    )
+    inject: tuple[Path, ...] = path_list(
+        "RECORD",
+        "put known laws into these measured records of --machine instead, the motion kept: the command is changed by "
+        "the law's force, and the reference by what the controller needs to give it. Sizes follow from each record's "
+        "own roughness. The design has some 120 cases a record, half a minute of one core each for a record of 25 s at "
+        "1 kHz; --cases takes the first so many of it. An interrupted run resumes",
     )
     key: Path | None = path("FILE", "the key of --pack, to open its labels and score the answers")
     scheduler: str | None = text(
@@ -39,5 +47,7 @@ class TrialOptions(Options):
 
     def usual_machine(self) -> Path | None:
         """The nominal machine of the pack; None for a folder that is not a pack, which is reported later."""
+        if self.inject:
+            return None
         file = (self.pack or Path(__file__).with_name("sealer")) / "nominal.json"
         return file if file.is_file() else None

@@ -7,10 +7,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from studies.blind_trial.scoring import KeyFileError
 from studies.options import BadInputError
+
+NOMINAL: Final = ("nominal.json", "nominal.toml")  # the nominal machine of a pack: SI numbers, or a machine file
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Pack:
 
 def read_pack(folder: Path) -> Pack:
     """The pack in a folder. Raises BadInputError."""
-    nominal = folder / "nominal.json"
+    nominal = next((one for one in (folder / name for name in NOMINAL) if one.is_file()), folder / NOMINAL[0])
     if not folder.is_dir():
         raise BadInputError(f"--pack {folder}: is not a folder; give one with case-*/, nominal.json, commitments.json")
     if not nominal.is_file():

@@ -27,6 +27,14 @@ TABLES = {
     "forms": ("results.forms",),
     "parameters": ("parameters",),
 }
+INJECTED_TABLES = {
+    "targets": ("checks",),
+    "rates": ("results.rates",),
+    "records": ("results.records",),
+    "forms": ("results.forms",),
+    "cases": ("results.table",),
+    "parameters": ("parameters",),
+}
 RATES = (
     "Right answers, false positives and abstentions, with 95 % intervals, beside three simpler methods on the same "
     "records. Dashes: the targets."
@@ -71,6 +79,8 @@ SHOWN: Final = (
 def tell(whole: Results) -> Report:
     """The report on what results.json holds."""
     found = whole["results"]
+    if found.get("injection"):
+        return _injected(found)
     figures: list[Figure] = []
     if found["scored"]:
         figures += [
@@ -92,6 +102,19 @@ def tell(whole: Results) -> Report:
     question = "How often is the diagnosis right when the effect is withheld?"
     title = f"Blind trial of the diagnosis: {found['cases']} sealed cases"
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **extra}, TABLES)
+
+
+def _injected(found: Results) -> Report:
+    """The report on known laws in measured records."""
+    extra: dict[str, Callable[..., Any]] = {"share": _share, "number": _number, "whole": _whole, "name": _name}
+    return Report(
+        f"Known laws in measured records: {found['cases']} cases",
+        "Does the diagnosis name what was put into a measured record?",
+        Path(__file__).parent / "injected.md",
+        (),
+        {**filters(), **extra},
+        INJECTED_TABLES,
+    )
 
 
 def _share(rate: Results) -> str:
