@@ -432,6 +432,10 @@ def test_no_option_that_reaches_outside_is_among_those_of_a_review() -> None:
         for field in dataclasses.fields(study.options)
         if field.metadata["option"].file and field.metadata["option"].reviewable
     }
-    assert allowed["blind_trial"] == {"cases", "quick", "seed", "no_report", "controller"}
-    assert all(not names & {"machine", "output", "overwrite", "pack", "key", "scheduler"} for names in allowed.values())
-    assert files == {"controller", "record", "ensemble"}
+    columns = {"column", "mapping", "recipe", "trust_records"}  # of records, which only an option of those below gives
+    assert allowed["blind_trial"] == {"cases", "quick", "seed", "no_report", "controller", *columns}
+    assert all(
+        not names & {"machine", "output", "overwrite", "pack", "key", "inject", "scheduler"}
+        for names in allowed.values()
+    )
+    assert files == {"controller", "record", "hold_out", "mapping", "ensemble"}
