@@ -99,8 +99,8 @@ def score(case: str, body: Mapping[str, Any], answer: Answer, uninjected: Answer
 def _closure(body: Mapping[str, Any], answer: Answer, uninjected: Answer) -> float | None:
     now, before = (((one.get("how_far") or {}).get("gap_after") or {}).get("force_N") for one in (answer, uninjected))
     seen = float(body["unexplained_force_N"])
-    if now is None or before is None or seen == 0:
-        return None
+    if now is None or before is None or body["kind"] == "parameters" or seen == 0:
+        return None  # a wrong nominal value is what mass, drag, friction and offset explain
     return 1 - math.sqrt(max(float(now) ** 2 - float(before) ** 2, 0.0)) / seen
 
 
