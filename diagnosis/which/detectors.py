@@ -78,6 +78,8 @@ def random_force(seen: View) -> Detected:
     if name in seen.disabled or len(seen.fitted.candidate.random_forces) >= criteria.max_effects:
         return Detected()
     found = strongest_random_force(seen.fitted, seen.baseline.records, seen.own)
+    if found is None:
+        return Detected()
     threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)
     if found.steady < criteria.random_force_steadiness or found.gain <= threshold:
         return Detected()

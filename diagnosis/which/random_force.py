@@ -6,6 +6,7 @@ frequency, a bandwidth and a level, and what it gains is the likelihood's, of wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -31,7 +32,10 @@ ASIDE: Final = (
     0.7,
     1.4,
 )  # frequencies, relative, at which the same force must gain less: else it only follows slow ones
-LEVELS: Final = (0.01, 0.03, 0.1, 0.3)  # N
+LEVELS: Final = (0.01, 0.03, 0.1, 0.3)  # N, that shake SHAKEN
+SHAKEN: Final = 45.0  # kg: the mass for which the usual sizes of a floor's force are meant
+NEAR: Final = (0.8, 1.25)  # frequencies, relative, between which a force counts as being about one
+WITHIN: Final = 0.9  # of half the sampling rate: up to there forces about a frequency are looked for
 TRIED: Final = 3  # frequencies
 BLOCK: Final = 1.5  # s, over which power is averaged
 
@@ -52,17 +56,21 @@ def with_sines(candidate: Candidate) -> Candidate:
     return replace(candidate, effects=in_order((*candidate.effects, *sines)), random_forces=())
 
 
-def strongest_random_force(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> RandomForce:
-    """The random force that gains the most beside what is in the model; its gain over that of its neighbours."""
+def strongest_random_force(
+    fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
+) -> RandomForce | None:
+    """The random force that gains the most beside what is in the model; its gain over that of its neighbours. None
+    where the records are sampled too slowly for any."""
     best: RandomForce | None = None
     before = _likelihood(fitted.residuals)
     for frequency in _frequencies(fitted, records, projection):
         for bandwidth in BANDWIDTHS:
-            for level in LEVELS:
+            for level in levels(fitted.candidate.nominal.plant.mass):
                 found = _tried(fitted, records, Resonance(frequency, bandwidth, level), before)
                 if best is None or found.gain > best.gain:
                     best = found
-    assert best is not None
+    if best is None:
+        return None
     line = best.resonance
     aside = max(_tried(fitted, records, replace(line, frequency=line.frequency * f), before).gain for f in ASIDE)
     innovations = [seen.innovations for seen in fitted.residuals]
@@ -70,9 +78,15 @@ def strongest_random_force(fitted: Fit, records: Sequence[Record], projection: N
     return replace(best, gain=best.gain - max(aside, 0.0), steady=steady)
 
 
+def levels(mass: float) -> tuple[float, ...]:
+    """LEVELS [N] for the mass [kg] that the floor shakes: shifted by whole half decades, as they are spaced."""
+    shift = 10.0 ** (math.trunc(2 * math.log10(mass / SHAKEN)) / 2)
+    return tuple(shift * level for level in LEVELS)
+
+
 def steadiness(innovations: Sequence[Array], frequency: float, sample_time: float) -> float:
     """Median over mean [1] of the power of innovations (n,) about a frequency [Hz]: a floor shakes at rest, too."""
-    near = butter(2, np.array([0.8, 1.25]) * frequency, "bandpass", fs=1 / sample_time, output="sos")
+    near = butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / sample_time, output="sos")
     power = []
     for one in innovations:
         band = sosfiltfilt(near, one)
@@ -101,7 +115,11 @@ def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisancePro
     usual, stated = (
         next(item for item in parameters(FloorVibration, priors) if item.role == "period") for priors in known
     )
-    grid = np.geomspace(min(usual.low, stated.low), max(usual.high, stated.high), 400)
+    highest = WITHIN / NEAR[1] / 2 / records[0].sample_time
+    low, high = min(usual.low, stated.low), min(max(usual.high, stated.high), highest)
+    if low >= high:
+        return []
+    grid = np.geomspace(low, high, 400)
     power = np.zeros(grid.size)
     for record, force, _ in adjoints(fitted, records, projection):
         n = int(2 ** np.ceil(np.log2(force.size)))

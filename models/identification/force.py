@@ -37,6 +37,8 @@ SMOOTHING: Final = (
     4.8,
     6.6,
 )  # the path's low-pass over the force's; the two beside it show what the choice matters
+FEWEST: Final = 40  # samples, below which a zero-phase filter has no room
+WIDEST: Final = 0.9  # of half the sampling rate: the widest low-pass
 GRID: Final = 60  # limits at which an element more is tried
 MOST_ELEMENTS: Final = 10
 LEAST_SHARE: Final = 0.002  # of the slip force: an element that carries less stands for what the model leaves out
@@ -88,6 +90,12 @@ class _Data:
     pass_band: object
     terms: Terms
     beside: tuple[Array, Array] | None = None
+
+
+def usable_band(usual: float, sample_time: float) -> float:
+    """The low-pass's pass band [Hz] of a record sampled every sample_time [s]: the usual one, or on a slow record the
+    widest with which the path's low-pass, that is SMOOTHING times as wide, stays below half the rate."""
+    return min(usual, 0.5 * WIDEST / sample_time / max(SMOOTHING))
 
 
 def identify(
@@ -177,8 +185,10 @@ def _prepared(
     ts = record.sample_time
     if np.ptp(record.position) == 0 or np.ptp(record.command) == 0:
         raise ValueError("position or command is constant: the record shows no friction; record slow reversals")
-    low = cheby1(8, 0.05, min(pass_band * 2 * ts, 0.9), output="sos")
-    smooth = butter(4, min(smoothing * pass_band * 2 * ts, 0.9), output="sos")
+    if record.position.size < FEWEST:
+        raise ValueError(f"{record.position.size} samples are too few to show friction; record two slow loops or more")
+    low = cheby1(8, 0.05, min(pass_band * 2 * ts, WIDEST), output="sos")
+    smooth = butter(4, min(smoothing * pass_band * 2 * ts, WIDEST), output="sos")
     path = sosfiltfilt(smooth, record.position)
     stride = max(int(0.4 / (pass_band * ts)), 1)
     edge = min(round(4.0 / (pass_band * ts)), record.position.size // 10)

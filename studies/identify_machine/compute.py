@@ -65,9 +65,15 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     }
     if not options.record:
         tables = min(options.tables, QUICK_TABLES) if options.quick else options.tables
-        results["round_trip"] = round_trip.judged(
-            machine, tables, options.seed, lambda share, text: progress(0.45 + 0.4 * share, text)
-        )
+        try:
+            results["round_trip"] = round_trip.judged(
+                machine, tables, options.seed, lambda share, text: progress(0.45 + 0.4 * share, text)
+            )
+        except ValueError as error:
+            raise BadInputError(
+                f"--machine: the simulated records of a machine near this one cannot be identified ({error}); give "
+                "records of the machine itself"
+            ) from error
         checks += _round_trip_checks(results["round_trip"], quick=options.quick)
         checks += _curve_checks(machine, shown["hysteresis"]["curve"])
     summary = [

@@ -30,7 +30,8 @@ BY_CHANCE: Final = (
 LOST: Final = (
     1.05  # Tolerated ratio of held-out errors: directional friction in proportion to the force is an approximation.
 )
-PUBLISHED: Final = {"cutoff": 100.0, "factor": 10}  # Settings of the inverse dynamics, as EMPS's authors chose them.
+CUTOFF: Final = 100.0  # Hz, of the inverse dynamics, as EMPS's authors chose it; they decimate by 10
+CUTOFF_BY_RATE: Final = 0.1  # of the sampling rate: theirs, which a slower record's cut-off keeps to
 
 
 def results_of(found: Identified, pass_band: float | None) -> dict[str, Any]:
@@ -94,7 +95,9 @@ def _shown(step: Step, sample_time: float, pass_band: float | None) -> dict[str,
     shown = {**_force(gave.fit), "slip_N": slip, "slip_std_N": spread}
     if gave.held is None:
         return shown
-    return shown | _dynamics(record_of(step.loaded), gave.fit, gave.held, pass_band or FAST_BAND)
+    record = record_of(step.loaded)
+    band = pass_band or force.usable_band(FAST_BAND, record.sample_time)
+    return shown | _dynamics(record, gave.fit, gave.held, band)
 
 
 def _response(gave: ResponseStep) -> dict[str, Any]:
@@ -204,6 +207,7 @@ def _dynamics(record: Record, fit: ForceFit, held: Holdable, band: float) -> dic
     return {
         "ladder": ladder,
         "published": _reproduced(record),
+        "cutoff_Hz": _cutoff(record),
         "half_s": half,
         "offset_N": held.offset[0],
         "over_speed": _over_speed(fit),
@@ -220,13 +224,18 @@ def _over_speed(fit: ForceFit) -> dict[str, Any]:
     return {"speed_m_per_s": speed[::every], "measured_N": measured[::every], "modelled_N": friction[::every]}
 
 
+def _cutoff(record: Record) -> float:
+    """[Hz] of the published least squares."""
+    return min(CUTOFF, CUTOFF_BY_RATE / record.sample_time)
+
+
 def _published(record: Record, half: float, window: Array) -> Iterator[dict[str, Any]]:
     """The authors' two models, fitted to the first half and evaluated on the same held-out part as the others."""
     for name, by_direction in (
         ("published: viscous and Coulomb friction", False),
         ("published: the same by direction", True),
     ):
-        found = inverse_dynamics.regress(record, by_direction=by_direction, fit_until=half, **PUBLISHED)  # type: ignore[arg-type]
+        found = inverse_dynamics.regress(record, cutoff=_cutoff(record), by_direction=by_direction, fit_until=half)
         inside = (found.time >= window[0]) & (found.time <= window[1])
         parts = [part & inside for part in (found.used, ~found.used)]
         left = found.measured - found.modelled
@@ -238,7 +247,7 @@ def _reproduced(record: Record) -> list[dict[str, Any]]:
     """The published least squares over the whole record."""
     both = []
     for by_direction in (False, True):
-        found = inverse_dynamics.regress(record, by_direction=by_direction, **PUBLISHED)  # type: ignore[arg-type]
+        found = inverse_dynamics.regress(record, cutoff=_cutoff(record), by_direction=by_direction)
         rows = zip(found.estimate.names, found.estimate.units, found.estimate.values, strict=True)
         values = [{"name": name, "unit": unit, "number": float(number)} for name, unit, number in rows]
         both.append({"by_direction": by_direction, "error": found.error(), "values": values})

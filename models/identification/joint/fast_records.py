@@ -49,7 +49,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     records show different forms of it, both are that record's.
     """
     record = record_of(loaded)
-    fit = force.identify(record, DYNAMICS, pass_band=settings.pass_band or FAST_BAND, fit_until=half_of(record))
+    band = settings.pass_band or force.usable_band(FAST_BAND, record.sample_time)
+    fit = force.identify(record, DYNAMICS, pass_band=band, fit_until=half_of(record))
     if not fit.estimate.deviation("mass") < LOOSE * abs(fit.estimate.value("mass")):
         raise ValueError(
             f"does not excite the axis: its mass, {fit.estimate.value('mass'):.3g} kg, has a standard deviation of "

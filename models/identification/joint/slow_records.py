@@ -30,7 +30,8 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
         known_delay_std=max(dead_time, default=0.0),
         damped=bool(dead_time),
     )
-    record, band = record_of(loaded), settings.pass_band or SLOW_BAND
+    record = record_of(loaded)
+    band = settings.pass_band or force.usable_band(SLOW_BAND, record.sample_time)
     fit = force.identify(record, terms, pass_band=band)
     dragged = force.identify(record, replace(terms, viscous=True), pass_band=band)
     if _drags(fit, dragged):

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from diagnosis.which.random_force import steadiness
+from diagnosis.model.fit import fit
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.which.random_force import LEVELS, levels, steadiness, strongest_random_force
+from diagnosis.which.scan import partial_out
+from tests.diagnosis.slow import leg, moved
 
 
 def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
@@ -17,3 +24,25 @@ def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
 
     assert steadiness([floor + noise], 8.0, ts) > 0.8
     assert steadiness([slosh + noise], 8.0, ts) < 0.2
+
+
+@pytest.mark.parametrize(("mass", "least"), [(44.7, 0.01), (95.0, 0.01), (450.0, 0.1), (0.5, 10**-3.5)])
+def test_levels_go_with_the_mass_that_the_floor_shakes(mass: float, least: float) -> None:
+    found = levels(mass)
+    assert found[0] == pytest.approx(least)
+    assert np.array(found) / found[0] == pytest.approx(np.array(LEVELS) / LEVELS[0])
+
+
+@pytest.mark.parametrize("rate", [62.5, 4.0])
+def test_slow_records_are_searched_below_half_their_rate(rate: float) -> None:
+    """Where the usual 30 Hz lies beyond what such records hold; at 4 Hz nothing is left to search."""
+    machine = leg(rate)
+    record = moved(machine, seed=2).part(0, 400)
+    layout = parameters(machine, 1)
+    fitted = fit(Candidate(layout, np.zeros(layout.count)), [record])
+    number = numbered(pieces([record]), [record])
+    found = strongest_random_force(fitted, [record], partial_out(fitted, number))
+    assert (found is None) == (rate < 5)
+    if found is not None:
+        assert found.resonance.frequency < 0.4 * rate
+        assert np.isfinite(found.steady)
