@@ -210,7 +210,7 @@ def _factor_of_any(unit_text: str, unit: str) -> Decimal:
     except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
         raise QuantityError(f"has an unknown unit {cut(unit_text)}; write it like {_example(unit)!r}") from error
     if any(str(part) in _ANGLES for part in given._units):
-        raise QuantityError("is in an angle; give frequencies in Hz and damping as a ratio")
+        raise QuantityError(f"is in an angle; {_instead_of_an_angle(unit)}")
     try:
         return Decimal(given.to("" if unit == "1" else unit).magnitude)
     except (pint.PintError, TypeError, ArithmeticError) as error:  # offsets and logarithms of units are none here
@@ -218,6 +218,16 @@ def _factor_of_any(unit_text: str, unit: str) -> Decimal:
         raise QuantityError(
             f"is in {cut(unit_text)[1:-1]}, but this is {expected}, such as {_example(unit)!r}"
         ) from error
+
+
+def _instead_of_an_angle(unit: str) -> str:
+    """What to write where an angle was given for a quantity in `unit`."""
+    if {"m", "N", "kg"} & set(re.split(r"[ /()]+", unit)):
+        return (
+            "of an axis that turns, write a radian as a metre, 1 N m as 1 N and 1 kg m2 as 1 kg, throughout the "
+            'machine file and the columns: position = "q * 17.453292519943295 mm" for a column in degrees'
+        )
+    return "give frequencies in Hz and damping as a ratio"
 
 
 def _example(unit: str) -> str:
