@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.identification.modal.local_rational import LOCAL as NOISE_LOCAL
 from models.identification.modal.local_rational import noise_between_lines, noise_under_sweep
 from models.records.record import Record
 
@@ -31,6 +32,8 @@ LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks i
 ONCE: Final = 0.5  # of a line's power in a single window: a sweep went by there
 SURELY: Final = 3.0  # times its neighbours' noise, from which on a line of a periodic excitation has more of its own
 NEIGHBOURS: Final = 4  # lines on each side over which the noise's power is averaged
+THIRD: Final = 2 ** (1 / 6)  # factor to either side over which the noise's power of one sweep is taken to be smooth
+STEPS: Final = 24  # medians in an octave, between which that power is interpolated
 LOCAL: Final = 8  # lines on each side over which the local model of one sweep holds
 DEGREE: Final = 2  # of that model's polynomials
 FEWEST: Final = 4 * (2 * LOCAL + 1)  # lines of one sweep
@@ -187,7 +190,9 @@ def _swept(record: Record) -> FrequencyResponse:
     if np.sum(used) < FEWEST:
         raise ValueError("the sweep is too weak: position or command is noise at most lines; sweep with more force")
     z = np.exp(2j * np.pi * frequency * ts)
-    noise = _typical(noise_under_sweep(x, u, r, z, np.flatnonzero(used)))
+    lines = np.flatnonzero(used)
+    noise = noise_under_sweep(x, u, r, z, lines)
+    noise = _apart(noise, _smooth(noise, lines))
     f, u = np.asarray(frequency[used], np.float64), u[used]
     if f[-1] < 2**OCTAVES * f[0]:
         raise ValueError(
@@ -254,6 +259,25 @@ def _typical(power: Array) -> Array:
     """The median over each line and its neighbours: the noise beside a line is one of few that came out too large."""
     padded = np.pad(power, NEIGHBOURS, mode="reflect")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1), axis=1))
+
+
+def _smooth(power: Array, lines: NDArray[np.intp]) -> Array:
+    """The power (n,) of one sweep's noise at some lines (n,), from medians over a THIRD of an octave around each.
+
+    The power at each line is of few equations (modal/local_rational.py), and too large beside a sharp mode. As a weight
+    it would make deviations too small by its scatter, and those of a narrow mode too large. Towards the ends the
+    windows stay centred, as noise may be steep.
+    """
+    last = lines.size - 1
+    grid = np.geomspace(lines[0], lines[-1], 2 + int(STEPS * np.log2(lines[-1] / lines[0])))
+    centres = np.unique(np.minimum(np.searchsorted(lines, grid), last))
+    medians = []
+    for centre in centres:
+        below, above = np.searchsorted(lines, [lines[centre] / THIRD, lines[centre] * THIRD])
+        half = min(max(centre - below, above - centre, NOISE_LOCAL), centre, last - centre)
+        half = max(half, NEIGHBOURS)
+        medians.append(np.median(power[max(centre - half, 0) : centre + half + 1]))
+    return np.asarray(np.exp(np.interp(np.log(lines), np.log(lines[centres]), np.log(medians))), np.float64)
 
 
 def _rolling(position: Array, sample_time: float) -> bool:
