@@ -79,8 +79,8 @@ def on_agreement(steps: Sequence[Step], names: Sequence[str]) -> Iterator[str]:
             )
 
 
-def on_slip(steps: Sequence[Step]) -> Iterator[str]:
-    """Where the last record's slip force disagrees with those before it."""
+def on_slip(steps: Sequence[Step], kept: str) -> Iterator[str]:
+    """Where the last record's slip force disagrees with those before it; kept: what the machine file has then."""
     forces = [step.gave.fit.slip_force() for step in steps if isinstance(step.gave, ForceStep)]
     for step, slip in zip(steps[:-1], forces[:-1], strict=True):
         apart = combined([slip, forces[-1]])[2]
@@ -89,5 +89,5 @@ def on_slip(steps: Sequence[Step]) -> Iterator[str]:
             yield (
                 f"{step.loaded.name} and {steps[-1].loaded.name} disagree in the slip force, {said[0]} and {said[1]}, "
                 f"by {apart:.1f} standard deviations (temperature, lubrication, preload or another place of the "
-                "guide); the machine file has the elements of the record that knows it best, not a mean of both."
+                f"guide); the machine file has {kept}."
             )

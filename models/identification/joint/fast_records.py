@@ -38,6 +38,7 @@ from models.records.record import Record
 
 FAST_BAND: Final = 40.0  # Hz, of the low-pass for friction in a fast record
 BY_DIRECTION: Final = force.Terms(viscous=True, by_direction=True)
+KEPT: Final = "the elements of the record that knows it best, not a mean of both"  # where slip forces disagree
 DYNAMICS: Final = replace(BY_DIRECTION, delay=True, damped=True)  # what is identified of a fast record
 
 
@@ -59,7 +60,7 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     steps = [*steps_of(found, "dynamics"), Step(kind, loaded, ForceStep(fit, holdable(fit)))]
     fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
     source, best = Found(together(steps), "dynamics"), min(range(len(fits)), key=lambda i: vagueness(fits[i]))
-    machine, remarks = found.machine, [*on_agreement(steps, ("mass", "delay")), *on_slip(steps)]
+    machine, remarks = found.machine, [*on_agreement(steps, ("mass", "delay")), *on_slip(steps, KEPT)]
     if found.has("response"):
         remarks += _on_plant(found, fit)
     else:

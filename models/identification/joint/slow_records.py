@@ -12,7 +12,8 @@ from models.identification import force
 from models.identification.estimate import STRONG
 from models.identification.force_fit import SURE, ForceFit
 from models.identification.into_machine import Found, lag_of, with_drag, with_friction, with_offset
-from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together, vagueness
+from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together
+from models.identification.joint.one_branch import one_branch
 from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
 from models.quantity import show
 from models.records.files import Loaded
@@ -21,7 +22,7 @@ SLOW_BAND: Final = 20.0  # Hz, of the low-pass for friction in a slow record
 
 
 def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
-    """The friction elements from a slow record; mass and dead time as known so far."""
+    """The friction elements from a slow record, or from all of them together; mass and dead time as known so far."""
     plant, ts = found.machine.plant, found.machine.sample_time
     dead_time = [std for _, std in found.earlier("dead time")]
     terms = force.Terms(
@@ -39,19 +40,18 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     slip, spread = fit.slip_force()
     steps = [*steps_of(found, "hysteresis"), Step(kind, loaded, ForceStep(fit))]
     fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
-    best = min(range(len(fits)), key=lambda i: vagueness(fits[i]))
     remarks = (
         f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
         on_damping(fit),
         _on_drag(dragged, taken=fit is dragged),
         *on_agreement(steps, ("offset",)),
-        *on_slip(steps),
+        *on_slip(steps, "one branch fitted to all, with deviations as wide"),
         *_on_memory(fit),
     )
     source, e = Found(loaded, "hysteresis"), fit.estimate
     offset = joint_estimate([one.estimate for one in fits], ("offset",))
-    machine = with_friction(found.machine, fits[best], Found(steps[best].loaded, "hysteresis"))
     of_all = Found(together(steps), "hysteresis")
+    machine = with_friction(found.machine, one_branch(fits), of_all)
     machine = with_offset(machine, offset.value("offset"), offset.deviation("offset"), of_all)
     if fit is dragged:
         machine = with_drag(machine, (e.value("viscous friction"), e.deviation("viscous friction")), None, source)
