@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from models.controller import Controller, References
 from models.machine import Machine
@@ -163,17 +163,22 @@ def respond(
     given: References | Sequence[References] | None = None,
     substeps: int = 10,
     seed: int = 0,
+    initial_friction: Sequence[ArrayLike] | None = None,
 ) -> Iterator[Response]:
     """The responses of many machines to one target r (n,) [m], simulated up to BATCH at a time as they are asked for.
 
-    The arguments are those of `validate_many`. Who keeps little of each response needs memory for one batch only.
+    The arguments are those of `validate_many`; initial_friction: of each machine's elements (N,) [m], default 0. Who
+    keeps little of each response needs memory for one batch only.
     """
     laws = [controller] * len(machines) if isinstance(controller, Controller) else controller
     size = max(min(BATCH, BLOCK // max(target.size, 1)), 1)
     for begin in range(0, len(machines), size):
         part = slice(begin, begin + size)
         its = given if given is None or isinstance(given, References) else given[part]
-        yield from simulate_many(machines[part], laws[part], target, given=its, substeps=substeps, seed=seed)
+        starts = None if initial_friction is None else initial_friction[part]
+        yield from simulate_many(
+            machines[part], laws[part], target, given=its, substeps=substeps, seed=seed, initial_friction=starts
+        )
 
 
 def sequence(machine: Machine, stroke: float | None = None, periods: int = PERIODS, lead: int = 0) -> Array:

@@ -22,6 +22,7 @@ from models.quantity import show, value
 Array = NDArray[np.float64]
 
 MOST: Final = 200  # Elements: a hysteresis curve shows about ten, and the simulation's time grows with them.
+REACHING: Final = 30  # strokes that lead to a random state
 STIFF: Final = "no contact is stiffer than a solid metre of steel"
 RANGE: Final = "contacts give way after nanometres to millimetres"
 
@@ -105,6 +106,18 @@ def follow(friction: Friction, path: ArrayLike, state: ArrayLike | None = None) 
     """
     z = deflections(friction.limit, path, state)
     return z @ np.asarray(friction.stiffness), z[-1].copy()
+
+
+def reached_states(friction: Friction, count: int, seed: int) -> Array:
+    """States z (count, N) [m] of the elements that random motions leave: each of REACHING strokes either way.
+
+    The strokes are even in the logarithm, from the shortest limit to four times the longest, so that any element may
+    stand anywhere, but only as a path can bring it there.
+    """
+    rng, limit = np.random.default_rng(seed), np.array(friction.limit)
+    sizes = np.exp(rng.uniform(np.log(np.min(limit)), np.log(4 * np.max(limit)), (count, REACHING)))
+    paths = np.cumsum(sizes * rng.choice([-1.0, 1.0], sizes.shape), axis=1)
+    return np.array([deflections(limit, np.append(0.0, path))[-1] for path in paths])
 
 
 def fit_elements(limit: ArrayLike, distance: ArrayLike, force: ArrayLike, coulomb_force: float) -> Friction:

@@ -6,6 +6,7 @@ end, and u_rf is their force in the middle of each interval of the thrust, where
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,6 +24,8 @@ from models.variation import Variation, varied_friction
 Array = NDArray[np.float64]
 
 LENGTHS: Final = (0.4, 2.5)  # `learn` searches the length between these shares of the nominal one.
+GRID: Final = 41  # lengths that are tried first
+EVALUATIONS: Final = GRID + 25  # lengths tried altogether, about
 LEAST: Final = 0.05  # It takes the force for no less than this share of the nominal one.
 
 
@@ -78,25 +81,43 @@ def rest_states(friction: Friction, position: ArrayLike, target: ArrayLike) -> A
     return np.array(states)
 
 
-def learn(nominal: Friction, middle: ArrayLike, rests: ArrayLike, hold: ArrayLike) -> Friction:
-    """`nominal` with the force and length that explain the thrust `hold` (k,) [N] at samples `rests` (k,) of a run.
+@dataclass(frozen=True)
+class Learned:
+    """What the thrust at rest tells: the friction, and the constant force `offset` [N] beside it."""
 
-    middle (n,) [m]: the path the table was led along. At rest the thrust is the friction's force, so the controller
-    knows it without a sensor. Two factors by least squares: that of the force is linear; that of the length is searched
-    for, as slip makes its sum of squares bumpy.
+    friction: Friction
+    offset: float
+
+
+def learn(nominal: Friction, path: ArrayLike, rests: ArrayLike, hold: ArrayLike, *, length: bool = True) -> Learned:
+    """`nominal` with the force and length, and the constant force, that explain the thrust `hold` (k,) [N] at rest.
+
+    path (n,) [m]: the way that the table was led from the wipe's begin on; rests (k,): the samples of it at which the
+    table rested, none before the end of the wipe's first stroke, so that the state in which the path begins has no
+    influence. At rest the thrust is the friction's force and a constant one, so the controller knows their sum without
+    a sensor. Force and constant are linear; the length is searched for, as slip makes its sum of squares bumpy.
+    length: whether it is learned; the rests of the wipe alone do not tell it.
     """
-    path = np.concatenate([[0.0], np.asarray(middle, float)])
-    moves = np.diff(path, prepend=np.nan) != 0  # where the path rests the elements do, too
-    at, thrust = np.cumsum(moves)[np.asarray(rests, int) + 1] - 1, np.asarray(hold, float)
+    points = np.asarray(path, float)
+    moves = np.diff(points, prepend=np.nan) != 0  # where the path rests the elements do, too
+    at, thrust = np.cumsum(moves)[np.asarray(rests, int)] - 1, np.asarray(hold, float)
 
-    def held(length: float) -> tuple[float, float]:
-        """Least sum of squares missed with this error of the length, and the factor of the force that gives it."""
-        force = follow(varied_friction(nominal, Variation(friction_length=length)), path[moves])[0][at]
-        factor = max(float(force @ thrust) / max(float(force @ force), 1e-300), LEAST)
-        return float(np.sum((thrust - factor * force) ** 2)), factor
+    def held(error: float) -> tuple[float, float, float]:
+        """Least sum of squares [N^2] with this error of the length, and the factor of the force and constant [N]."""
+        force = follow(varied_friction(nominal, Variation(friction_length=error)), points[moves])[0][at]
+        varies, about = force - force.mean(), thrust - thrust.mean()
+        factor = max(float(varies @ about) / max(float(varies @ varies), 1e-300), LEAST)
+        return float(np.sum((about - factor * varies) ** 2)), factor, float(np.mean(thrust - factor * force))
 
-    grid = np.geomspace(*LENGTHS, 41) - 1
-    best = int(np.argmin([held(float(length))[0] for length in grid]))
+    error = _best_length(lambda tried: held(tried)[0]) if length else 0.0
+    _, factor, offset = held(error)
+    return Learned(varied_friction(nominal, Variation(friction_force=factor - 1, friction_length=error)), offset)
+
+
+def _best_length(missed: Callable[[float], float]) -> float:
+    """The relative error of the length [1] with the least sum of squares: the best of a grid, then between its
+    neighbours."""
+    grid = np.geomspace(*LENGTHS, GRID) - 1
+    best = int(np.argmin([missed(float(error)) for error in grid]))
     around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
-    length = float(minimize_scalar(lambda length: held(length)[0], bounds=around, method="bounded").x)
-    return varied_friction(nominal, Variation(friction_force=held(length)[1] - 1, friction_length=length))
+    return float(minimize_scalar(missed, bounds=around, method="bounded").x)

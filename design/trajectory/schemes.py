@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from design.controller import feedback_alone, waiting
 from design.deadbeat import DesignError
-from design.trajectory.compensator import MotionProfile, compensate, learn, motion_profile, rest_states
+from design.trajectory.compensator import MotionProfile, compensate, motion_profile, rest_states
 from design.trajectory.history_aware import Built, Limits, Task, Trajectory, build, solve
 from design.trajectory.robust import Objective as RobustObjective
 from design.trajectory.robust import RobustTask, RobustTrajectory, build_robust, solve_robust
 from design.trajectory.scenarios import Errors, Feedback, Scenario, tables
-from design.validation import respond, sequence
+from design.validation import sequence
 from models.controller import Controller, References, references
 from models.friction import Friction
 from models.machine import Machine
@@ -34,7 +34,6 @@ Array = NDArray[np.float64]
 ROUNDS: Final = 2  # Design and simulation alternate so often: the histories follow from the design, and change little.
 LOOK: Final = 15e-3  # s. The error counts in "sensitivity" for so long after the motion, until the feedback meets it.
 LOOK_ROBUST: Final = 30e-3  # s. A robust trajectory leaves more to the feedback, which takes longer.
-REST: Final = 20e-3  # s. The thrust that holds the table is averaged over so much of a motion's end.
 LONGEST: Final = 200  # A search for a feasible motion gives up so many samples beyond the one aimed at.
 COARSE: Final = (0.3, 0.1)  # Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
 
@@ -226,13 +225,15 @@ class Scheme:
     """How a table is led: all that the controller puts out on its own, for what it takes the friction to be.
 
     known: the friction as the design has it. references: x_T*, u_ff, u_rf over a target for a friction. path: where
-    along the target the compensator's elements are led, (n,) [m].
+    along the target the compensator's elements are led, (n,) [m]. adapted: the scheme for a machine of another mass and
+    dead time, or None for one that stays as it was designed.
     """
 
     controller: Controller
     known: Friction
     references: Callable[[Friction, Array], References]
     path: Callable[[Array], Array]
+    adapted: Callable[[Machine], Scheme] | None = None
 
 
 def paper(controller: Controller) -> Scheme:
@@ -248,38 +249,24 @@ def paper(controller: Controller) -> Scheme:
 
 
 def history_aware(machine: Machine, motion: MotionProfile) -> Scheme:
-    """A history-aware trajectory: the machine's elements follow it in the middle of each sample."""
+    """A history-aware trajectory: the machine's elements follow it in the middle of each sample.
+
+    For a machine of another mass it asks for as much more thrust, so that the table moves alike; its x_T* is where that
+    table is at the samples, which depends on the dead time.
+    """
     middle = replace(motion, position=motion.middle)
+
+    def adapted(other: Machine) -> Scheme:
+        net = motion.net[:-2] * (other.plant.mass / machine.plant.mass)
+        return history_aware(other, motion_profile(other.plant, other.sample_time, net, motion.stroke))
+
     return Scheme(
         feedback_alone(machine),
         machine.friction,
         lambda friction, target: compensate(motion, friction, target),
         lambda target: compensate(middle, machine.friction, target).position,
+        adapted,
     )
-
-
-def learned(
-    machines: Sequence[Machine], nominal: Machine, scheme: Scheme, stroke: float, seed: int
-) -> tuple[list[Friction], list[References]]:
-    """For each table its friction as the controller learns it at rest in two periods, and what it then puts out.
-
-    stroke [m]; seed: of the scale's noise. The controller knows the trajectory that it leads the table along and the
-    thrust that holds the table before the next motion; nothing else of the table.
-    """
-    target = sequence(nominal, stroke, periods=2)
-    path = scheme.path(target)
-    window = round(REST / nominal.sample_time)
-    rests = np.array([one.stop - 1 for one in motions(target)])[nominal.specification.motions :]
-    frictions = [scheme.known] * len(machines)
-    for _ in range(2):
-        given = [scheme.references(friction, target) for friction in frictions]
-        responses = respond(machines, scheme.controller, target, given=given, seed=seed)
-        frictions = [
-            learn(scheme.known, path, rests, [np.mean(r.record.command[k - window : k + 1]) for k in rests])
-            for r in responses
-        ]
-    whole = sequence(nominal, stroke)
-    return frictions, [scheme.references(friction, whole) for friction in frictions]
 
 
 def profile_of(machine: Machine, trajectory: Trajectory) -> MotionProfile:

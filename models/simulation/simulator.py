@@ -102,22 +102,24 @@ def simulate_many(
     *,
     substeps: int = 10,
     seed: int = 0,
-    initial_friction: ArrayLike | None = None,
+    initial_friction: ArrayLike | Sequence[ArrayLike] | None = None,
     given: References | Sequence[References] | None = None,
 ) -> tuple[Response, ...]:
     """`simulate` for machines[i] with controllers[i], all over the same target, in one call; the same options.
 
-    given: for all machines, or given[i] for each. Machines with equal numbers of modes and elements and equal delays in
-    whole samples run side by side, except those with effects or a law, which run one by one.
+    given: for all machines, or given[i] for each; initial_friction: (N,) for all, or initial_friction[i] for each [m].
+    Machines with equal numbers of modes and elements and equal delays in whole samples run side by side, except those
+    with effects or a law, which run one by one.
     """
     r = np.asarray(target, float)
+    starts = [None] * len(machines) if initial_friction is None else _each_start(initial_friction, len(machines))
     if given is None:
         made = {controller: references(controller, r) for controller in set(controllers)}  # often there is but one
         given = [made[controller] for controller in controllers]
     known = [given] * len(machines) if isinstance(given, References) else given
     prepared = [
-        _prepare(machine, controller, its, substeps, seed, initial_friction)
-        for machine, controller, its in zip(machines, controllers, known, strict=True)
+        _prepare(machine, controller, its, substeps, seed, start)
+        for machine, controller, its, start in zip(machines, controllers, known, starts, strict=True)
     ]
     groups: dict[object, list[int]] = {}
     responses: dict[int, Response] = {}
@@ -140,6 +142,13 @@ def simulate_many(
         for lane, i in enumerate(members):
             responses[i] = _response(machines[i], r, _lane(run, lane))
     return tuple(responses[i] for i in range(len(prepared)))
+
+
+def _each_start(initial_friction: ArrayLike | Sequence[ArrayLike], count: int) -> list[ArrayLike | None]:
+    """The start of each of `count` machines [m], of one for all or of one for each."""
+    if all(np.ndim(one) == 0 for one in initial_friction):  # type: ignore[union-attr]
+        return [np.asarray(initial_friction, float)] * count
+    return list(initial_friction)  # type: ignore[arg-type]
 
 
 def _alone(machine: Machine, law: Law | None, target: Array, prepared: tuple[Loop, Run]) -> Response:

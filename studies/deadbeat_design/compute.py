@@ -26,8 +26,9 @@ from design.deadbeat import (
     synthesise,
 )
 from design.linear_response import linear_response
-from design.validation import LONGER, PERIODS, Validation, agreement, validate
-from models.controller import Controller, to_json
+from design.validation import LONGER, PERIODS, Validation, agreement, sequence, validate
+from design.wiping import wipe, wipe_to_json
+from models.controller import Controller, references, to_json
 from models.friction import Friction, branch
 from models.machine import Machine, Specification, load
 from models.plant import Plant, bode, delay_split
@@ -39,6 +40,7 @@ from studies.deadbeat_design.effects import compensate
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
+from studies.starts import cost_of_starts
 from studies.study import Answer, Check, Progress
 
 Array = NDArray[np.float64]
@@ -47,6 +49,9 @@ SHOWN: Final = 4.0  # Settling times of each motion that results.json keeps, for
 VIBRATION_WINDOW: Final = 0.1  # [s] Window after the settling time in which the residual vibration is evaluated.
 BISECTIONS: Final = 25  # linear programs that two searches for the shortest settling time solve, about
 AGREEMENT: Final = 0.03  # The largest relative difference at which a result agrees with the published one.
+STARTS: Final = 30  # states of the friction from which the controller is started,
+FEW_STARTS: Final = 4  # in a quick run, with effects, and where the motions take long:
+START_SAMPLES: Final = 400_000  # samples that all of them have together, about
 RESIDUAL_LIMIT: Final = 1e-9  # The largest residual after a deadbeat's settling time, relative to the stroke.
 
 
@@ -102,7 +107,9 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         results["effects"], controller = known.results, known.controller
         proof = _proof(known.plant, known.deadbeat)
         checks = _checks(machine, wanted, known.deadbeat, proof, without, known.validation)
-    written = to_json(controller, plain.stroke, plain.settling_time)
+    progress(0.9, "starting from what random motions left in the friction")
+    results["wipe"], results["starts"] = wipe_to_json(wipe(machine)), _starts(machine, controller, wanted, options)
+    written = {**to_json(controller, plain.stroke, plain.settling_time), "wipe": results["wipe"]}
     if counted.choice is not None:
         written["compensator_elements"] = counted.choice.count
     files = {"controller.json": written}
@@ -116,6 +123,18 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         results["feedback"] = machine.control.in_words
         summary.append(("feedback kept, its reference entering as the position does", machine.control.in_words))
     return Answer(results, checks, files, summary)
+
+
+def _starts(
+    machine: Machine, controller: Controller, wanted: Mapping[str, Any], options: DeadbeatOptions
+) -> dict[str, Any] | None:
+    """What an unknown start costs this controller; None without a friction compensator."""
+    rfm, target = controller.friction_compensation, sequence(machine, wanted["stroke_m"], 1)
+    if rfm is None:
+        return None
+    given, few = references(controller, target), options.quick or machine.effects
+    count = FEW_STARTS if few else min(max(START_SAMPLES // target.size, FEW_STARTS), STARTS)
+    return cost_of_starts(machine, controller, rfm, given.position, given, target, count, options.seed)
 
 
 def _foresee(machine: Machine, wanted: Mapping[str, Any], options: DeadbeatOptions, progress: Progress) -> None:

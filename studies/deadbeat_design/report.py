@@ -41,7 +41,8 @@ def tell(whole: Results) -> Report:
     if not results["sensitivity"]["modes"]:  # a rigid axis
         figures = [figure for figure in figures if figure.name != "sensitivity"]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
-    tables = {name: keys for name, keys in TABLES.items() if name != "effects" or "effects" in results}
+    absent = {name for name in ("effects", "starts") if not results.get(name)}
+    tables = {name: keys for name, keys in TABLES.items() if name not in absent}
     question = (
         "Which deadbeat feedforward suits this machine, and does it meet the specification on the nonsmooth machine?"
     )
@@ -50,6 +51,7 @@ def tell(whole: Results) -> Report:
 
 TABLES = {
     "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
+    "starts": ("results.starts", "machine.specification"),
     "effects": ("results.effects", "machine.specification"),
     "paper": ("results.paper",),
     "parameters": ("parameters",),

@@ -1,1 +1,1 @@
-"""Which x_T* makes every motion settle, whatever the friction's state?"""
+"""Which x_T* makes every motion settle, from any state that earlier motions leave in the friction?"""

@@ -13,7 +13,7 @@ from studies.trajectory_optimisation.options import TrajectoryOptions
 
 STUDY = Study(
     "trajectory_optimisation",
-    "Which x_T* makes every motion settle, whatever the friction's state?",
+    "Which x_T* makes every motion settle, from any state that earlier motions leave in the friction?",
     TrajectoryOptions,
     writes=("controller.json",),
 )

@@ -7,22 +7,25 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.controller import assemble, feedback_alone
 from design.deadbeat import Deadbeat
 from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import Trajectory
+from design.trajectory.learning import Taught, learned
 from design.trajectory.robust import RobustTrajectory
 from design.trajectory.schemes import Scheme, Wanted, history_aware, profile_of
 from design.validation import sequence
 from models.controller import Controller, References
-from models.friction import Friction
 from models.machine import Machine
 from models.variation import drawn
 from studies.study import Progress
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import RANGE, Aim, Outcome, judge
+
+Array = NDArray[np.float64]
 
 QUANTILE: Final = 0.95
 FRESH: Final = 104729  # Added to the seed, for held-out tables on which no design was chosen.
@@ -48,16 +51,17 @@ def compare(
     progress: Progress,
 ) -> dict[str, Any]:
     """Every scheme on the central table, on the same perturbed ones, and on as many that are drawn anew."""
-    count = options.tables or (12 if options.quick else 200)
+    count = options.tables or (8 if options.quick else 200)
     many, fresh = (drawn(machine, RANGE, count, options.seed + more) for more in (0, FRESH))
     rows, again, shown, missed = [], [], {}, []
     for i, one in enumerate(schemes):
         progress(0.6 + 0.03 * i, f"judging {one.name}")
-        every, frictions = outcomes(machine, one, many, aim, options.seed)
+        every, learned = outcomes(machine, one, many, aim, options.seed)
         rows.append(row_of(one, every[0], every[1:], machine, wanted))
         shown[one.key] = _shown(every[0], every[1:])
         if one.key == "learning":
-            missed = [f.coulomb_force / t.friction.coulomb_force - 1 for f, t in zip(frictions[1:], many, strict=True)]
+            forces = [each.learned.friction.coulomb_force for each in learned[1:]]
+            missed = [force / table.friction.coulomb_force - 1 for force, table in zip(forces, many, strict=True)]
         anew, _ = outcomes(machine, one, fresh, aim, options.seed + FRESH)
         again.append(row_of(one, anew[0], anew[1:], machine, wanted))
     return {
@@ -98,13 +102,26 @@ def contestants(
 
 def outcomes(
     machine: Machine, one: Contestant, tables: Sequence[Machine], aim: Aim, seed: int
-) -> tuple[list[Outcome], list[Friction]]:
-    """The outcomes of `one` on `machine` and then on each table; the frictions that it has learned, if it learns."""
+) -> tuple[list[Outcome], list[Taught]]:
+    """The outcomes of `one` on `machine` and then on each table; what it has learned there, if it learns."""
     every = [machine, *tables]
     if one.learning is None:
         return judge(every, one.controller, aim, one.given, seed), []
-    frictions, taught = schemes.learned(every, machine, one.learning, aim.stroke, seed)
-    return judge(every, feedback_alone(machine), aim, taught, seed), frictions
+    return judge_learning(every, machine, one.learning, aim, seed)
+
+
+def judge_learning(
+    tables: Sequence[Machine],
+    nominal: Machine,
+    scheme: Scheme,
+    aim: Aim,
+    seed: int,
+    starts: Sequence[Array] | None = None,
+) -> tuple[list[Outcome], list[Taught]]:
+    """The outcome on each table after it has learned, and what; starts: its elements (N,) [m] before, default 0."""
+    taught = learned(tables, nominal, scheme, aim.stroke, seed, starts)
+    laws, given, elements = zip(*((each.controller, each.given, each.elements) for each in taught), strict=True)
+    return judge(tables, laws, aim, given, seed, elements), taught
 
 
 def row_of(

@@ -19,7 +19,7 @@ from studies.trajectory_optimisation.comparison import Contestant, outcomes, row
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import Aim, judge
 
-QUICK: Final = 6  # members of a quick run
+QUICK: Final = 5  # members of a quick run
 
 
 def on_members(

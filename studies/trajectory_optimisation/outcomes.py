@@ -61,12 +61,16 @@ def judge(
     aim: Aim,
     given: References | Sequence[References] | None = None,
     seed: int = 0,
+    starts: Sequence[Array] | None = None,
 ) -> list[Outcome]:
-    """The outcome on each machine in the last period of the sequence; controller, given: for all, or one for each."""
+    """The outcome on each machine in the last period of the sequence; controller, given: for all, or one for each.
+
+    starts: where each table's elements (N,) [m] stand before the sequence; default 0.
+    """
     if not machines:
         return []
     target = sequence(machines[0], aim.stroke)
-    responses = respond(machines, controller, target, given=given, seed=seed)
+    responses = respond(machines, controller, target, given=given, seed=seed, initial_friction=starts)
     return [
         outcome_of(assess(machine, response, stroke=aim.stroke), aim)
         for machine, response in zip(machines, responses, strict=True)

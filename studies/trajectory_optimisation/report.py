@@ -31,6 +31,8 @@ TABLES: dict[str, tuple[str, ...]] = {
     "ensemble": ("results.rows", *SPECIFIED),
     "yield": ("results.rows", *SPECIFIED),
     "fresh": ("results.fresh", "results.rows", *SPECIFIED),
+    "everything": ("results.everything", *SPECIFIED),
+    "starts": ("results.everything", "machine.specification"),
     "members": ("results.members", *SPECIFIED),
     "central": ("results.rows", *SPECIFIED),
     "solver": ("results.solver",),
@@ -79,8 +81,14 @@ def tell(whole: Results) -> Report:
     title = (
         f"Trajectories for {show(results['wanted']['stroke_m'], 'm')} motions with friction: {whole['machine']['name']}"
     )
-    question = "Which trajectory makes every motion settle, whatever the friction's state?"
-    own: dict[str, Callable[..., Any]] = {"show": _show, "share": _share, "micro": _micro, "milli": _milli}
+    question = "Which trajectory makes every motion settle, from any state that earlier motions leave in the friction?"
+    own: dict[str, Callable[..., Any]] = {
+        "show": _show,
+        "share": _share,
+        "micro": _micro,
+        "milli": _milli,
+        "rated": _rated,
+    }
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **own}, TABLES)
 
 
@@ -91,6 +99,11 @@ def _show(number: float | None, unit: str, digits: int = 4) -> str:
 
 def _share(ratio: float) -> str:
     return f"{100 * ratio:.3g} %".replace(" ", "\u00a0")
+
+
+def _rated(rate: Mapping[str, Any], tables: int) -> str:
+    """A share with its lower bound."""
+    return f"{rate['hits']} of {tables} (≥ {100 * rate['low']:.1f} %)".replace(" ", "\u00a0")
 
 
 def _micro(length: float | None) -> str:

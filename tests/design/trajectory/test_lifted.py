@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from design.deadbeat import DesignError, synthesise
-from design.trajectory.compensator import compensate, learn, motion_profile, rest_states
+from design.trajectory.compensator import compensate, motion_profile, rest_states
 from design.trajectory.history_aware import Limits
 from design.trajectory.lifted import feedforward_only, lift
 from design.trajectory.robust import RobustTask, build_robust, solve_robust
@@ -19,7 +19,6 @@ from models.machine import Machine, load
 from models.plant import Plant
 from models.records.record import feeding_sequence
 from models.simulation.simulator import simulate
-from models.variation import Variation, varied_friction
 
 STROKE, TS = 20e-6, 5e-4
 
@@ -75,7 +74,7 @@ def test_the_smoothed_loop_comes_to_the_exact_one_at_least_in_proportion_to_the_
     assert np.polyfit(np.log(ratios), np.log(worst), 1)[0] > 0.9
 
 
-def test_a_history_aware_motion_follows_its_reference_whatever_the_friction_remembers(machine: Machine) -> None:
+def test_a_history_aware_motion_follows_its_reference_behind_a_reversal_too(machine: Machine) -> None:
     """Against the deadbeat alone, beside it, whose reversal is micrometres off."""
     deadbeat = synthesise(machine.plant, TS, 22e-3, STROKE)
     target = feeding_sequence(STROKE, 2, 0.2, TS, 2)
@@ -87,17 +86,6 @@ def test_a_history_aware_motion_follows_its_reference_whatever_the_friction_reme
     ]
     assert np.max(np.abs(off[0])) < 0.05e-6
     assert np.max(np.abs(off[1])) > 1e-6
-
-
-def test_the_friction_is_learned_from_what_held_the_table(machine: Machine) -> None:
-    target = feeding_sequence(STROKE, 5, 0.2, TS, 2)
-    rests = np.arange(400, target.size + 1, 400) - 1
-    for force, length in ((0.2, -0.1), (-0.25, 0.2)):
-        true = varied_friction(machine.friction, Variation(friction_force=force, friction_length=length))
-        hold = follow(true, np.append(0.0, target))[0][rests + 1]
-        found = learn(machine.friction, target, rests, hold)
-        assert found.coulomb_force == pytest.approx(true.coulomb_force, rel=1e-3)
-        assert found.limit == pytest.approx(true.limit, rel=1e-3)
 
 
 def test_the_states_at_rest_carry_the_force_that_the_path_gives(machine: Machine) -> None:

@@ -1,0 +1,227 @@
+"""Learning on the axis itself: a wipe, then motions whose thrust at rest and tracking errors tell what the machine is.
+
+Nothing is known of the friction's state at the start. The wipe brings every element to its limit, in the machine and
+in the compensator; from then on the compensator's elements know their past. The thrust at rest tells the friction's
+force and length and the constant force, and the mean tracking error of the motions the mass and the dead time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from design.trajectory.compensator import LENGTHS, Learned, learn
+from design.trajectory.schemes import Scheme
+from design.validation import respond, sequence
+from design.wiping import carried_on, wipe, wipe_references
+from models.controller import Controller, References
+from models.machine import Machine
+from models.records.record import Record, motions
+from models.simulation.simulator import Response
+from models.variation import Variation, at_mode, varied
+
+Array = NDArray[np.float64]
+
+REST: Final = 0.8  # of the specified settling time: the thrust that holds the table is averaged over so much of a
+# motion's end
+ROUNDS: Final = 2  # periods of the sequence to learn from, the second with what the first has told
+MOST: Final = 0.5  # error of the mass, and of the dead time, that is believed at most [1]
+LOOK: Final = 2.0  # specified settling times behind the step over which a motion's error is looked at
+NOISE: Final = 1e-3  # of the stroke, by which the errors differ from their linear model
+# The relative error [1] of each that is likely, as a standard deviation; the forces are known from the wipe already.
+LIKELY: Final = {
+    "mass": 0.02,
+    "dead_time": 0.1,
+    "friction_force": 0.02,
+    "friction_length": 0.1,
+    "frequency": 0.02,
+    "modal_gain": 0.1,
+}
+
+
+@dataclass(frozen=True)
+class Taught:
+    """A table that has learned: what was learned, the references of the sequence that follows, and where the table's
+    own elements (N,) [m] stand at its start. errors: of mass [1] and dead time [s]."""
+
+    learned: Learned
+    controller: Controller
+    given: References
+    elements: Array
+    errors: Array
+
+
+def motions_to_learn(nominal: Machine) -> int:
+    """The motions [-] after which all is learned: the two of the wipe, and those of ROUNDS periods."""
+    return 2 + ROUNDS * 2 * nominal.specification.motions
+
+
+def learned(
+    machines: Sequence[Machine],
+    nominal: Machine,
+    scheme: Scheme,
+    stroke: float,
+    seed: int,
+    starts: Sequence[Array] | None = None,
+) -> list[Taught]:
+    """What the controller learns on each table from a wipe and ROUNDS periods of the sequence with strokes [m].
+
+    seed: of the scale's noise. starts: where each table's elements (N,) [m] stand before the wipe; default 0. The
+    controller knows what it puts out itself and the scale's readings; nothing else of the table.
+    """
+    known, rests = wipe_references(nominal, wipe(nominal))
+    path, target = known.position, sequence(nominal, stroke, periods=1)
+    responses = respond(machines, scheme.controller, path, given=known, seed=seed, initial_friction=starts)
+    window = round(REST * nominal.specification.settling_time / nominal.sample_time)
+    pupils = [_begun(scheme, path, rests, response, window) for response in responses]
+    sensitivity = None if scheme.adapted is None else sensitivities(nominal, scheme, stroke)
+    for turn in range(ROUNDS):
+        responses = respond(
+            machines,
+            [one.scheme.controller for one in pupils],
+            target,
+            given=[_continued(one, target) for one in pupils],
+            seed=seed + 1 + turn,
+            initial_friction=[one.elements for one in pupils],
+        )
+        pupils = [
+            _went_on(one, nominal, target, response, window, sensitivity)
+            for one, response in zip(pupils, responses, strict=True)
+        ]
+    whole = sequence(nominal, stroke)
+    return [
+        Taught(one.learned, one.scheme.controller, _continued(one, whole), one.elements, one.errors) for one in pupils
+    ]
+
+
+def path_to_learn(nominal: Machine, scheme: Scheme, stroke: float) -> Array:
+    """The elements' path (n,) [m] through the wipe and all motions over a stroke [m] that are learned from."""
+    known, _ = wipe_references(nominal, wipe(nominal))
+    return np.append(known.position, np.tile(scheme.path(sequence(nominal, stroke, periods=1)), ROUNDS))
+
+
+@dataclass(frozen=True)
+class _Pupil:
+    """A table on its way: its scheme by now, what it has learned, the elements' path (n,) [m] since the wipe began, the
+    wipe's and the latest rests (k,) on it and the thrust there (k,) [N], and the table's own elements (N,) [m]."""
+
+    scheme: Scheme
+    learned: Learned
+    path: Array
+    rests: NDArray[np.int64]
+    hold: Array
+    elements: Array
+    errors: Array
+
+
+def _begun(scheme: Scheme, path: Array, rests: NDArray[np.int64], response: Response, window: int) -> _Pupil:
+    """What is known after the wipe: the forces, but not yet the lengths."""
+    hold = _held(response, rests, window)
+    found = learn(scheme.known, path, rests, hold, length=False)
+    return _Pupil(scheme, found, path, rests, hold, response.elements, np.zeros(2))
+
+
+def _went_on(
+    one: _Pupil, nominal: Machine, target: Array, response: Response, window: int, sensitivity: Sensitivity | None
+) -> _Pupil:
+    """What is known after another period."""
+    ends = np.array([motion.stop - 1 for motion in motions(target)])
+    rests = np.append(one.rests[:2], one.path.size + ends)
+    path = np.append(one.path, one.scheme.path(target))
+    hold = np.append(one.hold[:2], _held(response, ends, window))  # the wipe's and the latest, whose motions were best
+    scheme, errors = one.scheme, one.errors
+    if sensitivity is not None and scheme.adapted is not None:
+        told = tracking_error(target, response.record, scheme.controller, sensitivity.faultless.size)
+        most = MOST * np.array([1.0, nominal.plant.dead_time])
+        errors = np.clip(errors + sensitivity.explain(told), -most, most)
+        scheme = scheme.adapted(varied(nominal, Variation(mass=float(errors[0]), dead_time=float(errors[1]))))
+    found = learn(one.scheme.known, path, rests, hold)
+    return _Pupil(scheme, found, path, rests, hold, response.elements, errors)
+
+
+def _continued(one: _Pupil, target: Array) -> References:
+    """x_T* [m], u_ff and u_rf [N] over a target (n,) [m] that follows the pupil's path, which ends at rest at 0."""
+    friction, scheme = one.learned.friction, one.scheme
+    return carried_on(friction, one.path, scheme.path(target), scheme.references(friction, target))
+
+
+def _held(response: Response, rests: NDArray[np.int64], window: int) -> Array:
+    """The thrust [N] that held the table, averaged over `window` samples before each of the samples `rests` (k,)."""
+    command = response.record.command
+    return np.array([np.mean(command[k - window : k + 1]) for k in rests])
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """The mean error of a period's motions without any fault (n,) [m], and the gain (2, n) that turns what differs
+    from it into the errors of mass [1] and dead time [s]."""
+
+    faultless: Array
+    gain: Array
+
+    def explain(self, error: Array) -> Array:
+        """The errors of mass [1] and dead time [s] that a mean error (n,) [m] tells."""
+        return self.gain @ (error - self.faultless)
+
+
+def sensitivities(nominal: Machine, scheme: Scheme, stroke: float) -> Sensitivity:
+    """By simulations of the nominal machine with an error of one thing at a time, each of its likely size.
+
+    Least squares with these sizes as prior deviations. Errors of the friction and of the modes are among the causes, so
+    that what they do is not taken for the mass or the dead time; they are not corrected by it.
+    """
+    exact = replace(nominal, scale=replace(nominal.scale, resolution=0.0, noise=0.0))
+    target, causes = sequence(nominal, stroke, periods=2), _causes(nominal)
+    half, count = target.size // 2, round(LOOK * nominal.specification.settling_time / nominal.sample_time)
+    given = scheme.references(scheme.known, target)
+    machines = [exact, *(varied(exact, each) for each in causes)]
+    faultless, *off = [
+        tracking_error(target[half:], response.record.last(half), scheme.controller, count)
+        for response in respond(machines, scheme.controller, target, given=given)
+    ]
+    by = np.array(off).T - faultless[:, None]
+    noise = nominal.scale.deviation + NOISE * stroke
+    gain = np.linalg.solve(np.eye(len(causes)) + by.T @ by / noise**2, by.T / noise**2)
+    return Sensitivity(faultless, np.array([[causes[0].mass], [causes[1].dead_time]]) * gain[:2])
+
+
+def learning_to_json(known: Sensitivity, nominal: Machine) -> dict[str, Any]:
+    """What controller.json tells of learning, for a drive that does it itself."""
+    return {
+        "motions": motions_to_learn(nominal),
+        "hold_s": REST * nominal.specification.settling_time,
+        "length_shares": list(LENGTHS),
+        "faultless_error_m": known.faultless,
+        "mass_error_per_m": known.gain[0],
+        "dead_time_error_s_per_m": known.gain[1],
+        "largest_error": MOST,
+    }
+
+
+def _causes(nominal: Machine) -> list[Variation]:
+    """Errors of mass, dead time, friction and each mode, one at a time."""
+    plant = nominal.plant
+    found = [
+        Variation(mass=LIKELY["mass"]),
+        Variation(dead_time=LIKELY["dead_time"] * plant.dead_time),
+        Variation(friction_force=LIKELY["friction_force"]),
+        Variation(friction_length=LIKELY["friction_length"]),
+    ]
+    for i in plant.flexible:
+        found.append(Variation(frequency=at_mode(plant, i, LIKELY["frequency"])))
+        found.append(Variation(modal_gain=at_mode(plant, i, LIKELY["modal_gain"])))
+    return found
+
+
+def tracking_error(target: Array, record: Record, controller: Controller, count: int) -> Array:
+    """How far the scale reads beyond the reference that the feedback compares it with, (count,) [m] behind the step,
+    averaged over the motions of a target (n,) [m], each turned upwards."""
+    wait = controller.reference_delay
+    known = np.append(np.full(wait, target[-1]), record.reference[: record.reference.size - wait])
+    error = record.position - known
+    found = [one.direction * error[one.start : one.start + count] for one in motions(target, float(target[-1]))]
+    return np.asarray(np.mean(found, axis=0))

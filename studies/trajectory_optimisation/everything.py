@@ -1,0 +1,187 @@
+"""The learning scheme on tables that are off in everything at once, and in one thing at a time; what learning takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from design.trajectory.compensator import EVALUATIONS
+from design.trajectory.learning import LOOK, motions_to_learn, path_to_learn
+from design.trajectory.schemes import Scheme, Wanted
+from design.validation import BATCH, sequence
+from design.wiping import wipe, wipe_to_json
+from models.friction import reached_states
+from models.machine import Machine
+from models.variation import Variation, drawn
+from studies.starts import cost_of_starts
+from studies.study import Progress
+from studies.trajectory_optimisation.comparison import QUANTILE, judge_learning
+from studies.trajectory_optimisation.options import TrajectoryOptions
+from studies.trajectory_optimisation.outcomes import MODE_RANGE, RANGE, Aim, Outcome
+
+Array = NDArray[np.float64]
+
+MODE_GAIN: Final = 0.2  # relative errors, either way and evenly
+DAMPING: Final = 0.5
+DEAD_TIME: Final = 0.2
+OFFSET: Final = 2 / 16.5  # of the Coulomb force: 2 N on the default machine
+CONFIDENCE: Final = 0.95
+SEED: Final = 7919  # added to the study's seed, for tables of their own
+ALONE: Final = 100  # tables that are off in one thing alone
+STARTS: Final = 100  # starts of which the cost is simulated
+OPERATIONS: Final = 4  # of an element at a point: a sum, two comparisons, a product
+
+
+@dataclass(frozen=True)
+class Perturbed:
+    """What the tables are off by: the variation's ranges, whether the friction's start is unknown, and whether the
+    scale is noisy."""
+
+    within: Variation
+    start: bool = False
+    noise: bool = False
+
+
+def perturbations(machine: Machine) -> dict[str, Perturbed]:
+    """Each perturbation by its name, and all of them together as the last."""
+    gain = tuple(0.0 if mode.frequency == 0 else MODE_GAIN for mode in machine.plant.modes)
+    parts: dict[str, dict[str, Any]] = {
+        "friction's force and length": {
+            "friction_force": RANGE.friction_force,
+            "friction_length": RANGE.friction_length,
+        },
+        "mass and mode frequencies": {"mass": RANGE.mass, "frequency": MODE_RANGE},
+        "mode gains": {"modal_gain": gain},
+        "damping": {"damping": DAMPING},
+        "dead time": {"dead_time": DEAD_TIME * machine.plant.dead_time},
+        "constant force": {"offset": OFFSET * machine.friction.coulomb_force},
+    }
+    found = {name: Perturbed(Variation(**part)) for name, part in parts.items()}
+    found["friction's state at the start"] = Perturbed(Variation(), start=True)
+    found["scale's noise"] = Perturbed(Variation(), noise=True)
+    together = {key: most for part in parts.values() for key, most in part.items()}
+    found["all together"] = Perturbed(Variation(**together), start=True, noise=True)
+    return found
+
+
+def everything(
+    machine: Machine, wanted: Wanted, aim: Aim, options: TrajectoryOptions, scheme: Scheme, progress: Progress
+) -> dict[str, Any]:
+    """The yields of the learning scheme by what is perturbed, what learning takes, and what a wrong start costs."""
+    cases = perturbations(machine)
+    rows = []
+    for i, (name, one) in enumerate(cases.items()):
+        last = i == len(cases) - 1
+        count = tables_of(options) if last else 0 if options.quick else min(ALONE, tables_of(options))
+        if count:
+            progress(0.9 + 0.05 * i / len(cases), f"judging the learning on {count} tables: {name}")
+            rows.append({"perturbed": name, **_row(machine, wanted, aim, scheme, one, count, options.seed + SEED)})
+    return {
+        "ranges": {
+            "mode_gain": MODE_GAIN,
+            "damping": DAMPING,
+            "dead_time": DEAD_TIME,
+            "offset_N": OFFSET * machine.friction.coulomb_force,
+            "noise_m": machine.scale.noisy().noise,
+        },
+        "confidence": CONFIDENCE,
+        "rows": rows,
+        "effort": _effort(machine, scheme, wanted.stroke),
+        "wipe": wipe_to_json(wipe(machine)),
+        "starts": _starts(machine, scheme, wanted, 8 if options.quick else STARTS, options.seed),
+    }
+
+
+def tables_of(options: TrajectoryOptions) -> int:
+    """How many tables are off in everything."""
+    return options.tables or (6 if options.quick else 1000)
+
+
+def lower_bound(hits: int, tries: int) -> float:
+    """The lower end of Clopper and Pearson's interval [1] for a share of which `hits` of `tries` were seen."""
+    return float(beta.ppf((1 - CONFIDENCE) / 2, hits, tries - hits + 1)) if hits else 0.0
+
+
+def _row(
+    machine: Machine, wanted: Wanted, aim: Aim, scheme: Scheme, one: Perturbed, count: int, seed: int
+) -> dict[str, Any]:
+    """The yields and the 95 % quantiles over `count` tables."""
+    tables = [
+        replace(table, scale=table.scale.noisy()) if one.noise else table
+        for table in _tables(machine, one, count, seed)
+    ]
+    found: list[Outcome] = []
+    missed = []
+    for begin in range(0, count, BATCH):  # a batch has one course of the scale's noise
+        part = tables[begin : begin + BATCH]
+        starts = [reached_states(table.friction, 1, seed + begin + i)[0] for i, table in enumerate(part)]
+        every, taught = judge_learning(part, machine, scheme, aim, seed + begin, starts if one.start else None)
+        found += [replace(outcome, error=_NONE, position=_NONE, command=_NONE) for outcome in every]
+        missed += [
+            (
+                each.learned.friction.coulomb_force / table.friction.coulomb_force - 1,
+                each.learned.offset - table.drive.offset,
+                (1 + each.errors[0]) * machine.plant.mass / table.plant.mass - 1,
+                machine.plant.dead_time + each.errors[1] - table.plant.dead_time,
+            )
+            for each, table in zip(taught, part, strict=True)
+        ]
+    return _told(found, np.array(missed), machine, wanted)
+
+
+_NONE: Final = np.zeros((0, 0))
+
+
+def _tables(machine: Machine, one: Perturbed, count: int, seed: int) -> list[Machine]:
+    """The tables, those of like dead time beside each other, as they are simulated side by side."""
+    return sorted(drawn(machine, one.within, count, seed), key=lambda table: table.plant.dead_time)
+
+
+def _told(found: Sequence[Outcome], missed: Array, machine: Machine, wanted: Wanted) -> dict[str, Any]:
+    count, in_time = len(found), machine.specification.settling_time
+    fine = sum(one.settling_fine <= wanted.settling_time * (1 + 1e-9) for one in found)
+    coarse = sum(one.settling <= in_time * (1 + 1e-9) for one in found)
+    within = sum(one.peak_thrust <= machine.drive.rated_thrust * (1 + 1e-9) for one in found)
+    spread = float(np.quantile([one.dispersion_specified for one in found], QUANTILE, method="higher"))
+    slow = float(np.quantile([one.settling_fine for one in found], QUANTILE, method="higher"))
+    rms = np.sqrt(np.mean(missed**2, axis=0))
+    return {
+        "tables": count,
+        "fine_aim": {"hits": fine, "share": fine / count, "low": lower_bound(fine, count)},
+        "specified": {"hits": coarse, "share": coarse / count, "low": lower_bound(coarse, count)},
+        "thrust": {"hits": within, "share": within / count, "low": lower_bound(within, count)},
+        "dispersion_m": spread,
+        "settling_fine_s": slow,
+        "peak_thrust_N": max(one.peak_thrust for one in found),
+        "missed": dict(zip(("force", "offset_N", "mass", "dead_time_s"), rms.tolist(), strict=True)),
+    }
+
+
+def _effort(machine: Machine, scheme: Scheme, stroke: float) -> dict[str, Any]:
+    """What learning takes of time, memory and arithmetic on a drive, which stores the path's turning points alone."""
+    path = path_to_learn(machine, scheme, stroke)
+    steps = np.diff(path)
+    moving = np.sign(steps[steps != 0])
+    points = int(np.count_nonzero(np.diff(moving))) + 1 + motions_to_learn(machine)
+    elements, look = len(scheme.known.limit), round(LOOK * machine.specification.settling_time / machine.sample_time)
+    numbers = points + 2 * (2 + 2 * machine.specification.motions) + 4 * look + 3 * elements
+    return {
+        "motions": motions_to_learn(machine),
+        "time_s": path.size * machine.sample_time,
+        "turning_points": points,
+        "numbers_stored": numbers,
+        "operations": EVALUATIONS * points * elements * OPERATIONS + 4 * look,
+    }
+
+
+def _starts(machine: Machine, scheme: Scheme, wanted: Wanted, count: int, seed: int) -> dict[str, Any]:
+    """Settling to the fine tolerance from unknown starts, without and with the wipe, where all else is known."""
+    fine = replace(machine, specification=replace(machine.specification, tolerance=wanted.tolerance))
+    target = sequence(machine, wanted.stroke, 1)
+    given, path = scheme.references(scheme.known, target), scheme.path(target)
+    return cost_of_starts(fine, scheme.controller, scheme.known, path, given, target, count, seed)
