@@ -169,7 +169,7 @@ class Sensitivity:
 
 
 def sensitivities(nominal: Machine, scheme: Scheme, stroke: float) -> Sensitivity:
-    """By simulations of the nominal machine with an error of one thing at a time, each of its likely size.
+    """By simulations of the nominal machine with an error of one thing at a time, each of its likely size; stroke [m].
 
     Least squares with these sizes as prior deviations. Errors of the friction and of the modes are among the causes, so
     that what they do is not taken for the mass or the dead time; they are not corrected by it.

@@ -38,7 +38,7 @@ def machine() -> Machine:
 
 @pytest.fixture(scope="module")
 def scheme(machine: Machine) -> Scheme:
-    deadbeat = synthesise(machine.plant, machine.sample_time, 19e-3, STROKE)
+    deadbeat = synthesise(machine.plant, machine.sample_time, 22e-3, STROKE)
     return history_aware(machine, motion_profile(machine.plant, machine.sample_time, deadbeat.thrust, STROKE))
 
 
@@ -100,7 +100,7 @@ def test_tables_that_are_off_in_everything_settle_finely_after_learning(machine:
     )
     for table, response in zip(tables, responses, strict=True):
         judged = assess(table, response, stroke=STROKE)
-        assert judged.settling_within(0.5e-6) <= 21e-3  # x_T* rests after 19 ms, the table up to 1.3 ms later
+        assert judged.settling_within(0.5e-6) <= 24e-3  # x_T* rests after 22 ms, the table up to 1.3 ms later
         assert judged.worst_dispersion < 0.4e-6
 
 
