@@ -85,8 +85,9 @@ def test_the_controller_file_has_the_agreed_form(folder: Path) -> None:
     controller = read(folder, "controller.json")
     assert set(controller) == {
         *("sample_time_s", "stroke_m", "settling_time_s", "n_ff", "d_ff"),
-        *("reference_delay_samples", "pid", "friction_compensation"),
+        *("reference_delay_samples", "pid", "friction_compensation", "wipe"),
     }
+    assert controller["wipe"]["distance_m"] > 2 * max(controller["friction_compensation"]["limit_m"])
     assert set(controller["pid"]) == {"kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s"}
     assert len(controller["friction_compensation"]["limit_m"]) == 5
 
