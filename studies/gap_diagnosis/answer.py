@@ -191,8 +191,8 @@ def _carried_over(transfer: Results | None) -> list[str]:
     """What files leave of records that they were not fitted to, and what belongs to single records."""
     if transfer is None:
         return []
-    parts = [f"{one['file']} {_gap(one['elsewhere'])}" for one in transfer["matrices"]]
-    told = [f"Fitted to one record and judged on the others, the files leave, {listed(parts)}."]
+    parts = [f"{_gap(one['elsewhere'])} ({one['file']})" for one in transfer["matrices"]]
+    told = [f"Fitted to one record and judged on the others, the files leave {listed(parts)}."]
     out = dict.fromkeys(one["part"] for one in transfer["by_record"] if one["kept_out"])
     if out:
         told.append(
