@@ -124,6 +124,28 @@ def test_the_two_mass_benchmark_switches_at_its_exact_times(
     assert switches == pytest.approx(exact[:-1], abs=2e-4)
 
 
+@pytest.mark.parametrize(("frequency", "known"), [(0.7, 5.16033), (15.0, 2.01975)])
+def test_an_oscillator_is_transported_in_its_exact_least_time(frequency: float, known: float) -> None:
+    """|u| <= 1 moves a unit mass by 1 and leaves an undamped mode [rad/s] at rest: the fast transport of a trapped atom
+    (G. Hegerfeldt). By symmetry u switches at s - b, s and s + b of T = 2 s, so that the body asks for s^2 - 2 b^2 = 1
+    and the mode for cos(w b) = cos^2(w s / 2). `known` is T as published. A thrust that is held over the samples takes
+    longer, the less the shorter they are."""
+
+    def conditions(x: Times) -> list[float]:
+        s, b = x
+        return [s**2 - 2 * b**2 - 1, np.cos(frequency * b) - np.cos(frequency * s / 2) ** 2]
+
+    start = known / 2
+    (s, b), _, found, _ = fsolve(conditions, [start, np.sqrt((start**2 - 1) / 2)], xtol=1e-13, full_output=True)
+    assert found == 1
+    assert 2 * s == pytest.approx(known, abs=1e-5)
+    assert is_time_optimal(np.array([frequency]), np.array([s - b, s, s + b, 2 * s]))
+    plant = Plant(0.0, 1.0, (Mode(1.0, 0.0, 0.0), Mode(1.0, frequency / (2 * np.pi), 0.0)))
+    coarse, fine = (quickest(plant, count, 0.99 * known, 1.01 * known)[0] - 2 * s for count in (80, 160))
+    assert 0 < fine < 0.6 * coarse
+    assert fine < 5e-5 * known
+
+
 def test_a_linear_quadratic_problem_has_the_riccati_solution() -> None:
     count, weights = 30, (1.0 / STROKE**2, 2e-3)
     task = Task(TABLE, None, TS, count, STROKE, "tracking", weights=weights)
