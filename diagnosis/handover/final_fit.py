@@ -32,7 +32,7 @@ STILL: Final = 1e-5  # walk a sample over the white force: it gains a tenth of i
 NEAR: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
 ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
 ROOM: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
-LEAST: Final = 1e-3  # N: of the white force, for records that a model explains but for rounding
+LEAST: Final = 1e-4  # of the commands' deviation: of the white force, where a model explains all but rounding
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,8 @@ def still_fit(
 ) -> Fit:
     """The candidate fitted beside a white force as large as what it leaves (its standard deviation)."""
     left = unknown_force(candidate, records, paths)
-    white = max(float(np.nanstd(np.concatenate(left))), LEAST)
+    least = LEAST * max(float(np.std(record.command)) for record in records)
+    white = max(float(np.nanstd(np.concatenate(left))), least)
     candidate = replace(candidate, white_force=white)
     return fit(candidate, records, paths=paths, iterations=iterations, walk=STILL * white)
 

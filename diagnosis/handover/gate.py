@@ -10,7 +10,7 @@ the Bootstrap, 1993, section 8.3).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -182,9 +182,13 @@ def held_out(finished: Finished, baseline: Baseline) -> Sums:
         file = file_of(candidate, baseline.machine, starts)
         return sums(_errors(file.candidate, baseline, finished.fitted.paths), baseline)
 
+    return _by_part(of_part, part)
+
+
+def _by_part(of_part: Callable[[int], Sums], part: NDArray[np.int64]) -> Sums:
+    """The errors of each motion by the file that was made without its part; part: of each motion (m,)."""
     found = list(parallel_map(of_part, range(PARTS)))
-    names = ("force", "position", "count", "settling", "settled")
-    return Sums(*(np.choose(part, [getattr(one, name) for one in found]) for name in names))
+    return Sums(*(np.choose(part, [getattr(one, field.name) for one in found]) for field in fields(Sums)))
 
 
 def parts(count: int) -> NDArray[np.int64]:
@@ -235,8 +239,5 @@ def offset_alone(baseline: Baseline, delivered: File) -> File:
     def of_part(number: int) -> Sums:
         return sums(_errors(with_mean(part[segment] != number).candidate, baseline, paths), baseline)
 
-    found = list(parallel_map(of_part, range(PARTS)))
-    names = ("force", "position", "count", "settling", "settled")
-    held = Sums(*(np.choose(part, [getattr(one, name) for one in found]) for name in names))
     file = with_mean(np.ones(force.size, bool))
-    return File("offset alone", file, _errors(file.candidate, baseline, paths).gap(), held)
+    return File("offset alone", file, _errors(file.candidate, baseline, paths).gap(), _by_part(of_part, part))
