@@ -174,15 +174,7 @@ def text(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
 
 def texts(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
     """A field that is a tuple of texts; the option may be repeated. reviewable: as for `text`."""
-    return _field(
-        (),
-        lambda _, value: _listed(value, str),
-        reviewable=reviewable,
-        metavar=metavar,
-        help=meaning,
-        action="append",
-        default=[],
-    )
+    return _repeated(str, metavar, meaning, reviewable=reviewable)
 
 
 def path(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
@@ -207,15 +199,19 @@ def paths(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
 
 def files(metavar: str, meaning: str, *, reviewable: bool = False) -> Any:
     """A field that is a tuple of paths; the option may be repeated. reviewable: as `path`."""
+    return _repeated(Path, metavar, meaning, reviewable=reviewable, file=True)
+
+
+def _repeated(kind: type[str] | type[Path], metavar: str, meaning: str, *, reviewable: bool, file: bool = False) -> Any:
     return _field(
         (),
-        lambda _, value: _listed(value, Path),
-        file=True,
+        lambda _, value: _listed(value, kind),
+        file=file,
         reviewable=reviewable,
         metavar=metavar,
         help=meaning,
         action="append",
-        type=Path,
+        type=kind,
         default=[],
     )
 
