@@ -1,4 +1,4 @@
-"""Known laws in measured records: what is logged is exact, the answering side sees nothing else, and the scoring."""
+"""Known laws in measured records: what is logged is exact, and the answering side sees nothing else."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import gzip
 import io
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -26,10 +25,8 @@ from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.blind_trial import compute
 from studies.blind_trial.__main__ import STUDY
-from studies.blind_trial.figures_of_merit import Rate
 from studies.blind_trial.guard import shared_code
 from studies.blind_trial.injected import INJECTION_FOLDER, NOT_SHARED, ROOT
-from studies.blind_trial.injected_scoring import Verdict, closure_of, rates, score
 from studies.blind_trial.injection.distance import LIMIT, distance, noise_of, unexplained
 from studies.blind_trial.injection.inverse import Channel, NoInverseError, channel, inject
 from studies.blind_trial.injection.laws import LAWS, Chance
@@ -258,77 +255,6 @@ def test_distance_counts_nothing_that_a_wrong_nominal_value_explains(axis: Machi
 def test_laws_share_no_code_with_effects_or_diagnosis() -> None:
     folders = [ROOT / one for one in NOT_SHARED]
     assert shared_code(INJECTION_FOLDER, folders, ("models.effects", "diagnosis")) == []
-
-
-def answer(*names: str, outcome: str = "attributed", left: float = 1.0, **members: Any) -> dict[str, Any]:
-    which = [
-        {"effect": name, "parameters": rows[0], "further_members": list(rows[1:])} for name, rows in members.items()
-    ]
-    verdict = {"outcome": outcome, "effects": list(names), "equivalent": [], "partly": []}
-    return {"verdict": verdict, "which": which, "how_far": {"gap_after": {"force_N": left}}}
-
-
-def pitch(number: float) -> dict[str, Any]:
-    return {"pitch": {"value": number, "unit": "m", "std": 1e-6, "role": "period"}}
-
-
-def height(number: float) -> dict[str, Any]:
-    return {"amplitude": {"value": number, "unit": "N", "std": 0.1, "role": "amplitude"}}
-
-
-def body(name: str, kind: str = "single", **period: float) -> dict[str, Any]:
-    effect = {"name": name, "form": "a form", "size": 1.0, "unit": "N", "distance": 20.0, "shape": {}, "period": period}
-    sizes = {"force_N": 2.0, "unexplained_force_N": 1.0}
-    return {
-        "name": [name],
-        "kind": kind,
-        "severity": "high",
-        "identifiable": True,
-        "record": 0,
-        "effects": [effect],
-        **sizes,
-    }
-
-
-BEFORE = answer("cogging", "stribeck", cogging=[pitch(2.5e-3)], stribeck=[height(1.0)])
-
-
-@pytest.mark.parametrize(
-    ("sealed", "given", "right", "wrong"),
-    [
-        (body("cable_spring"), answer("cogging", "cable_spring", cogging=[pitch(2.5e-3)]), True, False),
-        (body("cable_spring"), answer("cogging", cogging=[pitch(2.5e-3)]), False, False),
-        (body("cable_spring"), answer("cable_spring", "play"), False, True),
-        (body("cable_spring"), answer("cable_spring", outcome="none_of_these"), False, False),
-        (body("cogging", pitch=4e-3), answer("cogging", cogging=[pitch(2.5e-3), pitch(4.01e-3)]), True, False),
-        (body("cogging", pitch=4e-3), answer("cogging", cogging=[pitch(2.5e-3), pitch(1.25e-3)]), False, False),
-        (body("thrust_ripple", pitch=4e-3), answer("thrust_ripple", thrust_ripple=[pitch(9e-3)]), False, False),
-        (body("stribeck"), answer("stribeck", stribeck=[height(2.0)]), True, False),
-        (body("stribeck"), answer("stribeck", stribeck=[height(1.1)]), False, False),
-        (body("bump", "outsider"), answer("cogging", cogging=[pitch(2.5e-3)]), True, False),
-        (body("bump", "outsider"), answer("cogging", cogging=[pitch(7.1e-3)]), False, True),
-        (body("bump", "outsider"), answer("play"), False, True),
-        (body("bump", "outsider"), {"verdict": {"outcome": "failed"}}, False, False),
-        (body("payload_mass", "parameters"), answer("stribeck", stribeck=[height(1.0)]), True, False),
-        (body("payload_mass", "parameters"), answer("cable_spring"), False, True),
-    ],
-)
-def test_only_what_the_uninjected_record_does_not_have_counts(
-    sealed: dict[str, Any], given: dict[str, Any], right: bool, wrong: bool
-) -> None:
-    found = score("case-01", sealed, given, BEFORE)
-    assert (found.right, found.wrong) == (right, wrong)
-
-
-def test_closure_is_of_the_injected_part_alone() -> None:
-    found = score("case-01", body("cable_spring"), answer("cable_spring", left=1.25), BEFORE)
-    assert found.closure == pytest.approx(1 - math.sqrt(1.25**2 - 1.0**2))
-    assert closure_of([found])["median"] == found.closure
-    rate: Mapping[str, Rate] = rates([found, replace(found, right=False, wrong=True, kind="outsider")])
-    assert (rate["right_name"].hits, rate["right_name"].tries) == (1, 1)
-    assert (rate["wrong_name"].hits, rate["wrong_name"].tries) == (1, 2)
-    assert isinstance(found, Verdict)
-    assert not found.failed
 
 
 def written(record: Record, file: Path, *, without: str = "nothing") -> Path:
