@@ -214,7 +214,7 @@ def _deadbeat(deadbeat: Deadbeat, proof: Mapping[str, Any]) -> dict[str, Any]:
         "position_m": deadbeat.position,
         "peak_thrust_N": np.max(np.abs(deadbeat.thrust)),
         "overshoot_m": max(float(np.max(deadbeat.position)) - deadbeat.stroke, 0.0),
-        "backward_m": -min(float(np.min(np.diff(deadbeat.position))), 0.0),
+        "backward_m": max(-float(np.min(np.diff(deadbeat.position))), 0.0),
         "numerator": deadbeat.numerator,
         "denominator": deadbeat.denominator,
         "free": deadbeat.free,
