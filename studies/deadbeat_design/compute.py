@@ -25,10 +25,11 @@ from design.deadbeat import (
     shortest_settling_time,
     synthesise,
 )
+from design.deployment.drive_file import controller_to_json
 from design.linear_response import linear_response
 from design.validation import LONGER, PERIODS, Validation, agreement, sequence, validate
 from design.wiping import wipe, wipe_to_json
-from models.controller import Controller, references, to_json
+from models.controller import Controller, references
 from models.friction import Friction, branch
 from models.machine import Machine, Specification, load
 from models.plant import Plant, bode, delay_split
@@ -109,7 +110,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         checks = _checks(machine, wanted, known.deadbeat, proof, without, known.validation)
     progress(0.9, "starting from what random motions left in the friction")
     results["wipe"], results["starts"] = wipe_to_json(wipe(machine)), _starts(machine, controller, wanted, options)
-    written = {**to_json(controller, plain.stroke, plain.settling_time), "wipe": results["wipe"]}
+    written = controller_to_json(machine, controller, plain.stroke, plain.settling_time)
     if counted.choice is not None:
         written["compensator_elements"] = counted.choice.count
     files = {"controller.json": written}

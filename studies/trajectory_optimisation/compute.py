@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from design.controller import waiting
 from design.deadbeat import Deadbeat, DesignError, synthesise
+from design.deployment.drive_file import controller_to_json
 from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import (
@@ -25,8 +26,7 @@ from design.trajectory.learning import learning_to_json, sensitivities
 from design.trajectory.robust import RobustTrajectory
 from design.trajectory.schemes import Scheme, Wanted, profile_of
 from design.validation import BATCH, PERIODS, sequence
-from design.wiping import wipe, wipe_to_json
-from models.controller import Controller, to_json
+from models.controller import Controller
 from models.machine import Machine, parameters
 from models.quantity import show
 from studies.beforehand import require_designable, require_pid
@@ -317,7 +317,13 @@ def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory, schem
     pid, delay = machine.control.pid, waiting(machine)
     controller = Controller(machine.sample_time, pid, delay, n_ff, d_ff, machine.friction)
     return {
-        **to_json(controller, wanted.stroke, chosen.task.samples * machine.sample_time),
+        **controller_to_json(
+            machine,
+            controller,
+            wanted.stroke,
+            chosen.task.samples * machine.sample_time,
+            (np.diff(motion.middle, prepend=0.0) / motion.stroke).tolist(),
+        ),
         "trajectory": {
             "design": "history-aware",
             "objective": chosen.task.objective,
@@ -325,7 +331,6 @@ def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory, schem
             "net_thrust_N": motion.net,
             "middle_m": motion.middle,
         },
-        "wipe": wipe_to_json(wipe(machine)),
         "learning": learning_to_json(sensitivities(machine, scheme, wanted.stroke), machine),
     }
 

@@ -86,6 +86,7 @@ def test_the_controller_file_has_the_agreed_form(folder: Path) -> None:
     assert set(controller) == {
         *("sample_time_s", "stroke_m", "settling_time_s", "n_ff", "d_ff"),
         *("reference_delay_samples", "pid", "friction_compensation", "wipe"),
+        *("thrust_limit_N", "scale_resolution_m", "start", "compensator_path_ff"),
     }
     assert controller["wipe"]["distance_m"] > 2 * max(controller["friction_compensation"]["limit_m"])
     assert set(controller["pid"]) == {"kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s"}

@@ -1,0 +1,27 @@
+"""The law as C99 in double or single precision, with the vectors that it replays."""
+
+from __future__ import annotations
+
+import math
+
+from design.deployment.templating import filled, hexadecimal
+from design.deployment.vectors import Vectors
+from models.deployment.coefficients import Coefficients
+
+MISSING = 1e300  # stands for NaN in the vectors, which C cannot write as a constant
+
+
+def law_sources(known: Coefficients, title: str) -> dict[str, str]:
+    """The sources of the law by file name; coefficients in SI units. title: what designed it."""
+    given = {"k": known, "title": title, "keep": known.pid.pole(known.sample_time)}
+    return {f"axis_law.{end}": filled(f"axis_law.{end}.j2", hexadecimal, **given) for end in ("h", "c")}
+
+
+def selftest_sources(known: Coefficients, vectors: Vectors) -> dict[str, str]:
+    """The sources of the self-test by file name; coefficients in SI units."""
+    rows = [[number if math.isfinite(number) else MISSING for number in row] for row in vectors.rows()]
+    return {
+        "axis_vectors.h": filled("axis_vectors.h.j2", hexadecimal, k=known, rows=rows),
+        "axis_selftest.c": filled("axis_selftest.c.j2", hexadecimal),
+        "axis_replay.c": filled("axis_replay.c.j2", hexadecimal),
+    }

@@ -1,0 +1,39 @@
+"""What a controller.json holds beside the design itself, so that the law can be written from it alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from design.validation import sequence
+from design.wiping import wipe, wipe_to_json
+from models.controller import Controller, to_json
+from models.deployment.coefficients import deployment_to_json, planned
+from models.machine import Machine
+
+
+def controller_to_json(
+    machine: Machine,
+    controller: Controller,
+    stroke: float,
+    settling_time: float,
+    path_ff: Sequence[float] | None = None,
+) -> dict[str, Any]:
+    """The whole content of controller.json for a feedforward designed for stroke [m] and settling_time [s].
+
+    path_ff [m/m]: N_ff of the path that the compensator's elements follow; default: of x_T*.
+    """
+    content = {
+        **to_json(controller, stroke, settling_time),
+        **deployment_to_json(
+            machine.drive.rated_thrust,
+            machine.scale.resolution,
+            machine.drive.offset,
+            controller.n_ff if path_ff is None else path_ff,
+        ),
+        "wipe": wipe_to_json(wipe(machine)),
+    }
+    if controller.effect_compensation is not None:
+        target = sequence(machine, stroke, periods=1)
+        content["effect_compensation"]["plan"] = {"target_m": target, "thrust_N": planned(controller, target)}
+    return content

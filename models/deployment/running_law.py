@@ -1,0 +1,256 @@
+"""The law as a drive runs it, one sample after the other: the reference that every export is compared with.
+
+Every operation and its order are part of the definition, so that code in another language can give the same bits. At
+sample k, with the target r[k] and the reading x[k] (what is not within +-FAR, a NaN among it, is taken as at k - 1):
+
+    c[k] = r[k] - r[k-1];  b[k] = r[k-M];  y, q, u_ff = sums over j = 0 .. M-1 of S_j c[k-j]     (x_T* = b + y)
+    z_i = z_i + (b[k] - b[k-1]) + (q[k] - q[k-1]) within +-X_i;  f = sum K_i z_i;  u_rf = f - f_0
+    e = (b[k-d] - x[k]) + y[k-d];  u_fb by `models.simulation.kernel.pid_step` or `models.feedback.law.output`
+    v = u_fb + ((u_ff + u_rf) + u_plan);  u = v within the limit;  the integral moves by its share of u - v
+
+y[k-d] is summed anew over c[k-d-j]. During a wipe its way is added to b - x and q, its thrust takes the place of u_rf,
+and f_0 follows f, so that u_rf sets in without a bump. `reset` starts at a reading, with the thrust that is on the
+axis.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.compiled import compiled
+from models.deployment.coefficients import Coefficients, WipeMotion
+from models.feedback.law import LawArrays, advance, arrays, output
+from models.simulation.kernel import clipped, pid_step
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+FAR: Final = 1e6  # m; no axis is longer, and so no sum overflows
+STEP, RESET, WIPE, PLAN = range(4)  # what is asked of the law at a sample; all but STEP take no time
+TARGET_MISSING, READING_MISSING, LIMITED, WIPING = 1, 2, 4, 8  # bits of the status
+# Entries of `kept`: target and reading of the sample before, b and q of it, f_0, the integral, d and e of the PID,
+TARGET, READING, BASE, MOVED, ZERO, INTEGRAL, SLOPE, ERROR = range(8)
+NEWEST, WIPED, PLANNED = range(
+    3
+)  # and of `at`: the newest target's place, the wipe's sample, the plan's sample; -1: none
+
+
+class Numbers(NamedTuple):
+    """`Coefficients` as the kernel reads them."""
+
+    sample_time: float
+    position: Array
+    path: Array
+    thrust: Array
+    delay: int
+    gains: Array
+    stiffness: Array
+    limit: Array
+    thrust_limit: float
+    tracking: float
+    wipe_distance: float
+    wipe_amplitude: float
+    wipe_count: int  # 0: there is no wipe
+    wipe_still: int
+    plan: Array
+
+
+class Memory(NamedTuple):
+    """What the law remembers from sample to sample; changed in place."""
+
+    target: Array  # (memory,) the last targets, in a ring
+    change: Array  # (memory,) their changes
+    z: Array  # (N,)
+    kept: Array
+    at: Integers
+
+
+@compiled
+def _profile(s: float) -> float:
+    return s * s * s * (10.0 + s * (-15.0 + 6.0 * s))
+
+
+@compiled
+def _push(s: float) -> float:
+    return s * (60.0 + s * (-180.0 + 120.0 * s))
+
+
+@compiled
+def _way(numbers: Numbers, sample: int) -> float:
+    """The wipe's way [m] at its sample, which counts from 1."""
+    count, half, distance = numbers.wipe_count, numbers.wipe_count + numbers.wipe_still, numbers.wipe_distance
+    if sample <= 0 or sample >= 2 * half:
+        return 0.0
+    if sample <= half:
+        return distance * _profile(min(sample, count) / count)
+    return distance - distance * _profile(min(sample - half, count) / count)
+
+
+@compiled
+def _wipe_thrust(numbers: Numbers, sample: int) -> float:
+    count, half, amplitude = numbers.wipe_count, numbers.wipe_count + numbers.wipe_still, numbers.wipe_amplitude
+    if sample <= half:
+        return amplitude * _push(min(sample, count) / count)
+    return -(amplitude * _push(min(sample - half, count) / count))
+
+
+@compiled
+def _reset(numbers: Numbers, law: LawArrays, memory: Memory, position: float, thrust: float) -> None:
+    """At rest on a reading [m], the integral holding the thrust [N]; the elements virgin, u_rf active."""
+    held = thrust if -FAR <= thrust <= FAR else 0.0
+    kept = memory.kept
+    at = position if -FAR <= position <= FAR else 0.0
+    memory.target[:] = at
+    memory.change[:] = 0.0
+    memory.z[:] = 0.0
+    kept[:] = 0.0
+    kept[TARGET], kept[READING], kept[BASE] = at, at, at
+    kept[INTEGRAL] = clipped(held, numbers.thrust_limit) if numbers.gains[1] > 0.0 else 0.0
+    for i in range(law.c.size):
+        law.state[i] = law.hold[i] * clipped(held, numbers.thrust_limit)
+    memory.at[NEWEST], memory.at[WIPED], memory.at[PLANNED] = 0, -1, -1
+
+
+@compiled
+def _wiped(numbers: Numbers, memory: Memory) -> tuple[float, float, float, bool]:
+    """Way, way d samples ago [m] and thrust [N] of the wipe at this sample, and whether it runs."""
+    if memory.at[WIPED] < 0:
+        return 0.0, 0.0, 0.0, False
+    memory.at[WIPED] += 1
+    sample = memory.at[WIPED]
+    total = 2 * (numbers.wipe_count + numbers.wipe_still)
+    if sample >= total + numbers.delay:
+        memory.at[WIPED] = -1
+    if sample > total:
+        return 0.0, _way(numbers, sample - numbers.delay), 0.0, False
+    return _way(numbers, sample), _way(numbers, sample - numbers.delay), _wipe_thrust(numbers, sample), True
+
+
+@compiled
+def _elements(numbers: Numbers, memory: Memory, step: float) -> float:
+    force = 0.0
+    for i in range(memory.z.size):
+        memory.z[i] = clipped(memory.z[i] + step, numbers.limit[i])
+        force += numbers.stiffness[i] * memory.z[i]
+    return force
+
+
+@compiled
+def _step(numbers: Numbers, law: LawArrays, memory: Memory, target: float, position: float) -> tuple[float, int]:
+    """One sample: the thrust [N] and the status."""
+    kept, size, status = memory.kept, memory.target.size, 0
+    if not (-FAR <= target <= FAR):
+        target, status = kept[TARGET], status | TARGET_MISSING
+    if not (-FAR <= position <= FAR):
+        position, status = kept[READING], status | READING_MISSING
+    newest = memory.at[NEWEST] - 1 if memory.at[NEWEST] > 0 else size - 1
+    memory.at[NEWEST] = newest
+    memory.target[newest], memory.change[newest] = target, target - kept[TARGET]
+    kept[TARGET], kept[READING] = target, position
+    y = q = u = 0.0
+    for j in range(numbers.position.size):
+        change, late = memory.change[(newest + j) % size], memory.change[(newest + j + numbers.delay) % size]
+        y += numbers.position[j] * late
+        q += numbers.path[j] * change
+        u += numbers.thrust[j] * change
+    way, late_way, push, wiping = _wiped(numbers, memory)
+    base = memory.target[(newest + numbers.position.size) % size]
+    q = q + way
+    force = _elements(numbers, memory, (base - kept[BASE]) + (q - kept[MOVED]))
+    kept[BASE], kept[MOVED] = base, q
+    if wiping:
+        kept[ZERO], status = force, status | WIPING
+    compensation = push if wiping else force - kept[ZERO]
+    planned = 0.0
+    if memory.at[PLANNED] >= 0:
+        planned = numbers.plan[memory.at[PLANNED]]
+        memory.at[PLANNED] = memory.at[PLANNED] + 1 if memory.at[PLANNED] + 1 < numbers.plan.size else -1
+    late_base = memory.target[(newest + numbers.position.size + numbers.delay) % size]
+    error = ((late_base - position) + late_way) + y
+    if law.c.size > 0:
+        feedback = output(law, error, 0.0)
+    else:
+        feedback, kept[INTEGRAL], kept[SLOPE] = pid_step(
+            error, kept[ERROR], kept[INTEGRAL], kept[SLOPE], numbers.gains, numbers.sample_time
+        )
+        kept[ERROR] = error
+    wanted = feedback + ((u + compensation) + planned)
+    thrust = clipped(wanted, numbers.thrust_limit)
+    if thrust != wanted:
+        status |= LIMITED
+    if law.c.size > 0:
+        advance(law, error, 0.0, thrust - wanted)
+    else:
+        kept[INTEGRAL] = kept[INTEGRAL] + numbers.tracking * (thrust - wanted)
+    return thrust, status
+
+
+@compiled
+def _run(
+    numbers: Numbers, law: LawArrays, memory: Memory, asked: Integers, given: Array, thrust: Array, status: Integers
+) -> None:
+    for k in range(asked.size):
+        thrust[k], status[k] = 0.0, 0
+        if asked[k] == RESET:
+            _reset(numbers, law, memory, given[k, 0], given[k, 1])
+        elif asked[k] == WIPE:
+            memory.at[WIPED] = 0 if numbers.wipe_count > 0 else -1
+        elif asked[k] == PLAN:
+            memory.at[PLANNED] = 0 if numbers.plan.size > 0 else -1
+        else:
+            thrust[k], status[k] = _step(numbers, law, memory, given[k, 0], given[k, 1])
+
+
+class RunningLaw:
+    """The law with its memory, reset at position 0 with the file's own start.
+
+    >>> law = RunningLaw(known)
+    >>> law.step(target=20e-6, position=0.0)  # [N]
+    100.1...
+    """
+
+    def __init__(self, known: Coefficients) -> None:
+        """At rest at 0, holding `start` [N]."""
+        wipe, pid = known.wipe or WipeMotion(0.0, 0, 0, 0.0), known.pid
+        self._numbers = Numbers(
+            sample_time=known.sample_time,
+            position=np.array(known.position),
+            path=np.array(known.path),
+            thrust=np.array(known.thrust),
+            delay=known.delay,
+            gains=np.array([pid.kp, pid.ki, pid.kd, pid.derivative_filter]),
+            stiffness=np.array(known.stiffness, float),
+            limit=np.array(known.limit, float),
+            thrust_limit=known.thrust_limit,
+            tracking=known.tracking,
+            wipe_distance=wipe.distance,
+            wipe_amplitude=wipe.amplitude,
+            wipe_count=wipe.count,
+            wipe_still=wipe.still,
+            plan=np.array(known.plan, float),
+        )
+        size = known.memory
+        self._law = arrays(known.law)
+        self._memory = Memory(
+            np.zeros(size), np.zeros(size), np.zeros(len(known.limit)), np.zeros(8), np.zeros(3, np.int64)
+        )
+        self.reset(0.0, known.start)
+
+    def run(self, asked: ArrayLike, given: ArrayLike) -> tuple[Array, Integers]:
+        """Thrust (n,) [N] and status (n,) of what is asked (n,): STEP with target and reading (n, 2) [m], RESET with
+        reading and thrust [m, N], WIPE or PLAN. It goes on from the run before."""
+        what, values = np.ascontiguousarray(asked, np.int64), np.ascontiguousarray(given, float)
+        thrust, status = np.empty(what.size), np.empty(what.size, np.int64)
+        _run(self._numbers, self._law, self._memory, what, values, thrust, status)
+        return thrust, status
+
+    def reset(self, position: float, thrust: float) -> None:
+        """At rest on a reading [m], the integral holding a thrust [N]."""
+        self.run([RESET], [[position, thrust]])
+
+    def step(self, target: float, position: float) -> float:
+        """The thrust [N] at a target and a reading [m]."""
+        return float(self.run([STEP], [[target, position]])[0][0])
