@@ -108,16 +108,21 @@ def follow(friction: Friction, path: ArrayLike, state: ArrayLike | None = None) 
     return z @ np.asarray(friction.stiffness), z[-1].copy()
 
 
-def reached_states(friction: Friction, count: int, seed: int) -> Array:
-    """States z (count, N) [m] of the elements that random motions leave: each of REACHING strokes either way.
+def random_pasts(friction: Friction, count: int, seed: int) -> Array:
+    """Paths (count, REACHING + 1) [m] of random motions from rest at 0: each of REACHING strokes either way.
 
     The strokes are even in the logarithm, from the shortest limit to four times the longest, so that any element may
-    stand anywhere, but only as a path can bring it there.
+    stand anywhere in the end, but only as a path can bring it there.
     """
     rng, limit = np.random.default_rng(seed), np.array(friction.limit)
     sizes = np.exp(rng.uniform(np.log(np.min(limit)), np.log(4 * np.max(limit)), (count, REACHING)))
     paths = np.cumsum(sizes * rng.choice([-1.0, 1.0], sizes.shape), axis=1)
-    return np.array([deflections(limit, np.append(0.0, path))[-1] for path in paths])
+    return np.hstack([np.zeros((count, 1)), paths])
+
+
+def reached_states(friction: Friction, count: int, seed: int) -> Array:
+    """States z (count, N) [m] of the elements that `random_pasts` leave."""
+    return np.array([deflections(friction.limit, path)[-1] for path in random_pasts(friction, count, seed)])
 
 
 def fit_elements(limit: ArrayLike, distance: ArrayLike, force: ArrayLike, coulomb_force: float) -> Friction:

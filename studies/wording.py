@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
+from models.machine import Machine
+from models.machines.provenance import Provenance
 from models.quantity import show
 
 PROPER: Final = {"stribeck": "Stribeck", "dac": "DAC", "aic": "AIC"}
@@ -17,6 +19,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "percent": percent,
         "amount": amount,
         "slowest": slowest,
+        "length_or_dash": length_or_dash,
         "micrometres": micrometres,
         "words": words,
         "effect": effect,
@@ -51,6 +54,17 @@ def slowest(times: Iterable[float | None]) -> float | None:
     """The largest of the times [s]; None, a motion that never settles, is larger than any."""
     every = list(times)
     return None if None in every else max(time for time in every if time is not None)
+
+
+def length_or_dash(length: float | None) -> str:
+    """A length [m] to two digits; None, for which there is none, is a dash."""
+    return "–" if length is None else quantity(length, "m", 2)
+
+
+def cited(machine: Machine, name: str) -> str:
+    """Where a value of the machine comes from, as the source of a check against it: "paper: II.D"."""
+    said = machine.sources.get(name, Provenance("assumed", "set in a program"))
+    return f"{said.kind}: {said.detail}" if said.detail else said.kind
 
 
 def micrometres(length: float) -> str:

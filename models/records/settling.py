@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+JUMP: Final = 0.1  # of a settling time: what differs by less is not another one
 
 
 def settling_time(error: ArrayLike, tolerance: float, sample_time: float) -> float:
@@ -19,6 +25,51 @@ def settling_time(error: ArrayLike, tolerance: float, sample_time: float) -> flo
     if outside[-1] == np.size(error) - 1:
         return float("inf")
     return float((outside[-1] + 1) * sample_time)
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How near a settling time is to another one that differs by more than JUMP of it.
+
+    An error that were smaller by `less` [m] would settle after `earlier` [s], one larger by `more` [m] after `later`
+    [s]. Lengths are infinite where there is no such time.
+    """
+
+    less: float
+    earlier: float
+    more: float
+    later: float
+
+    @property
+    def nearest(self) -> float:
+        """How much [m] the error has to change for another settling time."""
+        return min(self.less, self.more)
+
+    @property
+    def otherwise(self) -> float:
+        """The settling time [s] on the other side of the nearer edge."""
+        return self.earlier if self.less <= self.more else self.later
+
+
+def settling_margin(error: ArrayLike, tolerance: float, sample_time: float) -> Margin:
+    """What the settling time of `settling_time` hangs on; error (n,) [m], tolerance [m], sample_time [s].
+
+    An oscillating error leaves the band once more or not for a nanometre, and settles a period later or earlier: the
+    settling time jumps as a function of the tolerance, and says little without the distance to the next jump.
+    """
+    size = np.abs(np.asarray(error, float))
+    count, left = size.size, np.maximum.accumulate(size[::-1])[::-1]  # the largest |error| from each sample on
+    settled = int(np.sum(left > tolerance))  # samples; `left` does not rise
+    step = max(math.ceil(JUMP * settled), 1)
+    less, earlier, more, later = math.inf, 0.0, math.inf, math.inf
+    if settled > 0:
+        band = left[max(settled - step, 0)]
+        less, earlier = float(band) - tolerance, int(np.sum(left > band)) * sample_time
+    if settled + step <= count:
+        reached = left[settled + step - 1]
+        beyond = int(np.sum(left >= reached))
+        more, later = tolerance - float(reached), beyond * sample_time if beyond < count else math.inf
+    return Margin(less, earlier, more, later)
 
 
 def overshoot(travelled: ArrayLike, stroke: float) -> float:

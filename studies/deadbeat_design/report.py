@@ -50,6 +50,7 @@ def tell(whole: Results) -> Report:
 
 
 TABLES = {
+    "settling": ("results.settling",),
     "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
     "starts": ("results.starts", "machine.specification"),
     "effects": ("results.effects", "machine.specification"),
@@ -72,7 +73,10 @@ SENSITIVITY = (
     "Largest deviation of the linear plant from the target after the settling time, feedforward alone, when one mode's "
     "frequency is off."
 )
-BRANCH = "Increase of force after a reversal from full slip (compare Fig. 3b of the paper), with the published slopes."
+BRANCH = (
+    "Increase of force after a reversal from full slip (compare Fig. 3b of the paper), with the machine file's slopes "
+    "of Region 1 and Region 2."
+)
 ELEMENTS = (
     "What the design achieves on the nonsmooth machine with each number of elements of the friction compensator: time "
     "until the slowest motion has settled (triangles: it never does), and worst dispersion after the specified time. "

@@ -14,6 +14,7 @@ from design.pid.front import Point
 from design.validation import Validation
 from models.machine import Machine
 from studies.study import Check
+from studies.wording import cited
 
 CERTAIN: Final = 1e-6  # Relative distance of the certificate's level above the peak found.
 
@@ -42,7 +43,11 @@ def made(
         Check("imbalance of Bode's integral", results["limits"]["imbalance"], "1", 0.01, "Bode"),
         Check("error to published optima", published, "1", 0.01, "Åström et al."),
         Check(
-            "settling of the chosen PID with compensation", settled, "s", machine.specification.settling_time, "II.D"
+            "settling of the chosen PID with compensation",
+            settled,
+            "s",
+            machine.specification.settling_time,
+            cited(machine, "specification.settling_time"),
         ),
     )
     asked, kept = results["wanted"]["ms"], results["chosen"]["bound"]

@@ -45,6 +45,7 @@ TABLES = {
     "beside": ("results.present", "results.chosen", "results.enough", "results.fastest", "results.compensated"),
     "ensemble": ("results.ensemble",),
     "front": ("results.front",),
+    "settling": ("results.settling",),
     "costs": ("results.costs",),
     "checks": ("checks",),
     "published": ("results.published",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,37 @@ from design.validation import Validation, validate_many
 from models.controller import Controller, Feedback
 from models.friction import branch
 from models.machine import Machine, with_pid
+from studies.options import Options
+from studies.scattered import scattered
 
 Array = NDArray[np.float64]
+
+MOST_RUNS: Final = 20  # with a dither, of each point of the front,
+FEW_RUNS: Final = 6  # and in a quick run
 
 
 def nonsmooth(machine: Machine, controller: Controller, points: Sequence[Point]) -> tuple[Validation, ...]:
     """The paper's motions without friction compensation with each point's PID, on the nonsmooth machine."""
-    plain = controller.without_compensation()
-    controllers = [plain.with_feedback(point.feedback) for point in points]
-    machines = [machine if point.law else with_pid(machine, point.pid, "this study") for point in points]
-    return validate_many(machines, controllers, periods=4)
+    controllers = [_law(controller, point) for point in points]
+    return validate_many([_with_point(machine, point) for point in points], controllers, periods=4)
+
+
+def over_runs(
+    machine: Machine, controller: Controller, point: Point, validation: Validation, options: Options
+) -> dict[str, Any]:
+    """What a point's settling times hang on, and their scatter over runs with a dither; see `scattered`."""
+    most = FEW_RUNS if options.quick else MOST_RUNS
+    return scattered(_with_point(machine, point), _law(controller, point), validation, options, most=most)
+
+
+def _law(controller: Controller, point: Point) -> Controller:
+    """The controller with a point's feedback, without friction compensation."""
+    return controller.without_compensation().with_feedback(point.feedback)
+
+
+def _with_point(machine: Machine, point: Point) -> Machine:
+    """The machine with a point's PID, or as it is where the point is its own feedback."""
+    return machine if point.law else with_pid(machine, point.pid, "this study")
 
 
 def point_row(machine: Machine, members: Sequence[Member], point: Point, validation: Validation) -> dict[str, Any]:

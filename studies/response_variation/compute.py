@@ -28,6 +28,7 @@ from studies.response_variation.options import VariationOptions
 from studies.response_variation.published import Shown, outcomes, rows, taken_over
 from studies.response_variation.search import LARGEST_MS, TOLERANCE, SearchError, exact_sensitivity, search
 from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread, texts
+from studies.scattered import rows_of, scattered
 from studies.study import Answer, Check, Progress
 
 Array = NDArray[np.float64]
@@ -87,6 +88,7 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
         },
         "choice": choice,
         "set": _set(central, tables, members),
+        "settling": _settling(central, options),
         "paper": rows(central, tables),
         "taken": taken_over(machine),
         "gap": _gap(central, tables),
@@ -206,6 +208,15 @@ def _simulated(machines: Sequence[Machine]) -> list[Shown]:
     without = validate_many(machines, [controller.without_compensation() for controller in controllers])
     compensated = validate_many(machines, controllers)
     return [Shown(*all_four) for all_four in zip(machines, controllers, without, compensated, strict=True)]
+
+
+def _settling(central: Shown, options: VariationOptions) -> dict[str, Any]:
+    """What the settling times without and with compensation hang on, and their scatter over runs with a dither."""
+    machine, controller = central.machine, central.controller
+    bare = scattered(machine, controller.without_compensation(), central.without, options)
+    compensated = scattered(machine, controller, central.with_rfm, options)
+    rows = rows_of((("without compensation", bare), ("with compensation", compensated)))
+    return {"without": bare, "with": compensated, "rows": rows}
 
 
 def _quantiles(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:

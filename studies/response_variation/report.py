@@ -54,6 +54,7 @@ TABLES = {
     "facts": ("results.choice.facts",),
     "elements": ("results.choice.elements",),
     "slopes": ("results.mechanism",),
+    "settling": ("results.settling",),
     "exchange": ("results.mechanism",),
     "set": ("results.set",),
     "parameters": ("parameters",),

@@ -17,10 +17,12 @@ from design.trajectory.history_aware import Trajectory
 from design.trajectory.learning import Taught, learned
 from design.trajectory.robust import RobustTrajectory
 from design.trajectory.schemes import Scheme, Wanted, history_aware, profile_of
-from design.validation import sequence
+from design.validation import assess, sequence
 from models.controller import Controller, References
 from models.machine import Machine
+from models.simulation.simulator import simulate
 from models.variation import drawn
+from studies.scattered import scattered
 from studies.study import Progress
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import RANGE, Aim, Outcome, judge
@@ -28,6 +30,8 @@ from studies.trajectory_optimisation.outcomes import RANGE, Aim, Outcome, judge
 Array = NDArray[np.float64]
 
 QUANTILE: Final = 0.95
+MOST_RUNS: Final = 20  # with a dither on the central table, of each scheme,
+FEW_RUNS: Final = 4  # and in a quick run
 FRESH: Final = 104729  # Added to the seed, for held-out tables on which no design was chosen.
 
 
@@ -57,7 +61,12 @@ def compare(
     for i, one in enumerate(schemes):
         progress(0.6 + 0.03 * i, f"judging {one.name}")
         every, learned = outcomes(machine, one, many, aim, options.seed)
-        rows.append(row_of(one, every[0], every[1:], machine, wanted))
+        rows.append(
+            {
+                **row_of(one, every[0], every[1:], machine, wanted),
+                "settling": _hangs(machine, one, learned, aim, options),
+            }
+        )
         shown[one.key] = _shown(every[0], every[1:])
         if one.key == "learning":
             forces = [each.learned.friction.coulomb_force for each in learned[1:]]
@@ -67,11 +76,25 @@ def compare(
     return {
         "tables": count,
         "rows": rows,
+        "settling": [{"case": row["name"], "motion": "slowest", **row["settling"]["slowest"]} for row in rows],
         "fresh": {"seed": options.seed + FRESH, "tables": count, "rows": again},
         "shown": shown,
         "shown_time_s": np.arange(len(every[0].position[0])) * machine.sample_time,
         "learned_force_error": float(np.sqrt(np.mean(np.square(missed)))),
     }
+
+
+def _hangs(
+    machine: Machine, one: Contestant, learned: Sequence[Taught], aim: Aim, options: TrajectoryOptions
+) -> dict[str, Any]:
+    """What the settling times on the central table hang on, and their scatter over runs with a dither."""
+    law, given, start = one.controller, one.given, None
+    if learned:
+        law, given, start = learned[0].controller, learned[0].given, learned[0].elements
+    target, seed = sequence(machine, aim.stroke), options.seed
+    response = simulate(machine, law, target, seed=seed, initial_friction=start, given=given)
+    found, most = assess(machine, response, stroke=aim.stroke), FEW_RUNS if options.quick else MOST_RUNS
+    return scattered(machine, law, found, options, given=given, start=start, stroke=aim.stroke, most=most)
 
 
 def contestants(

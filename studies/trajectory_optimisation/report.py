@@ -35,6 +35,7 @@ TABLES: dict[str, tuple[str, ...]] = {
     "starts": ("results.everything", "machine.specification"),
     "members": ("results.members", *SPECIFIED),
     "central": ("results.rows", *SPECIFIED),
+    "settling": ("results.settling", "machine.specification"),
     "solver": ("results.solver",),
     "pareto": ("results.pareto", "results.errors"),
     "parameters": ("parameters",),
