@@ -24,6 +24,7 @@ from models.machines.parts import (
     UNSTATED,
     USUAL_TOLERANCE,
     Control,
+    Covered,
     Drive,
     Presliding,
     Published,
@@ -98,6 +99,7 @@ class Machine:
     specification: Specification
     presliding: Presliding = FROM_ELEMENTS
     published: Published | None = None
+    covered: Covered | None = None
     tolerance: Tolerance = USUAL_TOLERANCE
     record: Columns | None = None
     priors: Priors = USUAL

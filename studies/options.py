@@ -93,6 +93,26 @@ def quantity(  # noqa: PLR0913  # each keyword says one thing of an option
     `text` is the default as one would type it. above, at_least, below: the range, in SI.
     """
 
+    accepted = _number(unit, meaning, above, at_least, below)
+    return _field(default, accepted, reviewable=reviewable, metavar=metavar, help=meaning, default=text)
+
+
+def quantities(unit: str, metavar: str, meaning: str, *, above: float | None = None, below: float | None = None) -> Any:
+    """A field that is a tuple of quantities; the option may be repeated. As `quantity`."""
+    one = _number(unit, meaning, above, None, below)
+
+    def accepted(name: str, value: Any) -> tuple[float | None, ...]:
+        items = value if isinstance(value, list | tuple) else [value]
+        return tuple(one(name, item) for item in items)
+
+    return _field((), accepted, reviewable=True, metavar=metavar, help=meaning, action="append", default=[])
+
+
+def _number(
+    unit: str, meaning: str, above: float | None, at_least: float | None, below: float | None
+) -> Callable[[str, Any], float | None]:
+    """What checks a value and converts text with a unit to SI; None stays."""
+
     def accepted(name: str, value: Any) -> float | None:
         if value is None:
             return None
@@ -109,7 +129,7 @@ def quantity(  # noqa: PLR0913  # each keyword says one thing of an option
             raise BadInputError(f"{name}: {error}") from error
         return number
 
-    return _field(default, accepted, reviewable=reviewable, metavar=metavar, help=meaning, default=text)
+    return accepted
 
 
 def whole(metavar: str, meaning: str, low: int, high: int | None = None, *, default: int | None = None) -> Any:

@@ -187,6 +187,16 @@ class Published:
 
 
 @dataclass(frozen=True)
+class Covered:
+    """How far the records went that the machine was identified or diagnosed from: beyond, it is extrapolated."""
+
+    force: float = value("N", "largest thrust in the records behind the values", above=0, at_most=1e9, because=FORCE)
+    speed: float = value(
+        "m/s", "largest speed in the records behind the values", above=0, at_most=1e4, because="no axis is faster"
+    )
+
+
+@dataclass(frozen=True)
 class Tolerance:
     """How well the values are known, as standard deviations. A diagnosis re-fits within 3 of them, what a changed drive
     or preload moves (modes, dead time, friction level) within 8, and the mass within 20."""

@@ -26,6 +26,8 @@ from design.deadbeat import (
     synthesise,
 )
 from design.deployment.drive_file import controller_to_json
+from design.judging.known_range import excess, excess_to_json
+from design.judging.long_moves import moves_to_json
 from design.linear_response import linear_response
 from design.validation import LONGER, PERIODS, Validation, agreement, sequence, validate
 from design.wiping import wipe, wipe_to_json
@@ -38,6 +40,7 @@ from models.variation import Variation, at_mode, varied_plant
 from studies.beforehand import require_designable
 from studies.compensator import with_elements
 from studies.deadbeat_design.effects import compensate
+from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
@@ -67,7 +70,8 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         plain = _synthesise(machine, wanted, wanted["objective"])
         robust = _synthesise(machine, wanted, "mode_robustness")
     except DesignError as error:
-        raise BadInputError(f"--settling-time, --stroke: {error}") from error
+        longer = "; or give it as --long-stroke, which goes along a profile" if _is_longer(machine, options) else ""
+        raise BadInputError(f"--settling-time, --stroke: {error}{longer}") from error
     counted = with_elements(machine, options, progress, plain, shares=(0.1, 0.15))
     machine = counted.machine
     controller = assemble(machine, plain)
@@ -112,9 +116,14 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     progress(0.75, "repeating the motions with a dither and from other pasts of the friction")
     results["settling"] = _settling(machine, controller, without, judged, options)
     checks = _checks(machine, wanted, deadbeat, proof, without, judged, results["settling"]["with"])
+    progress(0.85, "longer moves")
+    moved = long_moves(machine, controller, options)
+    results["long_moves"], checks = moved.results, (*checks, *moved.checks)
+    results["beyond"] = [*_beyond(machine, judged), *moved.beyond]
     progress(0.9, "starting from what random motions left in the friction")
     results["wipe"], results["starts"] = wipe_to_json(wipe(machine)), _starts(machine, controller, wanted, options)
     written = controller_to_json(machine, controller, plain.stroke, plain.settling_time)
+    written["long_moves"] = moves_to_json(machine, controller, moved.moves)
     if counted.choice is not None:
         written["compensator_elements"] = counted.choice.count
     files = {"controller.json": written}
@@ -123,11 +132,34 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("motions are checked to settle within (machine file)", show(machine.specification.settling_time, "s")),
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
         *counted.summary,
+        *((f"WARNING, {one['design']}", _warning(one)) for one in results["beyond"]),
+        *((f"{show(one['stroke_m'], 'm')} along a profile", _told(one)) for one in results["long_moves"]["rows"]),
     ]
     if machine.control.law is not None:
         results["feedback"] = machine.control.in_words
         summary.append(("feedback kept, its reference entering as the position does", machine.control.in_words))
     return Answer(results, checks, files, summary)
+
+
+def _is_longer(machine: Machine, options: DeadbeatOptions) -> bool:
+    return options.stroke is not None and options.stroke > machine.specification.stroke
+
+
+def _beyond(machine: Machine, judged: Validation) -> list[dict[str, Any]]:
+    """What the motions need beyond the range of force and speed of the records that the machine is from."""
+    speed = float(np.max(np.abs(np.diff(judged.response.record.reference)))) / machine.sample_time
+    force = min(judged.peak_thrust, machine.drive.rated_thrust)
+    return excess_to_json("the specified motions", excess(machine, force, speed))
+
+
+def _warning(one: Mapping[str, Any]) -> str:
+    needed, covered = (show(one[name], one["unit"], 3) for name in ("needed", "covered"))
+    return f"takes {needed} of {one['what']}; the machine's records go to {covered}, beyond it is extrapolated"
+
+
+def _told(row: Mapping[str, Any]) -> str:
+    settled = "never settles" if math.isinf(row["settling_s"]) else f"settles {show(row['settling_s'], 's')} behind it"
+    return f"{show(row['profile_s'], 's')}, {settled}"
 
 
 def _settling(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from studies.options import Options, choice, flag, quantity
+from studies.options import Options, choice, flag, quantities, quantity
 
 if TYPE_CHECKING:
     from design.deadbeat import Objective
@@ -27,6 +27,14 @@ class DeadbeatOptions(Options):
         "LENGTH",
         'stroke of a motion, such as "20 um" '
         "(default: the machine file's specification.stroke; 20 um for the default machine)",
+    )
+    long_stroke: tuple[float, ...] = quantities(
+        "m",
+        "LENGTH",
+        'stroke of a longer move, such as "5 mm", which goes along a profile through N_ff and D_ff; may be repeated '
+        "(default: 50, 250 and 1000 times the specified stroke; 1, 5 and 20 mm for the default machine)",
+        above=0,
+        below=1e3,
     )
     objective: Objective = choice(
         "objective for the feedforward's free parameters: least squares of the thrust's differences (default) or of "

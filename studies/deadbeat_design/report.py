@@ -42,6 +42,7 @@ def tell(whole: Results) -> Report:
         figures = [figure for figure in figures if figure.name != "sensitivity"]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
     absent = {name for name in ("effects", "starts") if not results.get(name)}
+    absent |= set() if results["long_moves"]["rows"] else {"moves", "steps"}
     tables = {name: keys for name, keys in TABLES.items() if name not in absent}
     question = (
         "Which deadbeat feedforward suits this machine, and does it meet the specification on the nonsmooth machine?"
@@ -53,6 +54,8 @@ TABLES = {
     "settling": ("results.settling",),
     "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
     "starts": ("results.starts", "machine.specification"),
+    "moves": ("results.long_moves", "machine.specification"),
+    "steps": ("results.long_moves", "machine.drive"),
     "effects": ("results.effects", "machine.specification"),
     "paper": ("results.paper",),
     "parameters": ("parameters",),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from design.judging.known_range import with_covered
 from diagnosis.baseline import driven, refit_and_null
 from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
@@ -70,7 +71,10 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
 
     begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
-    better = improved_machine(found, "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown))
+    source = "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown)
+    better = improved_machine(found, source)
+    if options.record and better != given.machine:
+        better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
     results = {**_results(found, beside, given, _elsewhere(found, apart), quick=options.quick), "adopted": adopted}
     files = {"improved.toml": to_toml(better)}

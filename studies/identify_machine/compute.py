@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from design.judging.known_range import with_covered
 from models.friction import branch
 from models.identification.force_fit import SURE
 from models.identification.pipeline import identify
@@ -80,7 +81,16 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         (row["name"], f"{show(row['number'], row['unit'], 5)} ± {show(row['std'], row['unit'], 2)}")
         for row in shown["estimates"]
     ]
-    return Answer(results, tuple(checks), {"identified.toml": to_toml(found.machine)}, summary)
+    return Answer(
+        results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
+    )
+
+
+def _with_range(machine: Machine, given: Sequence[tuple[str, Loaded]], options: IdentificationOptions) -> Machine:
+    """The identified machine with the range of force and speed of its records, where they are an axis's own."""
+    motions = [one.content for _, one in given if isinstance(one.content, Record)]
+    names = ", ".join(Path(one.name).name for _, one in given)
+    return with_covered(machine, motions, f"identify_machine of {names}") if options.record else machine
 
 
 def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress) -> list[tuple[str, Loaded]]:

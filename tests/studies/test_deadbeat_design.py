@@ -86,8 +86,11 @@ def test_the_controller_file_has_the_agreed_form(folder: Path) -> None:
     assert set(controller) == {
         *("sample_time_s", "stroke_m", "settling_time_s", "n_ff", "d_ff"),
         *("reference_delay_samples", "pid", "friction_compensation", "wipe"),
-        *("thrust_limit_N", "scale_resolution_m", "start", "compensator_path_ff"),
+        *("thrust_limit_N", "scale_resolution_m", "start", "compensator_path_ff", "long_moves"),
     }
+    moves = controller["long_moves"]
+    assert [one["stroke_m"] for one in moves["moves"]] == [1e-3, 5e-3, 20e-3]
+    assert controller["stroke_m"] < moves["largest_step_m"] < 1e-3
     assert controller["wipe"]["distance_m"] > 2 * max(controller["friction_compensation"]["limit_m"])
     assert set(controller["pid"]) == {"kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s"}
     assert len(controller["friction_compensation"]["limit_m"]) == 5
@@ -167,6 +170,34 @@ def test_a_shorter_time_and_another_stroke_are_designed_for(tmp_path: Path) -> N
     controller = read(tmp_path, "controller.json")
     assert (controller["stroke_m"], controller["settling_time_s"]) == (5e-6, 25e-3)
     assert np.min(np.diff(np.cumsum(controller["n_ff"]))) > -1e-9
+
+
+def test_long_moves_are_checked_where_asked_for_and_those_beyond_the_records_warned_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A machine whose records went to 130 N and 0.05 m/s: enough for the motions of 20 um but for neither move."""
+    machine = tmp_path / "small.toml"
+    covered = '\n[covered]\nforce = { value = "130 N", source = "identified: moves.csv" }\nspeed = "0.05 m/s"\n'
+    machine.write_text(DEFAULT.read_text(encoding="utf-8") + covered, encoding="utf-8")
+    asked = ["--long-stroke", "2 mm", "--long-stroke", "4 mm"]
+    arguments = ["--quick", "--no-report", "--machine", str(machine), "--output", str(tmp_path / "out"), *asked]
+    assert main(STUDY, arguments) == DONE
+    whole = read(tmp_path / "out", "results.json")
+    names = [check["name"] for check in whole["checks"]]
+    assert names[-2:] == ["settling behind the profile, move of 2 mm", "settling behind the profile, move of 4 mm"]
+    assert {(one["design"], one["what"]) for one in whole["results"]["beyond"]} >= {
+        ("move of 2 mm", "speed"),
+        ("move of 4 mm", "speed"),
+    }
+    assert "WARNING, move of 4 mm" in capsys.readouterr().out
+
+
+def test_a_step_that_is_too_long_is_refused_with_the_way_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(STUDY, ["--quick", "--no-report", "--stroke", "1 mm", "--output", str(tmp_path)]) == 2
+    assert "the shortest that can is" in (said := capsys.readouterr().err)
+    assert "--long-stroke, which goes along a profile" in said
 
 
 def test_the_pid_of_another_controller_is_taken(folder: Path, tmp_path: Path) -> None:

@@ -1,0 +1,55 @@
+"""The range of force and speed of a machine's records: in its file, and what a design needs beyond it."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from design.judging.known_range import covered_by, excess, with_covered
+from models.machine import Machine, from_table, load
+from models.machine_file import to_toml
+from models.records.record import Record
+
+
+def record(speed: float, force: float, sample_time: float = 5e-4) -> Record:
+    """A table that moves at one speed [m/s] under one force [N], read in steps of 0.1 um."""
+    time = np.arange(400) * sample_time
+    position = np.round(speed * time / 1e-7) * 1e-7
+    return Record(sample_time, position, position, np.zeros(time.size), np.full(time.size, -force), position)
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    return with_covered(load(), [record(0.01, 20.0), record(0.002, 46.0)], "test of two records")
+
+
+def test_the_range_is_that_of_all_records_and_not_of_the_scales_steps(machine: Machine) -> None:
+    assert machine.covered is not None
+    assert machine.covered.force == 46.0
+    assert machine.covered.speed == pytest.approx(0.01, rel=0.01)
+    slow = covered_by([record(1e-6, 5.0)], 150.0)
+    assert slow is not None
+    assert slow.speed <= 1e-7 / (10 * 5e-4)
+
+
+def test_a_command_beyond_the_rating_counts_up_to_it() -> None:
+    found = covered_by([record(0.01, 900.0)], 150.0)
+    assert found is not None
+    assert found.force == 150.0
+    assert covered_by([], 150.0) is None
+
+
+def test_it_is_read_again_from_the_file_with_its_source(machine: Machine) -> None:
+    again = from_table(tomllib.loads(to_toml(machine)), Path("machine.toml"))
+    assert again.covered == machine.covered
+    assert again.sources["covered.force"].detail == "test of two records"
+
+
+def test_a_design_within_the_range_is_not_warned_of_and_one_beyond_is(machine: Machine) -> None:
+    assert excess(machine, 46.0, 0.01) == ()
+    assert [(one.what, one.needed, one.covered) for one in excess(machine, 89.0, 0.005)] == [("force", 89.0, 46.0)]
+    assert [one.what for one in excess(machine, 89.0, 0.5)] == ["force", "speed"]
+    assert excess(load(), 89.0, 0.5) == ()
