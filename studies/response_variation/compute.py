@@ -21,12 +21,15 @@ from studies.beforehand import require_designable, require_members, require_pid
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
+from studies.response_variation.amplitude import by_amplitude
 from studies.response_variation.choice import error_against_count
 from studies.response_variation.curves import hysteresis, plants, reference, responses
 from studies.response_variation.mechanism import mechanism
+from studies.response_variation.observer import estimated
 from studies.response_variation.options import VariationOptions
 from studies.response_variation.published import Shown, outcomes, rows, taken_over
 from studies.response_variation.search import LARGEST_MS, TOLERANCE, SearchError, exact_sensitivity, search
+from studies.response_variation.small_effects import small_effects
 from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread, texts
 from studies.scattered import rows_of, scattered
 from studies.study import Answer, Check, Progress
@@ -89,6 +92,9 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
         "choice": choice,
         "set": _set(central, tables, members),
         "settling": _settling(central, options),
+        "droop": by_amplitude(machine),
+        "observer": estimated(central.without),
+        "small": small_effects(machine, central.controller),
         "paper": rows(central, tables),
         "taken": taken_over(machine),
         "gap": _gap(central, tables),

@@ -30,6 +30,8 @@ def mechanism(machine: Machine, controller: Controller, without: Validation) -> 
         "slopes_N_per_m": slopes,
         "slope_reversal_N_per_m": slopes[0],
         "slope_inching_N_per_m": float(np.mean(slopes[1:])),
+        "slope_first_inching_N_per_m": slopes[1],
+        "slope_last_inching_N_per_m": slopes[-1],
         "steady_friction_N": ends,
         "reversal_settling_s": reversal,
         "inching_settling_s": inching,

@@ -14,6 +14,7 @@ from models.quantity import show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from studies.response_variation.phenomena_figures import DROOP, OBSERVER, draw_droop, draw_observer
 from studies.wording import filters, quantity
 
 Results = Mapping[str, Any]
@@ -26,12 +27,14 @@ def tell(whole: Results) -> Report:
     said = _captions(whole)
     drawn: tuple[tuple[str, tuple[str, ...], Callable[[Results], Drawing]], ...] = (
         ("bode", ("results.bode",), _bode),
+        ("droop", ("results.droop",), draw_droop),
         ("hysteresis", ("results.hysteresis", "machine.presliding"), _hysteresis),
         ("choice", ("results.choice",), _choice),
         ("inner", ("results.hysteresis",), _inner),
         ("reference", ("results.reference",), _reference),
         ("variation", ("results.without", specification), _variation),
         ("lissajous", ("results.without", "machine.presliding"), _lissajous),
+        ("observer", ("results.observer",), draw_observer),
         ("compensated", ("results.without", "results.with", specification, "machine.published"), _compensated),
         ("set", ("results.set",), _set),
         ("gap", ("results.gap", "machine.published"), _gap),
@@ -55,6 +58,8 @@ TABLES = {
     "elements": ("results.choice.elements",),
     "slopes": ("results.mechanism",),
     "settling": ("results.settling",),
+    "droop": ("results.droop",),
+    "small": ("results.small",),
     "exchange": ("results.mechanism",),
     "set": ("results.set",),
     "parameters": ("parameters",),
@@ -74,6 +79,8 @@ def _captions(whole: Results) -> dict[str, str]:
     return {
         "bode": "Plant and its equivalents in the presliding region, magnitude and phase. Fig. 2 of the paper shows "
         "the same three curves, and reads from them that the table is an elastic body in micrometre motions." + band,
+        "droop": DROOP,
+        "observer": OBSERVER,
         "hysteresis": "Hysteresis over ±150 µm (left) and the branch after a reversal (right). Fig. 3 of the paper: "
         f"presliding over about {show(facts['extent_m'], 'm')}, the steepest slope just after the reversal, "
         "comprehensive slopes "
