@@ -1,1 +1,1 @@
-"""Which effects explain the dispersion left on the paper's table, and which experiment would discriminate?"""
+"""Is the dispersion left on the paper's table due to the compensator's design, a wrong parameter or an effect?"""

@@ -13,7 +13,7 @@ from studies.study import Study
 
 STUDY = Study(
     "paper_gap",
-    "Which effects explain the dispersion left on the paper's table, and which experiment would discriminate?",
+    "Is the dispersion left on the paper's table due to the compensator's design, a wrong parameter or an effect?",
     PaperOptions,
     writes=("next_experiment.csv", "second_experiment.csv"),
 )

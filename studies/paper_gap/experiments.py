@@ -24,7 +24,8 @@ from models.quantity import listed, show
 from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.paper_gap import observables
-from studies.paper_gap.explore import Draw, Table, rest
+from studies.paper_gap.candidates import Table
+from studies.paper_gap.explore import Draw, rest
 from studies.paper_gap.observables import MOVES, Departure, Observable, Plan
 
 Array = NDArray[np.float64]
@@ -88,7 +89,7 @@ def depart(experiment: Experiment, table: Table, draw: Draw) -> Departure:
     machine, controller = table
     lead = rest(machine, draw.point)
     plan = experiment.plan(machine, controller)
-    true = draw.case.candidate().put(machine, draw.values)
+    true, _ = draw.case.candidate().put(table, draw.values)
     with_it, without = (_run(one, controller, plan.schedule, lead) for one in (true, machine))
     return Departure(plan, machine.sample_time, with_it.position - without.position, with_it.command - without.command)
 

@@ -17,18 +17,25 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from design.validation import Validation
-from models.controller import Controller
-from models.machine import Machine
-from studies.paper_gap.candidates import Candidate, beyond, both, every, wrong_friction
-from studies.paper_gap.pattern import COARSE, Outcome, Pattern, by_scale, outcome_of
+from models.machine import Machine, Published
+from studies.paper_gap.candidates import (
+    BESIDE_FRICTION,
+    COMPENSATOR,
+    Candidate,
+    Table,
+    beyond,
+    both,
+    every,
+    wrong_friction,
+)
+from studies.paper_gap.compensators import slope_error
+from studies.paper_gap.pattern import COARSE, CONVERGED, Outcome, Pattern, by_scale, outcome_of
 
 Array = NDArray[np.float64]
-Table = tuple[Machine, Controller]
 
-STEPS: Final = (0.15, 0.08, 0.04, 0.02)  # Step of each round of the local search, as a fraction of the cube.
+STEPS: Final = (0.15, 0.08, 0.03)  # Step of each round of the local search, as a fraction of the cube.
 MOST: Final = 10.0  # "Beyond" extends to this multiple of a prior's end.
 ALONE, BESIDE, BEYOND = "alone", "beside", "beyond"
-WRONG_FRICTION: Final = "wrong_friction"  # both of the friction's parameters at once
 
 
 @dataclass(frozen=True)
@@ -40,10 +47,9 @@ class Case:
 
     def candidate(self) -> Candidate:
         """The candidate with which the table is simulated."""
-        known = every()
-        one = wrong_friction() if self.name == WRONG_FRICTION else known[self.name]
+        one = every()[self.name]
         if self.way == BESIDE:
-            return both(one, wrong_friction())
+            return both(one, wrong_friction(BESIDE_FRICTION))
         return beyond(one, MOST) if self.way == BEYOND else one
 
 
@@ -51,7 +57,9 @@ class Case:
 class Draw:
     """One size of a case in one table, its outcome, and that outcome's distance [m] from the pattern.
 
-    found: by the local search, so that it does not count in any share.
+    loose_distance [m]: from the pattern without its inching motions that miss. found: by the local search, so that it
+    does not count in any share. without_off: the largest relative error [1] of the published figures without
+    compensation; slopes_off: of the RFM's two slopes; both 0 where the loose pattern is not met.
     """
 
     case: Case
@@ -61,11 +69,23 @@ class Draw:
     outcome: Outcome
     distance: float
     found: bool
+    loose_distance: float = 0.0
+    without_off: float = 0.0
+    slopes_off: float = 0.0
 
     @property
     def shows(self) -> bool:
         """Whether it shows the pattern."""
         return self.distance == 0.0
+
+    @property
+    def disperses(self) -> bool:
+        """Whether it has the pattern's 3 sigma and a reversal in time."""
+        return self.loose_distance == 0.0
+
+    def fits(self, share: float) -> bool:
+        """Whether figures without compensation and slopes of the RFM are as published, too, within a share [1]."""
+        return max(self.without_off, self.slopes_off) <= share
 
 
 @dataclass(frozen=True)
@@ -94,18 +114,45 @@ def rest(machine: Machine, point: Sequence[float]) -> int:
 
 def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = COARSE) -> Validation:
     """The sequence, by the scale, of a table with a case at a point (k + 1,); substeps in a sample."""
-    machine, controller = table
     one = case.candidate()
-    true = one.put(machine, one.values(point[:-1]))
-    return by_scale(true, controller, rest(machine, point), substeps)
+    machine, controller = one.put(table, one.values(point[:-1]))
+    return by_scale(machine, controller, rest(machine, point), substeps)
+
+
+def without_compensation(table: Table, case: Case, point: Sequence[float]) -> Outcome:
+    """The outcome of the same table without its compensation, at CONVERGED substeps."""
+    one = case.candidate()
+    machine, controller = one.put(table, one.values(point[:-1]))
+    return outcome_of(by_scale(machine, controller.without_compensation(), rest(machine, point), CONVERGED))
 
 
 def draw(tables: Sequence[Table], case: Case, pattern: Pattern, place: Place, found: bool) -> Draw:
-    """The outcome of a case at a place."""
+    """The outcome of a case at a place: at COARSE substeps where it is far from what was published, else CONVERGED."""
     table, point = place
     outcome = outcome_of(simulated(tables[table], case, point))
-    values = case.candidate().values(point[:-1])
-    return Draw(case, table, point, values, outcome, pattern.distance(outcome), found)
+    if pattern.near(outcome):
+        outcome = outcome_of(simulated(tables[table], case, point, CONVERGED))
+    one = case.candidate()
+    values, loose = one.values(point[:-1]), pattern.loose_distance(outcome)
+    off = (0.0, 0.0) if loose else _beside_the_paper(tables[table], case, point)
+    return Draw(case, table, point, values, outcome, pattern.distance(outcome), found, loose, *off)
+
+
+def off_published(outcome: Outcome, published: Published) -> float:
+    """The larger relative error [1] of an outcome without compensation: the reversal's settling time, and 3 sigma."""
+    return max(
+        abs(outcome.reversal_settling / published.reversal_settling_time - 1),
+        abs(outcome.dispersion / published.dispersion_without - 1),
+    )
+
+
+def _beside_the_paper(table: Table, case: Case, point: Sequence[float]) -> tuple[float, float]:
+    """Relative errors [1] of the figures without compensation, and of the slopes of an RFM by another design."""
+    one, published = case.candidate(), table[0].published
+    assert published is not None  # else there would be no pattern
+    rfm = one.put(table, one.values(point[:-1]))[1].friction_compensation
+    slopes = slope_error(table[0], rfm) if one.kind == COMPENSATOR and rfm is not None else 0.0
+    return off_published(without_compensation(table, case, point), published), slopes
 
 
 def explore(tables: Sequence[Table], case: Case, pattern: Pattern, effort: Effort, seed: int) -> list[Draw]:
@@ -126,7 +173,7 @@ def explore(tables: Sequence[Table], case: Case, pattern: Pattern, effort: Effor
 
 def _near(draws: Sequence[Draw], effort: Effort, step: float, rng: np.random.Generator) -> Iterator[Place]:
     """Places near the best draws, folded back into the cube."""
-    for one in sorted(draws, key=lambda one: one.distance)[: effort.kept]:
+    for one in sorted(draws, key=lambda one: (one.distance, one.loose_distance))[: effort.kept]:
         for _ in range(effort.near):
             moved = np.abs(np.array(one.point) + step * rng.standard_normal(len(one.point)))
             yield one.table, tuple(map(float, np.clip(1.0 - np.abs(1.0 - moved), 0.0, 1.0)))

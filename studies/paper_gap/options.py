@@ -15,7 +15,7 @@ class PaperOptions(Options):
     tables: int | None = whole(
         "N",
         "number of tables of the set, spread over it, to simulate with the effects; the time grows with it "
-        "(default: 12; quick: 3; all there are: 60)",
+        "(default: all there are, 60; quick: 3)",
         1,
     )
     margin: float = quantity(

@@ -30,8 +30,25 @@ WAYS: Final = {
     "never": "not seen",
 }
 
+KINDS: Final = {
+    "compensator": "the compensator's design",
+    "parameters": "wrong parameters",
+    "effects": "missing effects",
+}
+TAKEN: Final = {
+    "loose_fits": "3σ as published",
+    "loose_slopes": "3σ and the slopes",
+    "pattern_fits": "whole pattern",
+    "pattern_slopes": "pattern and the slopes",
+}
+
 TABLES = {
-    "nominal": ("results.nominal",),
+    "kinds": ("results.evidence",),
+    "any": ("results.evidence.kinds",),
+    "odds": ("results.evidence.odds",),
+    "names": ("results.evidence.kinds",),
+    "designs": ("results.designs",),
+    "exchange": ("results.exchange",),
     "outcome": ("results.candidates",),
     "again": ("results.again",),
     "experiments": ("results.decided",),
@@ -46,6 +63,13 @@ def tell(whole: Results) -> Report:
     results, published = whole["results"], whole["machine"]["published"]
     step = show(whole["machine"]["scale"]["resolution_m"], "m")
     figures = (
+        Figure(
+            "kinds",
+            "3σ of the compensated sequence over the draws of each kind of cause, as cumulative shares: how much of "
+            "each lies in the paper's range, which is shaded. The dotted line is the tolerance.",
+            ("results.evidence", "results.pattern"),
+            _kinds,
+        ),
         Figure(
             "clouds",
             f"The compensated sequence with each candidate alone, over its prior range and "
@@ -77,10 +101,16 @@ def tell(whole: Results) -> Report:
     title = f"The paper's own gap: {whole['machine']['name']}"
     question = (
         f"With compensation the paper's table leaves 3σ = {show(published['dispersion_with_m'], 'm')} and inching "
-        "motions that miss; the model does not. Which effects explain that, and which experiment would discriminate?"
+        "motions that miss; the model does not. Is that the compensator's design, a wrong parameter or a missing "
+        "effect, and which experiment tells?"
     )
     own: dict[str, Callable[..., Any]] = {
         "name": effect,
+        "kind": KINDS.__getitem__,
+        "reading": TAKEN.__getitem__,
+        "counted": _counted,
+        "odds": _odds,
+        "likely": _likely,
         "way": WAYS.__getitem__,
         "share": _share,
         "sizes": _sizes,
@@ -94,6 +124,28 @@ def tell(whole: Results) -> Report:
 
 def _share(ratio: float) -> str:
     return "0" if ratio == 0 else ("< 1 %" if ratio < 0.01 else f"{100 * ratio:.0f} %")
+
+
+def _counted(share: Results) -> str:
+    """A share of draws with its interval [%]."""
+    low, high = (100 * end for end in share["interval"])
+    return f"{100 * share['share']:.1f} ({low:.1f}–{high:.1f})" if share["count"] else f"0 (0–{high:.1f})"
+
+
+def _odds(found: Results | None) -> str:
+    """A probability with its interval."""
+    if found is None:
+        return "–"
+    low, high = (100 * end for end in found["interval"])
+    return f"{100 * found['probability']:.0f} % ({low:.0f}–{high:.0f})"
+
+
+def _likely(odds: Results) -> str:
+    """The probabilities of the kinds, the largest first, as a part of a sentence."""
+    if any(one is None for one in odds.values()):
+        return "no draw of any kind agrees"
+    kinds = sorted(odds, key=lambda kind: -float(odds[kind]["probability"]))
+    return "it is " + listed(f"{KINDS[kind]} with {_odds(odds[kind])}" for kind in kinds)
 
 
 def _misses(row: Results) -> float:
@@ -120,13 +172,34 @@ def _together(names: Sequence[str]) -> str:
     return listed(effect(name) for name in names) or "none"
 
 
+def _kinds(whole: Results) -> Drawing:
+    results = whole["results"]
+    figure, axes = style.subplots(1, 1, 50)
+    ax, pattern = axes[0, 0], results["pattern"]
+    low, high = (MICRO * (pattern["dispersion"] + sign * pattern["margin"]) for sign in (-1, 1))
+    ax.axvspan(low, high, color=style.ORANGE, alpha=0.35, linewidth=0)
+    style.mark_limit(ax, MICRO * pattern["tolerance"], "", axis="x")
+    for kind, words in KINDS.items():
+        sigma = MICRO * np.sort(np.array(results["evidence"]["kinds"][kind]["dispersions_m"], float))
+        ax.plot(sigma, (np.arange(sigma.size) + 0.5) / sigma.size, label=words)
+    ax.set_xscale("log")
+    _ticks(ax.xaxis, (0.1, 0.3, 1, 3, 10, 30))
+    ax.set_xlim(0.1, 30)
+    ax.set_xlabel("3σ [µm]")
+    ax.set_ylabel("share of the draws")
+    ax.legend(loc="lower right")
+    return figure
+
+
 def _clouds(whole: Results) -> Drawing:
     results = whole["results"]
     families = list(dict.fromkeys(row["family"] for row in results["candidates"]))
-    families.sort(key=["friction", "motor", "structure", "scale", "protocol", "parameters"].index)
-    figure, axes = style.subplots(math.ceil(len(families) / 2), 2, 150, sharex=True, sharey=True)
+    families.sort(key=["compensator", "parameters", "friction", "motor", "structure", "scale", "protocol"].index)
+    figure, axes = style.subplots(math.ceil(len(families) / 2), 2, 180, sharex=True, sharey=True)
     for i, family in enumerate(families):
         _family(axes[i // 2, i % 2], family, results)
+    for ax in axes.flat[len(families) :]:
+        ax.set_visible(False)
     for ax in axes[-1]:
         ax.set_xlabel(f"largest inching error after {show(results['pattern']['settling_time'], 's')} [µm]")
     for ax in axes[:, 0]:

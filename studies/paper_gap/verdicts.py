@@ -27,6 +27,11 @@ def verdict(ways: Mapping[str, Sequence[Draw]]) -> str:
     return next((way for way in WAYS if any(one.shows for one in ways.get(way, ()))), NEVER)
 
 
+def loose(ways: Mapping[str, Sequence[Draw]]) -> bool:
+    """Whether some draw by itself, within its range, has the pattern's 3 sigma and a reversal in time."""
+    return any(one.disperses for one in ways[ALONE])
+
+
 def rows(explored: Mapping[str, Mapping[str, Sequence[Draw]]], tables: int) -> list[dict[str, Any]]:
     """One row per candidate; first those that show the pattern under the mildest assumption and come nearest."""
     made = [_row(name, ways, tables) for name, ways in explored.items()]
@@ -40,6 +45,7 @@ def _row(name: str, ways: Mapping[str, Sequence[Draw]], tables: int) -> dict[str
     size, found = one.ranges[one.size], verdict(ways)
     return {
         "name": name,
+        "kind": one.kind,
         "family": one.family,
         "equation": one.equation,
         "size": {
@@ -50,6 +56,7 @@ def _row(name: str, ways: Mapping[str, Sequence[Draw]], tables: int) -> dict[str
             "either_sign": size.signed,
         },
         "verdict": found,
+        "loose": loose(ways),
         "ways": {way: _way(draws, tables) for way, draws in ways.items()},
         "times_prior": _least_size(ways[BEYOND]) / size.high if found == BEYOND else None,
     }
@@ -69,6 +76,7 @@ def _way(draws: Sequence[Draw], tables: int) -> dict[str, Any]:
         "closest": {**best.outcome.to_json(), "table": best.table, "values": best.values},
         "draws": len(draws),
         "share": float(np.mean([one.shows for one in blind])),
+        "loose_share": float(np.mean([one.disperses for one in blind])),
         "shown": len(shown),
         "share_of_tables": len({one.table for one in shown}) / tables,
         "sizes": [min(sizes), max(sizes)] if sizes else None,
@@ -85,13 +93,19 @@ def closest(draws: Sequence[Draw]) -> list[Draw]:
 
 
 def tuned(ways: Mapping[str, Sequence[Draw]], count: int) -> list[Draw]:
-    """Up to `count` draws of the mildest way that shows the pattern: as different in size as they come.
+    """Up to `count` draws of the mildest way that shows the pattern, spread over their sizes, without those at the ends
+    of the range.
 
-    Where no way does, the nearest draw within the prior.
+    Where no way does, those that have its 3 sigma and a reversal in time; where there are none, the nearest draw within
+    the prior.
     """
     way = verdict(ways)
-    if way == NEVER:
+    if way != NEVER:
+        shown = [one for one in closest(ways[way]) if one.shows]
+    elif loose(ways):
+        shown = [one for one in ways[ALONE] if one.disperses]
+    else:
         return closest([*ways[ALONE], *ways.get(BESIDE, ())])[:1]
-    shown = [one for one in closest(ways[way]) if one.shows]
-    picked = np.unique(np.linspace(0, len(shown) - 1, count).round().astype(int))
+    shown.sort(key=lambda one: abs(one.values[one.case.candidate().size]))
+    picked = np.unique(np.linspace(0, len(shown) - 1, count + 2)[1:-1].round().astype(int))
     return [shown[i] for i in picked]

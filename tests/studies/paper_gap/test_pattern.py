@@ -15,7 +15,7 @@ from models.friction import branch
 from models.machine import load
 from models.records.record import Record, motions
 from models.simulation.simulator import Response
-from studies.paper_gap.candidates import Range, beyond, every, wrong_friction
+from studies.paper_gap.candidates import COMPENSATOR, Range, beyond, every, wrong_friction
 from studies.paper_gap.compute import spread
 from studies.paper_gap.explore import ALONE, BESIDE, BEYOND, Case, Effort, explore
 from studies.paper_gap.pattern import Outcome, Pattern, by_scale, outcome_of
@@ -100,20 +100,44 @@ def test_a_range_is_even_on_the_logarithm_or_in_itself() -> None:
     assert [switch.at(u) for u in (0.0, 0.4, 0.6, 1.0)] == [0.0, 0.0, 1.0, 1.0]
 
 
-def test_candidates_change_the_table_and_nothing_of_the_control() -> None:
+def test_the_looser_reading_leaves_out_the_inching_motions() -> None:
+    in_time = outcome(1.0, 0.6, 2.4)
+    assert PAPER.loose_distance(in_time) == 0.0 < PAPER.distance(in_time)
+    assert PAPER.loose_distance(outcome(2.5, 3.0, 2.4)) * 1e6 == pytest.approx(0.5)
+    assert PAPER.near(outcome(1.0, 0.6, 2.9))
+    assert not PAPER.near(outcome(1.0, 0.6, 3.0))
+
+
+def test_effects_and_parameters_change_the_table_and_designs_the_compensator_alone() -> None:
     machine = load()
+    controller = default_controller(machine)
     for name, candidate in every().items():
-        true = candidate.put(machine, candidate.values([0.9] * len(candidate.ranges)))
-        assert true != machine, name
+        true, law = candidate.put((machine, controller), candidate.values([0.9] * len(candidate.ranges)))
+        of_compensator = candidate.kind == COMPENSATOR or name.startswith("identified")
+        assert (true == machine) == of_compensator, name
+        assert (law == controller) != of_compensator, name
+        assert law.without_compensation() == controller.without_compensation(), name
         assert true.control == machine.control, name
 
 
 def test_a_wrong_friction_scales_force_and_length() -> None:
     machine = load()
-    true = wrong_friction().put(machine, (0.2, -0.3)).friction
+    table = machine, default_controller(machine)
+    true = wrong_friction().put(table, (0.2, -0.3))[0].friction
     assert true.coulomb_force == pytest.approx(1.2 * machine.friction.coulomb_force)
     distance = np.linspace(0, 300e-6, 50)
     np.testing.assert_allclose(branch(true, 0.7 * distance), 1.2 * branch(machine.friction, distance), rtol=1e-12)
+
+
+def test_a_friction_that_is_identified_wrongly_is_the_compensators_not_the_tables() -> None:
+    machine = load()
+    one = every()["identified_friction"]
+    true, law = one.put((machine, default_controller(machine)), (0.2, -0.3))
+    assert true == machine
+    assert law.friction_compensation is not None
+    assert law.friction_compensation.coulomb_force == pytest.approx(1.2 * machine.friction.coulomb_force)
+    assert max(law.friction_compensation.limit) == pytest.approx(0.7 * max(machine.friction.limit))
+    assert one.believed(machine, (0.2, -0.3)).coulomb_force == pytest.approx(1.2 * machine.friction.coulomb_force)
 
 
 def test_a_case_is_explored_alike_whatever_else_is() -> None:

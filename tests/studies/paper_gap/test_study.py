@@ -33,7 +33,7 @@ def results(quick_run: Callable[[str], tuple[Path, int]]) -> Any:
 
 def test_every_candidate_has_a_row_and_a_verdict_that_its_draws_bear_out(results: Any) -> None:
     rows = {row["name"]: row for row in results["candidates"]}
-    assert set(rows) == {*every(), "wrong_friction"}
+    assert set(rows) == set(every())
     for row in rows.values():
         shown = [way for way, found in row["ways"].items() if found["shown"]]
         assert (row["verdict"] == "never") == (not shown)
