@@ -15,7 +15,7 @@ STUDY = Study(
     "response_variation",
     "Does the model reproduce the paper's response variation, and which tables are consistent with it?",
     VariationOptions,
-    writes=("ensemble.toml", "most_central.toml"),
+    writes=("ensemble.toml", "most_central.toml", "conventions.toml"),
 )
 
 if __name__ == "__main__":

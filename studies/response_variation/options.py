@@ -22,4 +22,8 @@ class VariationOptions(Options):
         "search the set anew, seeded by --seed, in a minute or two; ensemble.toml and most_central.toml are written "
         "beside the results"
     )
+    conventions: bool = flag(
+        "search also the sets under other conventions: another deadbeat, another divisor of sigma; takes some minutes, "
+        "and conventions.toml is written beside the results"
+    )
     members: int = whole("N", "tables that --search keeps, 2 to 160 (default: 60)", 2, 160, default=60)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from models.machine import Machine, parameters
 from models.plant import state_space
 from models.quantity import show
 from studies.response_variation.mechanism import slopes_met
+
+FITTED: Final = "without compensation"  # So end the names of the two outcomes that a search of the set fits.
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ def rows(central: Shown, tables: Sequence[Shown]) -> list[dict[str, Any]]:
     """One row per number: name, section, unit, paper, here, range of the set, relative difference.
 
     outcome: whether the set must meet it; the others are printed as "about" or as bounds, or are outside the
-    model.
+    model. how: whether the search fits it, the model has it by construction, or predicts it.
     """
     facts, published = central.machine.presliding, central.machine.published
     assert published is not None
@@ -159,6 +161,7 @@ def _row(
         "high": max(over),
         "difference": here / paper - 1,
         "outcome": outcome,
+        "how": "predicted" if not outcome else ("fitted" if name.endswith(FITTED) else "by construction"),
     }
 
 

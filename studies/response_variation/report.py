@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from models.quantity import show
+from models.quantity import listed, show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
@@ -45,12 +45,10 @@ def tell(whole: Results) -> Report:
     tables = {name: keys for name, keys in TABLES.items() if not (alone and name in OF_THE_SET)}
     title = f"Response variation: {whole['machine']['name']}"
     question = "Does the model reproduce the paper's response variation, and which tables are consistent with it?"
-    return Report(
-        title, question, Path(__file__).parent / "report.md", figures, {**filters(), "deviation": _deviation}, tables
-    )
+    return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), **FILTERS}, tables)
 
 
-OF_THE_SET = ("set", "gap")
+OF_THE_SET = ("set", "gap", "deadbeats", "conventions")
 TABLES = {
     "paper": ("results.paper",),
     "taken": ("results.taken",),
@@ -62,6 +60,8 @@ TABLES = {
     "small": ("results.small",),
     "exchange": ("results.mechanism",),
     "set": ("results.set",),
+    "deadbeats": ("results.conventions",),
+    "conventions": ("results.conventions", "results.set"),
     "parameters": ("parameters",),
 }
 
@@ -128,6 +128,36 @@ def _tables(results: Results) -> str:
 def _deviation(number: float | None, unit: str) -> str:
     """A standard deviation with its unit; None stands for one that is not finite."""
     return "open" if number is None else quantity(number, unit, 2)
+
+
+def _worded(parameters: Sequence[Results], word: str) -> str:
+    """The meanings of the parameters of which the results say this; the slopes are published themselves."""
+    found = [one for one in parameters if one["word"] == word and not one["name"].startswith("slope")]
+    return listed(f"the {one['meaning']}" for one in found) or "nothing"
+
+
+def _from_to(values: Sequence[float] | None, unit: str) -> str:
+    """The ends of a range, whose middle stands between them; None for the range of nothing."""
+    if values is None:
+        return "–"
+    return f"{quantity(values[0], unit, 3)} to {quantity(values[-1], unit, 3)}"
+
+
+def _range(parameter: Results, unit: str) -> str:
+    return _from_to((parameter["quantile_05"], parameter["quantile_95"]), unit)
+
+
+def _ends(quantiles: Sequence[float] | None) -> str:
+    return _from_to(quantiles, "m")
+
+
+FILTERS: dict[str, Callable[..., Any]] = {
+    "deviation": _deviation,
+    "worded": _worded,
+    "from_to": _from_to,
+    "range": _range,
+    "ends": _ends,
+}
 
 
 def _shade(ax: Axes, x: Any, low: Any, high: Any, colour: str) -> None:

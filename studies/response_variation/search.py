@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import bare_controller, usable_thrust
+from design.controller import usable_thrust
 from design.deadbeat import DesignError
 from design.loop import assess, controller_response, frequency_response, sensitivities, spectral_radius
 from design.validation import Validation, validate_many
@@ -31,6 +31,7 @@ from models.controller import PID, Controller
 from models.friction import elements
 from models.machine import Machine
 from models.plant import Plant, sampled
+from studies.response_variation.conventions import CHOSEN, Convention, bare, three_sigma
 
 Array = NDArray[np.float64]
 
@@ -92,44 +93,54 @@ class Member:
 
 
 def search(
-    base: Machine, count: int, seed: int, *, workers: int, tell: Callable[[float, str], None]
+    base: Machine,
+    count: int,
+    seed: int,
+    *,
+    workers: int,
+    tell: Callable[[float, str], None],
+    convention: Convention = CHOSEN,
+    held: int | None = None,
 ) -> tuple[Member, ...]:
     """`count` tables of the set that differ as much as possible, in the order of their distance.
+
+    held: so many tables are kept from step to step, and `count` of them at the end (default: POPULATION).
 
     `tell(share, text)` reports progress. The same seed gives the same tables for any number of workers. Raises
     SearchError where EMPTY batches in a row hold no table that could be of the set.
     """
+    size = held or POPULATION
     rng = np.random.default_rng(seed)
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         population: list[Member] = []
         empty = 0
-        while len(population) < 2 * POPULATION:
+        while len(population) < 2 * size:
             begun = len(population)
 
             def heard(found: int, begun: int = begun) -> None:
-                number = min(begun + found, 2 * POPULATION)
-                tell(0.2 * number / (2 * POPULATION), f"first tables: {number} of {2 * POPULATION}")
+                number = min(begun + found, 2 * size)
+                tell(0.2 * number / (2 * size), f"first tables: {number} of {2 * size}")
 
-            population += _evaluated(base, _uniform(base, rng, 4 * BATCH, heard), pool, heard)
+            population += _evaluated(base, _uniform(base, rng, 4 * BATCH, heard), convention, pool, heard)
             empty = 0 if len(population) > begun else empty + 1
             _require_some(empty)
-        population = sorted(population, key=lambda member: member.distance)[:POPULATION]
+        population = sorted(population, key=lambda member: member.distance)[:size]
         first = population[-1].distance
         while (worst := population[-1].distance) > 1:
             aim = max(1.0, population[len(population) // 2].distance)
             near = [member for member in population if member.distance <= aim]
             spread = np.cov(np.stack([member.theta for member in population]).T)
-            while len(near) < POPULATION:
+            while len(near) < size:
                 drawn, begun = _perturbed(base, near, spread, rng), len(near)
-                near += [member for member in _evaluated(base, drawn, pool, None) if member.distance <= aim]
+                near += [member for member in _evaluated(base, drawn, convention, pool, None) if member.distance <= aim]
                 empty = 0 if len(near) > begun else empty + 1
                 _require_some(empty)
                 tell(
                     0.2 + 0.6 * (1 - math.log(worst) / math.log(first)),
-                    f"{min(len(near), POPULATION)} of {POPULATION} tables within {aim * TOLERANCE:.1%}",
+                    f"{min(len(near), size)} of {size} tables within {aim * TOLERANCE:.1%}",
                 )
-            population = sorted(near, key=lambda member: member.distance)[:POPULATION]
-        population = _verified(base, population, pool, tell)
+            population = sorted(near, key=lambda member: member.distance)[:size]
+        population = _verified(base, population, convention, pool, tell)
     return _distinct(population, count)
 
 
@@ -211,7 +222,7 @@ def exact_sensitivity(machine: Machine) -> float:
     return max(assess(sampled(machine.plant, ts, slope), machine.control.pid).ms.value for slope in slopes)
 
 
-def distance(machine: Machine, without: Validation) -> float:
+def distance(machine: Machine, without: Validation, convention: Convention = CHOSEN) -> float:
     """Distance of the outcomes from the published ones, in units of TOLERANCE; inf for an inadmissible table.
 
     A thrust reference above the rating, or a motion that does not settle, is inadmissible.
@@ -222,7 +233,7 @@ def distance(machine: Machine, without: Validation) -> float:
         return math.inf
     off = (
         without.reversal.settling_time / published.reversal_settling_time - 1,
-        without.worst_dispersion / published.dispersion_without - 1,
+        three_sigma(without, convention) / published.dispersion_without - 1,
     )
     return max(abs(one) for one in off) / TOLERANCE
 
@@ -263,11 +274,15 @@ def _perturbed(base: Machine, near: list[Member], spread: Array, rng: np.random.
 
 
 def _evaluated(
-    base: Machine, drawn: list[Array], pool: ProcessPoolExecutor, heard: Callable[[int], None] | None
+    base: Machine,
+    drawn: list[Array],
+    convention: Convention,
+    pool: ProcessPoolExecutor,
+    heard: Callable[[int], None] | None,
 ) -> list[Member]:
     """The admissible points as members; `heard` receives their growing number."""
     members: list[Member] = []
-    for part in _by_parts(base, drawn, pool, COARSE):
+    for part in _by_parts(base, drawn, convention, pool, COARSE):
         members += [member for member in part if math.isfinite(member.distance)]
         if heard is not None:
             heard(len(members))
@@ -275,33 +290,42 @@ def _evaluated(
 
 
 def _verified(
-    base: Machine, population: list[Member], pool: ProcessPoolExecutor, tell: Callable[[float, str], None]
+    base: Machine,
+    population: list[Member],
+    convention: Convention,
+    pool: ProcessPoolExecutor,
+    tell: Callable[[float, str], None],
 ) -> list[Member]:
-    """The members that are within the tolerance at FINE substeps too, so that none owes it to a simulation error."""
+    """The members that are within the tolerance at FINE substeps too, so that none owes it to a simulation error, and
+    whose Ms is within LARGEST_MS between the frequencies of the screening, too.
+    """
     fine: list[Member] = []
+    population = [member for member in population if exact_sensitivity(member.machine) <= LARGEST_MS]
     points = [member.theta for member in population]
     tell(0.8, f"verifying {len(points)} tables at {FINE} substeps")
-    for part in _by_parts(base, points, pool, FINE):
+    for part in _by_parts(base, points, convention, pool, FINE):
         fine += part
         tell(0.8 + 0.2 * len(fine) / len(points), f"verified {len(fine)} of {len(points)} tables at {FINE} substeps")
     within = {tuple(one.theta) for one in fine if one.distance <= 1}
     return [member for member in population if tuple(member.theta) in within]
 
 
-def _by_parts(base: Machine, points: list[Array], pool: ProcessPoolExecutor, substeps: int) -> Iterator[list[Member]]:
+def _by_parts(
+    base: Machine, points: list[Array], convention: Convention, pool: ProcessPoolExecutor, substeps: int
+) -> Iterator[list[Member]]:
     """The points evaluated by the pool, in order: in batches, smaller where each point takes longer."""
     size = max(BATCH * COARSE // (2 * substeps), 1)
     parts = [points[i : i + size] for i in range(0, len(points), size)]
-    yield from pool.map(evaluate, [base] * len(parts), parts, [substeps] * len(parts))
+    yield from pool.map(evaluate, [base] * len(parts), parts, [substeps] * len(parts), [convention] * len(parts))
 
 
-def evaluate(base: Machine, points: list[Array], substeps: int) -> list[Member]:
+def evaluate(base: Machine, points: list[Array], substeps: int, convention: Convention = CHOSEN) -> list[Member]:
     """The tables at these points with their distances, simulated side by side without compensation [substeps]."""
     machines, controllers, kept = [], [], []
     for theta in points:
         machine = table(base, theta)
         try:
-            controller = bare_controller(machine)
+            controller = bare(machine, convention)
         except DesignError:
             continue  # no deadbeat within the thrust
         if bent_by_the_limit(machine, controller):
@@ -313,7 +337,7 @@ def evaluate(base: Machine, points: list[Array], substeps: int) -> list[Member]:
         return []
     validations = validate_many(machines, controllers, substeps=substeps)
     return [
-        Member(theta, machine, distance(machine, without))
+        Member(theta, machine, distance(machine, without, convention))
         for theta, machine, without in zip(kept, machines, validations, strict=True)
     ]
 

@@ -19,6 +19,7 @@ from models.machine import Machine, load
 from models.plant import sampled
 from studies.response_variation import choice, search
 from studies.response_variation.compute import _gap
+from studies.response_variation.conventions import CHOSEN, Convention, bare, three_sigma
 from studies.response_variation.curves import hysteresis, plants, responses
 from studies.response_variation.mechanism import _settling, delay_share
 from studies.response_variation.published import Shown, outcomes
@@ -176,6 +177,19 @@ def test_parameters_that_are_zero_and_motions_that_never_settle_have_their_place
     integral = next(one for one in COORDINATES if one.name == "ki")
     assert spread(np.zeros(3), integral)["share"] == 0.0
     assert math.isfinite(spread(np.array([0.0, 1e7, 1e8]), integral)["share"])
+
+
+def test_a_convention_counts_in_the_distance_and_makes_the_feedforward() -> None:
+    """One motion less divides sigma: 3 sigma is sqrt(5/4) larger; the least peak is below the chosen deadbeat's."""
+    machine = load()
+    law = bare(machine, CHOSEN)
+    assert law == default_controller(machine).without_compensation()
+    found = validate(machine, law)
+    assert three_sigma(found, Convention(one_less=True)) == pytest.approx(found.worst_dispersion * math.sqrt(1.25))
+    assert search.distance(machine, found) < 1 < search.distance(machine, found, Convention(one_less=True))
+    peaks = [np.max(np.abs(np.cumsum(bare(machine, one).d_ff))) for one in (CHOSEN, Convention("peak_thrust"))]
+    assert peaks[1] < 0.8 * peaks[0]
+    assert Convention(monotone=True).words.endswith("never backwards")
 
 
 def test_a_search_that_finds_no_table_ends(monkeypatch: pytest.MonkeyPatch) -> None:
