@@ -15,6 +15,7 @@ from models.quantity import show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from studies.diagrams import loop_figure
 from studies.wording import filters
 
 Results = Mapping[str, Any]
@@ -25,6 +26,7 @@ def tell(whole: Results) -> Report:
     results = whole["results"]
     figures = [
         Figure("bode", BODE, ("results.bode",), _bode),
+        loop_figure("results.friction.rfm.limit_m"),
         Figure("feedforward", FEEDFORWARD, ("results.deadbeat", "results.robust", "results.wanted"), _feedforward),
         Figure("trade_off", TRADE_OFF, ("results.trade_off", "results.wanted"), _trade_off),
         Figure(
@@ -37,7 +39,7 @@ def tell(whole: Results) -> Report:
     ]
     if "compensator_elements" in results:
         keys = ("results.compensator_elements", "machine.specification")
-        figures.insert(5, Figure("elements", ELEMENTS, keys, _elements))
+        figures.insert(6, Figure("elements", ELEMENTS, keys, _elements))
     if not results["sensitivity"]["modes"]:  # a rigid axis
         figures = [figure for figure in figures if figure.name != "sensitivity"]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"

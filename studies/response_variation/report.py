@@ -14,6 +14,7 @@ from models.quantity import listed, show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from studies.diagrams import elements_figure, loop_figure, setup_figure
 from studies.response_variation.phenomena_figures import DROOP, OBSERVER, draw_droop, draw_observer
 from studies.wording import filters, quantity
 
@@ -39,8 +40,11 @@ def tell(whole: Results) -> Report:
         ("set", ("results.set",), _set),
         ("gap", ("results.gap", "machine.published"), _gap),
     )
-    figures = tuple(
-        Figure(name, said[name], keys, draw) for name, keys, draw in drawn if not (alone and name in OF_THE_SET)
+    figures = (
+        setup_figure(),
+        elements_figure(),
+        loop_figure("results.hysteresis.rfm_elements"),
+        *(Figure(name, said[name], keys, draw) for name, keys, draw in drawn if not (alone and name in OF_THE_SET)),
     )
     tables = {name: keys for name, keys in TABLES.items() if not (alone and name in OF_THE_SET)}
     title = f"Response variation: {whole['machine']['name']}"

@@ -39,7 +39,7 @@ def read(folder: Path, name: str) -> Any:
 def test_everything_is_written(folder: Path) -> None:
     names = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
     assert names >= {"report.html", "report.pdf", "results.json", "manifest.json", "controller.json", "machine.toml"}
-    assert sum(name.startswith("figures/") for name in names) == 8
+    assert sum(name.startswith("figures/") for name in names) == 9
     assert set(read(folder, "manifest.json")["outputs"]) == names - {"manifest.json"}
 
 
