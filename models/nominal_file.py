@@ -4,8 +4,9 @@
      "friction": {"stiffness_N_per_m": [...], "limit_m": [...]}, "scale": {"resolution_m"},
      "controller": {"kp_N_per_m", "ki_N_per_ms", "kd_Ns_per_m", "derivative_filter_s", "reference_delay_samples"}}
 
-It may hold "drive", "specification", "tolerance" and "priors" as results.json has them. What such a file leaves out
-(the drive's ratings, the specification, the scale's noise) is that of the default machine and marked as assumed.
+The controller may hold set-point weights, or "cascade" in place of the gains of a PID; the file may hold "drive",
+"specification", "tolerance" and "priors": all as results.json has them. What such a file leaves out (the drive's
+ratings, the specification, the scale's noise) is that of the default machine and marked as assumed.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import Any
 from models import machine
 from models.controller import PID
 from models.effects.catalogue import every, range_declarations
+from models.feedback.forms import Cascade
 from models.friction import Friction
 from models.machine import Drive, Machine, MachineError, Scale, Specification, Tolerance
 from models.machines.text_file import brief, text_of
@@ -76,7 +78,7 @@ class _Reader:
                     "value": "auto",
                     "source": f"assumed: not in {self.file}, so each study that compensates friction chooses it",
                 },
-                "pid": self.part(PID, control, "controller."),
+                **self.feedback(control),
             },
             "specification": self.part(
                 Specification, whole.get("specification", {}), "specification.", default.specification
@@ -103,7 +105,9 @@ class _Reader:
             if declared is None:
                 continue
             name = json_name(field.name, declared.unit)
-            if name in names:
+            if name in names and field.type == "int":
+                table[field.name] = self.count(names, name, where)
+            elif name in names:
                 table[field.name] = self.value(names[name], declared.unit, where + name)
             elif field.default is not dataclasses.MISSING:
                 continue
@@ -112,6 +116,12 @@ class _Reader:
             elif field.name not in optional:
                 raise MachineError(f"{where}{name}: missing; add it, {declared.meaning}")
         return table
+
+    def feedback(self, control: Mapping[str, object]) -> Table:
+        """The cascade if there is one, and the PID otherwise."""
+        if "cascade" in control:
+            return {"cascade": self.part(Cascade, control["cascade"], "controller.cascade.")}
+        return {"pid": self.part(PID, control, "controller.")}
 
     def ranges(self, name: str, given: object) -> Table:
         """The ranges of an effect's sizes under their names in results.json."""
@@ -128,9 +138,9 @@ class _Reader:
             return {"value": [_text(item, unit, where) for item in given], "source": f"datasheet: {self.file}"}
         return {"value": _text(given, unit, where), "source": f"datasheet: {self.file}"}
 
-    def count(self, names: Mapping[str, object], name: str) -> Table:
+    def count(self, names: Mapping[str, object], name: str, where: str = "controller.") -> Table:
         """A whole number without a unit."""
-        return {"value": _needed(names, name, "controller."), "source": f"datasheet: {self.file}"}
+        return {"value": _needed(names, name, where), "source": f"datasheet: {self.file}"}
 
     def assumed(self, number: float, unit: str) -> Table:
         """The default machine's value for what the file leaves out."""

@@ -15,7 +15,7 @@ from joblib import cpu_count
 
 from models.machine import Machine
 from studies.beforehand import require_stable
-from studies.blind_trial import answering
+from studies.blind_trial import answering, many_machines
 from studies.blind_trial import figures_of_merit as merit
 from studies.blind_trial.answering import Conditions, all_answered, answer_all, read_answers, require_answers
 from studies.blind_trial.cluster import Cluster, cluster_of
@@ -87,6 +87,7 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
         _forbidden(trial, output),
         DIAGNOSIS,
         baselines=trial.scored
+        and options.machines == "table"  # They would take as long again on each machine.
         and DIAGNOSIS == answering.DIAGNOSIS,  # They start from the re-fit of the project's own diagnosis.
         cache=CACHE,
     )
@@ -113,12 +114,16 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     labels = _labels(bodies, trial.pack)
     results |= _scored(labels, answers, _again(labels, answers, second) if trial.scored else {})
     results["forms"] = _forms(bodies)
+    results["machines"] = many_machines.figures(bodies, labels, answers)
     results["guards"] = _guards(trial, labels, answers)
     if not trial.scored:
         results["table"] = [_row(name, one) for name, one in answers.items()]
     if begun is not None:
         results["seconds"]["trial"] = time.monotonic() - begun
-    checks = _checks(results, quick=options.quick)
+    if results["machines"] is None:
+        checks = _checks(results, quick=options.quick)
+    else:
+        checks = [*_sound(results), *many_machines.checks(results, quick=options.quick)]
     return Answer(results, tuple(checks), {"answers.json": answers}, tuple(_summary(results)))
 
 
@@ -154,6 +159,8 @@ def _timed(options: TrialOptions, output: Path) -> bool:
 def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
     """The pack to answer: the given one, or one sealed now."""
     if options.pack is not None:
+        if options.machines != "table":
+            raise BadInputError("--machines: a --pack has its own machines; leave one of them out")
         if options.cases is not None:
             raise BadInputError("--cases: a --pack has its own number of cases; leave one of them out")
         if options.key is not None and not options.key.is_file():
@@ -161,7 +168,7 @@ def _trial(options: TrialOptions, output: Path, progress: Progress) -> Trial:
         return Trial(read_pack(options.pack), options.key)
     if options.key is not None:
         raise BadInputError("--key: opens a given pack; give --pack too, or leave it out")
-    sealed = seal(_cases(options), options.seed, output, progress)
+    sealed = seal(_cases(options), options.seed, output, progress, options.machines)
     return Trial(read_pack(sealed.pack), sealed=sealed)
 
 
@@ -323,15 +330,20 @@ TARGETS: Final[tuple[tuple[str, str, str, float], ...]] = (
 )
 
 
-def _checks(results: Mapping[str, Any], quick: bool) -> list[Check]:
-    """Every target of the trial; those without cases are left out."""
-    guards, seconds = results["guards"], results["seconds"]["median"]
-    found = [
+def _sound(results: Mapping[str, Any]) -> list[Check]:
+    """That every case is answered, by who could not know better."""
+    guards = results["guards"]
+    return [
         Check("cases without an answer", float(results["outcomes"]["failed"]), "1", 0.0, SOURCE),
         Check("looks at what is sealed", float(len(guards["refused"])), "1", 0.0, SOURCE),
         Check("labels in the pack", float(len(guards["leaks"])), "1", 0.0, SOURCE),
         Check("code in both sealer and diagnosis", float(len(guards["shared_code"])), "1", 0.0, SOURCE),
     ]
+
+
+def _checks(results: Mapping[str, Any], quick: bool) -> list[Check]:
+    """Every target of the trial; those without cases are left out."""
+    seconds, found = results["seconds"]["median"], _sound(results)
     for key, name, sense, limit in TARGETS:
         rate = results["rates"][key]
         if rate["tries"]:

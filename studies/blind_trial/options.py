@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from studies.options import flag, path, path_list, text, whole
+from studies.options import choice, flag, path, path_list, text, whole
 from studies.record_options import RecordOptions
 
 
@@ -19,10 +19,15 @@ class TrialOptions(RecordOptions):
         "time is checked too from 300 cases on, on two cores, if --output holds nothing of an earlier run",
         1,
     )
+    machines: str = choice(
+        "on which machines the cases are sealed: all on one table (default), or on machines drawn at random, each with "
+        "an experiment of its own, six cases on each; a claim needs some 1000 cases",
+        ("table", "random"),
+    )
     pack: Path | None = path(
         "FOLDER",
-        "answer these sealed cases instead: case-*/*.csv.gz, nominal.json, commitments.json. answers.json in --output "
-        "grows with each case, and an interrupted run resumes from it",
+        "answer these sealed cases instead: case-*/*.csv.gz, nominal.json (of all, or in each case's folder), "
+        "commitments.json. answers.json in --output grows with each case, and an interrupted run resumes from it",
     )
     inject: tuple[Path, ...] = path_list(
         "RECORD",

@@ -44,20 +44,29 @@ class Pack:
 
 def read_pack(folder: Path) -> Pack:
     """The pack in a folder. Raises BadInputError."""
-    nominal = next((one for one in (folder / name for name in NOMINAL) if one.is_file()), folder / NOMINAL[0])
     if not folder.is_dir():
         raise BadInputError(f"--pack {folder}: is not a folder; give one with case-*/, nominal.json, commitments.json")
-    if not nominal.is_file():
-        raise BadInputError(f"--pack {folder}: has no nominal.json; give a folder with case-*/ and nominal.json")
+    common = _nominal(folder)
     cases = []
     for place in sorted(one for one in folder.glob("case-*") if one.is_dir()):
         records = tuple(sorted(place.glob("*.csv.gz")))
         if not records:
             raise BadInputError(f"--pack {folder}: {place.name} has no records (*.csv.gz); make the pack again")
+        nominal = _nominal(place) or common  # a pack of many machines has one in each case
+        if nominal is None:
+            raise BadInputError(
+                f"--pack {folder}: has no nominal.json, and {place.name} has none of its own; give a folder with "
+                "case-*/ and nominal.json"
+            )
         cases.append(Case(place.name, records, nominal, _disabled(place / "disabled.json")))
     if not cases:
         raise BadInputError(f"--pack {folder}: has no case-* folder; give a folder with case-*/ and nominal.json")
     return Pack(folder, tuple(cases), _json(folder / "commitments.json", "--pack") if _has(folder) else {})
+
+
+def _nominal(folder: Path) -> Path | None:
+    """The nominal machine's file in a folder; None where there is none."""
+    return next((one for one in (folder / name for name in NOMINAL) if one.is_file()), None)
 
 
 def _has(folder: Path) -> bool:

@@ -27,6 +27,13 @@ TABLES = {
     "forms": ("results.forms",),
     "parameters": ("parameters",),
 }
+MANY_TABLES = {
+    "rejected": ("results.machines.rejected",),
+    "worst": ("results.machines.worst",),
+    "kinds": ("results.machines.kinds",),
+    "drawnforms": ("results.machines.forms",),
+    "errors": ("results.machines.errors",),
+}
 INJECTED_TABLES = {
     "targets": ("checks",),
     "rates": ("results.rates",),
@@ -101,7 +108,8 @@ def tell(whole: Results) -> Report:
     }
     question = "How often is the diagnosis right when the effect is withheld?"
     title = f"Blind trial of the diagnosis: {found['cases']} sealed cases"
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **extra}, TABLES)
+    tables = {**TABLES, **(MANY_TABLES if found.get("machines") else {})}
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **extra}, tables)
 
 
 def _injected(found: Results) -> Report:

@@ -39,7 +39,8 @@ PARAMETERS: Final = (
 
 @dataclass(frozen=True)
 class Label:
-    """The sealed label of a case: kind, effects, distance (None: not stated), whether the effects are identifiable."""
+    """The sealed label of a case: kind, effects, distance (None: not stated), whether the effects are identifiable; the
+    coordinates that an outsider depends on, and the machine by its number (None: not stated)."""
 
     case: str
     kind: str
@@ -47,12 +48,14 @@ class Label:
     severity: str
     distance: float | None
     identifiable: bool
+    coordinates: tuple[str, ...] = ()
+    machine: int | None = None
 
 
 @dataclass(frozen=True)
 class Score:
-    """A scored case: whether the answer is right, whether it is a false positive, whether the case counts, and the
-    effects that an abstention says the gap partly resembles (`alike`)."""
+    """A scored case: whether the answer is right, whether it is a false positive, whether the case counts, the effects
+    that an abstention says the gap partly resembles (`alike`), and the coordinate that it says explains most of it."""
 
     label: Label
     outcome: str
@@ -65,6 +68,7 @@ class Score:
     interval: tuple[float, float] | None
     probability: float | None
     seconds: float
+    coordinate: str | None = None
 
 
 class KeyFileError(ValueError):
@@ -97,6 +101,8 @@ def label_of(case: str, body: str, catalogue: Sequence[str]) -> Label:
         str(raw.get("severity") or ""),
         min(known, default=None),
         bool(raw.get("identifiable", kind not in WITHOUT_EFFECT)),
+        tuple(str(name) for name in raw.get("coordinates") or ()),
+        int(raw["machine"]["number"]) if isinstance(raw.get("machine"), Mapping) else None,
     )
 
 
@@ -170,7 +176,15 @@ def score(label: Label, answer: Mapping[str, Any]) -> Score:
         None if not interval or None in interval else (float(interval[0]), float(interval[1])),
         stated[0] if stated else None,
         float(answer.get("seconds") or 0.0),
+        _strongest((answer.get("where") or {}).get("by_coordinate") or {}),
     )
+
+
+def _strongest(shares: Mapping[str, Any]) -> str | None:
+    """The coordinate with the largest share of the gap; None where none has any."""
+    known = {name: float(share) for name, share in shares.items() if share is not None}
+    best = max(known, key=lambda name: known[name], default=None)
+    return best if best is not None and known[best] > 0 else None
 
 
 def _all_named(names: Sequence[str], groups: Sequence[Sequence[str]], effects: Sequence[str]) -> bool:

@@ -35,12 +35,14 @@ Tell = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Sealed:
-    """A trial's own cases below `folder`, and their labels with the nonces (None: to be drawn again)."""
+    """A trial's own cases below `folder`, and their labels with the nonces (None: to be drawn again); machines:
+    the one "table", or "random" ones, of which there are no second measurements."""
 
     folder: Path
     cases: int
     seed: int
     labels: Labels | None = None
+    machines: str = "table"
 
     @property
     def pack(self) -> Path:
@@ -58,9 +60,9 @@ class Sealed:
         return self.folder / "again"
 
 
-def seal(cases: int, seed: int, output: Path, progress: Tell) -> Sealed:
+def seal(cases: int, seed: int, output: Path, progress: Tell, machines: str = "table") -> Sealed:
     """The pack of this size and seed below `output`. Raises BadInputError if it cannot be written."""
-    place = Sealed(output / "sealed", cases, seed)
+    place = Sealed(output / "sealed", cases, seed, machines=machines)
     mark, made_by = place.folder / "made_by.json", _made_by(place)
     if mark.is_file() and json.loads(mark.read_text(encoding="utf-8")) == made_by:
         progress(0.0, f"{cases} cases sealed before are kept")
@@ -77,7 +79,7 @@ def seal(cases: int, seed: int, output: Path, progress: Tell) -> Sealed:
 
     labels = json.loads(_run(place, ["--output", str(place.pack.resolve()), "--key", "/dev/stdout"], tell))
     write_at_once(mark, json.dumps(made_by) + "\n")
-    return Sealed(place.folder, cases, seed, labels)
+    return replace(place, labels=labels)
 
 
 def close(sealed: Sealed) -> Sealed:
@@ -95,6 +97,8 @@ def close(sealed: Sealed) -> Sealed:
 
 def measure_again(sealed: Sealed) -> Pack | None:
     """The second measurements, if there are any; only for when the answers to the first are committed."""
+    if sealed.machines != "table":
+        return None
     mark, made_by = sealed.again / "made_by.json", _made_by(sealed)
     if not (mark.is_file() and json.loads(mark.read_text(encoding="utf-8")) == made_by):
         shutil.rmtree(sealed.again, ignore_errors=True)
@@ -126,7 +130,7 @@ def _verified(labels: Labels, sealed: Sealed) -> dict[str, str]:
 
 def _run(sealed: Sealed, files: list[str], tell: Callable[[int, str], None] | None = None) -> str:
     """What the sealer prints. Raises BadInputError if it fails."""
-    numbers = ["--cases", str(sealed.cases), "--seed", str(sealed.seed)]
+    numbers = ["--cases", str(sealed.cases), "--seed", str(sealed.seed), "--machines", sealed.machines]
     command = [sys.executable, "-m", SEALER, *numbers, *files]
     said = []
     with (
@@ -149,7 +153,8 @@ def _run(sealed: Sealed, files: list[str], tell: Callable[[int, str], None] | No
 
 def _made_by(sealed: Sealed) -> dict[str, Any]:
     """What a pack and its labels follow from: numbers, the sealer's sources, the libraries that it computes with."""
-    files = sorted(SEALER_FOLDER.glob("*.py"))
+    files = sorted(SEALER_FOLDER.rglob("*.py"))
     program = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     libraries = {name: version(name) for name in ("numpy", "scipy", "numba")}
-    return {"cases": sealed.cases, "seed": sealed.seed, "sealer": program, **libraries}
+    chosen = {} if sealed.machines == "table" else {"machines": sealed.machines}
+    return {"cases": sealed.cases, "seed": sealed.seed, **chosen, "sealer": program, **libraries}

@@ -12,6 +12,7 @@ import pytest
 
 from models import machine
 from models import nominal_file as nominal
+from models.feedback.forms import Cascade
 from models.machine import MachineError, Tolerance
 from models.machine_file import to_toml
 
@@ -159,3 +160,29 @@ def test_no_file_and_no_json(tmp_path: Path) -> None:
     (tmp_path / "nominal.json").write_text("[1]", encoding="utf-8")
     with pytest.raises(MachineError, match="the content: must be an object"):
         nominal.load(tmp_path / "nominal.json")
+
+
+def test_a_cascade_may_stand_in_place_of_the_pid(tmp_path: Path) -> None:
+    cascade = {
+        "position_gain_per_s": 85.0,
+        "velocity_gain_Ns_per_m": 4000.0,
+        "integral_time_s": 0.012,
+        "velocity_feedforward": 1.0,
+    }
+    control = {"reference_delay_samples": 1, "cascade": cascade}
+    found = nominal.load(written(tmp_path, lambda content: content.update(controller=control))).control
+    assert found.cascade == Cascade(85.0, 4000.0, 0.012, velocity_feedforward=1.0)
+    assert found.reference_delay == 1
+    control["cascade"] = {"position_gain_per_s": 85.0}
+    with pytest.raises(MachineError, match=r"controller\.cascade\.velocity_gain_Ns_per_m: missing"):
+        nominal.load(written(tmp_path, lambda content: content.update(controller=control)))
+
+
+def test_set_point_weights_and_a_specification_may_stand_in_it(tmp_path: Path) -> None:
+    def change(content: dict[str, Any]) -> None:
+        content["controller"]["derivative_weight"] = 0.0
+        content["specification"] = {"motions": 3, "stroke_m": 1e-4}
+
+    found = nominal.load(written(tmp_path, change))
+    assert found.control.pid.derivative_weight == 0.0
+    assert (found.specification.motions, found.specification.stroke) == (3, 1e-4)

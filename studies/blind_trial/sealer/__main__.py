@@ -29,6 +29,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--again", type=Path, metavar="FOLDER", help="second measurements of some cases, for the scorer"
     )
     parser.add_argument("--jobs", type=int, default=-1, metavar="N", help="processes (default: all cores)")
+    parser.add_argument(
+        "--machines", choices=["table", "random"], default="table", help="all cases on one table, or on drawn machines"
+    )
     options = parser.parse_args(arguments)
     if options.cases < 1 or options.seed < 0:
         print("error: --cases is from 1 on and --seed from 0 on; give such numbers", file=sys.stderr)
@@ -42,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{done} of {options.cases} {case}", file=sys.stderr, flush=True)
 
     places = Places(options.output, options.key, options.again)
-    seal(options.cases, options.seed, places, options.jobs, tell)
+    seal(options.cases, options.seed, places, options.jobs, tell, options.machines)
     return 0
 
 

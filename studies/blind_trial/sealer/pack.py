@@ -11,17 +11,19 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from joblib import Parallel, delayed, parallel_config
 
 from studies.blind_trial.sealer import nominal
 from studies.blind_trial.sealer.draw import Plan, order, plan, seed_of
+from studies.blind_trial.sealer.machines import cases as drawn
+from studies.blind_trial.sealer.machines import writing
 from studies.blind_trial.sealer.schedule import Schedule, sequential, suite
 from studies.blind_trial.sealer.simulate import simulate
 
@@ -45,25 +47,31 @@ class Places:
         return None if self.pack is None else self.pack.with_name(f"{self.pack.name}.parts")
 
 
-def seal(count: int, seed: int, places: Places, jobs: int = -1, tell: Callable[[int, str], None] | None = None) -> None:
+def seal(
+    count: int,
+    seed: int,
+    places: Places,
+    jobs: int = -1,
+    tell: Callable[[int, str], None] | None = None,
+    machines: str = "table",
+) -> None:
     """Writes what is wanted of a pack of `count` cases. Records that an interrupted run with the same numbers and the
-    same program has written are kept. `tell` gets the number of cases done and the name of the last.
+    same program has written are kept. `tell` gets the number of cases done and the name of the last. machines: all
+    cases on the one "table", or on "random" machines, which have no second measurements.
     """
     for folder in (places.pack, places.again):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(nominal.FILE, folder / "nominal.json")
+            if machines == "table":
+                shutil.copyfile(nominal.FILE, folder / "nominal.json")
     if places.parts is not None:
         places.parts.mkdir(exist_ok=True)
     root = _root(seed)
-    width, made_by = max(2, len(str(count))), f"{count} {seed} {_program()}"
-    cases = [(f"case-{k + 1:0{width}d}", *what) for k, what in enumerate(order(count, seed))]
+    made_by = f"{count} {seed} {_program()}"
+    tasks = _tasks(count, seed, places, made_by) if machines == "table" else _drawn(count, seed, places)
     bodies: dict[str, str | None] = {}
     with parallel_config(backend="loky", initializer=_end_with, initargs=(os.getpid(),), idle_worker_timeout=20):
-        stream = Parallel(n_jobs=jobs, return_as="generator_unordered")(
-            delayed(_make)(places, made_by, case, (kind, severity, entry), [seed, 1, k])
-            for k, (case, kind, severity, entry) in enumerate(cases)
-        )
+        stream = Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks)
         for case, one in stream:
             bodies[case] = one
             if tell is not None:
@@ -76,6 +84,30 @@ def seal(count: int, seed: int, places: Places, jobs: int = -1, tell: Callable[[
         places.key.write_text(json.dumps(secret, indent=1) + "\n", encoding="utf-8")
     if places.parts is not None:
         shutil.rmtree(places.parts)
+
+
+def _tasks(count: int, seed: int, places: Places, made_by: str) -> Iterator[Any]:
+    """What makes each case on the one table."""
+    width = max(2, len(str(count)))
+    for k, what in enumerate(order(count, seed)):
+        yield delayed(_make)(places, made_by, f"case-{k + 1:0{width}d}", what, [seed, 1, k])
+
+
+def _drawn(count: int, seed: int, places: Places) -> Iterator[Any]:
+    """What makes each case on a drawn machine, whose name does not depend on their number either."""
+    for k in range(count):
+        yield delayed(_make_drawn)(places, f"random {seed} {_program()}", f"case-{k + 1:04d}", seed, k)
+
+
+def _make_drawn(places: Places, made_by: str, case: str, seed: int, k: int) -> tuple[str, str | None]:
+    """Writes a case on a drawn machine; its name and its body."""
+    if places.pack is None and places.key is None:
+        return case, None
+    found = drawn.plan(seed, k, case)
+    if places.pack is not None and not _kept(places, made_by, case):
+        writing.write(places.pack / case, found)
+        _mark(places, made_by, case)
+    return case, json.dumps(found.body())
 
 
 def commitment(nonce: str, body: str) -> str:
@@ -107,7 +139,7 @@ def _end_with(parent: int) -> None:
 
 def _program() -> str:
     """SHA-256 over this program's sources, and the versions of the libraries on which the last digit depends."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    files = sorted(Path(__file__).parent.rglob("*.py"))
     sources = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     return " ".join([sources, *(version(name) for name in ("numpy", "scipy", "numba"))])
 
@@ -122,17 +154,28 @@ def _make(
     if not (again or wanted):
         return case, None
     found = plan(case, *what, seed)
-    if places.pack is not None and places.parts is not None:
-        mark = places.parts / case
-        kept = mark.is_file() and mark.read_text(encoding="utf-8") == made_by and (places.pack / case).is_dir()
-        if not kept:
-            write_case(places.pack / case, found)
-            half = mark.with_suffix(".half")
-            half.write_text(made_by, encoding="utf-8")
-            half.replace(mark)  # only what is whole counts after an interruption
+    if places.pack is not None and not _kept(places, made_by, case):
+        write_case(places.pack / case, found)
+        _mark(places, made_by, case)
     if places.again is not None and again:
         write_case(places.again / case, replace(found, seed=found.seed + OTHER))
     return case, json.dumps(found.body()) if wanted else None
+
+
+def _kept(places: Places, made_by: str, case: str) -> bool:
+    """Whether an interrupted run of the same program has written this case."""
+    if places.pack is None or places.parts is None:
+        return False
+    mark = places.parts / case
+    return mark.is_file() and mark.read_text(encoding="utf-8") == made_by and (places.pack / case).is_dir()
+
+
+def _mark(places: Places, made_by: str, case: str) -> None:
+    """Says that a case is written: only what is whole counts after an interruption."""
+    if places.parts is not None:
+        half = (places.parts / case).with_suffix(".half")
+        half.write_text(made_by, encoding="utf-8")
+        half.replace(places.parts / case)
 
 
 def write_case(place: Path, found: Plan) -> None:

@@ -36,7 +36,7 @@ ALLOWED = {"numpy", "scipy", "numba", "joblib", "studies"}
 
 
 def test_it_imports_nothing_of_the_project_but_itself() -> None:
-    for file in SEALER.glob("*.py"):
+    for file in SEALER.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [f"{'.' * node.level}{node.module or ''}"] if isinstance(node, ast.ImportFrom) else []
@@ -47,7 +47,7 @@ def test_it_imports_nothing_of_the_project_but_itself() -> None:
 
 
 def test_files_stay_short() -> None:
-    assert all(len(file.read_text(encoding="utf-8").splitlines()) < 400 for file in SEALER.glob("*.py"))
+    assert all(len(file.read_text(encoding="utf-8").splitlines()) < 400 for file in SEALER.rglob("*.py"))
 
 
 def without_friction() -> nominal.Table:

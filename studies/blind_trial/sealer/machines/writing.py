@@ -1,0 +1,42 @@
+"""Writes the cases of drawn machines: a nominal.json and two records each."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import shutil
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from studies.blind_trial.sealer.machines.cases import Plan
+
+COLUMNS: Final = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
+RECORDS: Final = ("first", "second")
+FORMATS: Final = ["%.7g", "%.10g", "%.13g", "%.10g", "%.10g", "%.10g"]
+
+
+def write(place: Path, found: Plan) -> None:
+    """Writes a case's nominal machine, records, and the catalogue entries that are disabled for it."""
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir()
+    nominal = found.bench.axis.nominal(f"drawn machine {found.bench.number + 1}")
+    (place / "nominal.json").write_text(json.dumps(nominal, indent=1) + "\n", encoding="utf-8")
+    for which, name in enumerate(RECORDS):
+        (place / f"{name}.csv.gz").write_bytes(record(found, which))
+    if found.kind == "disabled":
+        names = [part.name for part in found.parts]
+        (place / "disabled.json").write_text(json.dumps(names) + "\n", encoding="utf-8")
+
+
+def record(found: Plan, which: int) -> bytes:
+    """One record as a compressed table; the same plan gives the same bytes."""
+    schedule, log = found.bench.schedules[which], found.log(which)
+    time = np.arange(log.command.size) * found.bench.axis.sample_time
+    columns = [time, schedule.target, schedule.reference, schedule.feedforward, log.command, log.reading]
+    text = io.StringIO()
+    text.write(COLUMNS + "\n")
+    np.savetxt(text, np.stack(columns, axis=1), fmt=FORMATS, delimiter=",")
+    return gzip.compress(text.getvalue().encode(), compresslevel=6, mtime=0)
