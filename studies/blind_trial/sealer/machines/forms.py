@@ -72,10 +72,12 @@ class Form:
 
 
 def none(_: Units) -> Mapping[str, Draw]:
+    """No shape to draw."""
     return {}
 
 
 def share(low: float, middle: float, high: float) -> Callable[[Units], tuple[float, float, float]]:
+    """A range of sizes without a unit: least, where the search begins, most."""
     return lambda _: (low, middle, high)
 
 
@@ -103,41 +105,51 @@ EITHER: Final = (-1.0, 1.0)
 
 
 def friction(units: Units) -> float:
+    """The force [N] at which all elements slip."""
     return units.friction
 
 
 def reach(units: Units) -> float:
+    """The longest presliding displacement [m]."""
     return units.reach
 
 
 def tick(units: Units) -> float:
+    """The sample time [s]."""
     return units.axis.sample_time
 
 
 def drag(units: Units) -> float:
+    """The friction over the largest speed [N s/m]."""
     return units.friction / units.speed
 
 
 def slope(units: Units) -> float:
+    """The friction over the span [N/m]."""
     return units.friction / units.span
 
 
 def rate(units: Units) -> float:
+    """A reading's deviation over the length of the experiment [m/s]."""
     return units.axis.read / units.lasts
 
 
 def reading(units: Units) -> float:
+    """A reading's deviation [m]."""
     return units.axis.read
 
 
 def mass(units: Units) -> float:
+    """The mass [kg]."""
     return units.axis.mass
 
 
 def pitch(units: Units) -> Draw:
+    """A range of periods [m]: 1.3 to 8 of them in the span."""
     return units.span / 8, units.span / 1.3
 
 
 def lines(units: Units) -> Draw:
+    """A range of periods [m] of the scale, about the presliding range."""
     low = max(units.reach / 3, 40 * units.axis.read)
     return low, max(3 * units.reach, 3 * low)
