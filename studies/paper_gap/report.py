@@ -22,6 +22,7 @@ from studies.wording import effect, filters, quantity
 
 Results = Mapping[str, Any]
 MICRO: Final = 1e6
+FEW: Final = 10  # agreeing draws, below which the first page gives no odds
 COLOURED: Final = 3  # candidates of a family that have a colour of their own: those that come nearest
 WAYS: Final = {
     "alone": "alone",
@@ -129,7 +130,12 @@ def _share(ratio: float) -> str:
 def _counted(share: Results) -> str:
     """A share of draws with its interval [%]."""
     low, high = (100 * end for end in share["interval"])
-    return f"{100 * share['share']:.1f} ({low:.1f}–{high:.1f})" if share["count"] else f"0 (0–{high:.1f})"
+    digits = 1 if share["share"] >= 0.01 else 2
+    return (
+        f"{100 * share['share']:.{digits}f} ({low:.{digits}f}–{high:.{digits}f})"
+        if share["count"]
+        else f"0 (0–{high:.2f})"
+    )
 
 
 def _odds(found: Results | None) -> str:
@@ -140,10 +146,13 @@ def _odds(found: Results | None) -> str:
     return f"{100 * found['probability']:.0f} % ({low:.0f}–{high:.0f})"
 
 
-def _likely(odds: Results) -> str:
-    """The probabilities of the kinds, the largest first, as a part of a sentence."""
-    if any(one is None for one in odds.values()):
-        return "no draw of any kind agrees"
+def _likely(evidence: Results, reading: str) -> str:
+    """The probabilities of the kinds, the largest first, as a part of a sentence; no odds of fewer than FEW draws."""
+    shares = [one[reading] for one in evidence["kinds"].values()]
+    count, of = (sum(one[key] for one in shares) for key in ("count", "of"))
+    if count < FEW:
+        return f"{count or 'none'} of the {of} draws {'agrees' if count == 1 else 'agree'}, too few for odds"
+    odds = evidence["odds"][reading]
     kinds = sorted(odds, key=lambda kind: -float(odds[kind]["probability"]))
     return "it is " + listed(f"{KINDS[kind]} with {_odds(odds[kind])}" for kind in kinds)
 

@@ -17,6 +17,7 @@ from studies.paper_gap.exchange import FRICTION, OTHER, exchanged, says
 from studies.paper_gap.explore import BEYOND, Case, Draw, draw
 from studies.paper_gap.likelihood import evidence
 from studies.paper_gap.pattern import Outcome, Pattern
+from studies.paper_gap.report import _likely
 
 PAPER = Pattern(tolerance=2e-6, step=1e-7, dispersion=2.4e-6, margin=0.24e-6)
 
@@ -87,6 +88,16 @@ def test_the_odds_are_those_of_the_shares() -> None:
     assert odds["compensator"]["interval"][0] < 2 / 3 < odds["compensator"]["interval"][1]
     none = {name: {"alone": [one(name, 1e-6, loose=1e-6)]} for name in explored}
     assert evidence(none, 0.1, 1)["odds"]["pattern_fits"] == dict.fromkeys(shares)
+
+
+def test_the_first_page_gives_no_odds_of_a_few_draws() -> None:
+    shares = {"compensator": (6, 0.6), PARAMETERS: (3, 0.3), EFFECTS: (1, 0.1)}
+    kinds = {kind: {"loose_fits": {"count": count, "of": 100}} for kind, (count, _) in shares.items()}
+    odds = {kind: {"probability": share, "interval": [0.0, 1.0]} for kind, (_, share) in shares.items()}
+    told = {"kinds": kinds, "odds": {"loose_fits": odds}}
+    assert _likely(told, "loose_fits").startswith("it is the compensator's design with 60 %")
+    kinds[EFFECTS]["loose_fits"]["count"] = 0
+    assert _likely(told, "loose_fits") == "9 of the 300 draws agree, too few for odds"
 
 
 def test_an_exchange_tells_design_friction_and_effect_apart() -> None:
