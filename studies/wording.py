@@ -20,6 +20,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "amount": amount,
         "slowest": slowest,
         "length_or_dash": length_or_dash,
+        "beyond_records": beyond_records,
         "micrometres": micrometres,
         "words": words,
         "effect": effect,
@@ -65,6 +66,12 @@ def cited(machine: Machine, name: str) -> str:
     """Where a value of the machine comes from, as the source of a check against it: "paper: II.D"."""
     said = machine.sources.get(name, Provenance("assumed", "set in a program"))
     return f"{said.kind}: {said.detail}" if said.detail else said.kind
+
+
+def beyond_records(one: Mapping[str, Any]) -> str:
+    """What a design needs beyond the records that the machine is from, a row of `excess_to_json`."""
+    needed, covered = (show(one[name], one["unit"], 3) for name in ("needed", "covered"))
+    return f"{needed} of {one['what']}, beyond the {covered} that the machine's records reach: extrapolated"
 
 
 def micrometres(length: float) -> str:

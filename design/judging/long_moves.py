@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 RESERVE: Final = 0.9  # of the thrust that friction leaves: the rest is the feedback's
 LONGEST: Final = 20_000  # samples that a profile may take
-RESTS: Final = 8  # settling times of rest behind each profile
+RESTS: Final = 8  # settling times of rest behind each profile, 2 where they take very many samples
 REPEATS: Final = 2  # there and back so often; the last counts, so that the friction's past is that of such moves
 FASTER: Final = 5.0  # sample times of anti-windup, where none is stated: the integral follows in a few samples
 
@@ -107,7 +107,7 @@ def plan(machine: Machine, controller: Controller, stroke: float) -> LongMove:
 def run(machine: Machine, controller: Controller, move: LongMove, seed: int = 0) -> Moved:
     """What the move achieves there and back; settled is what stays within the specified tolerance [m]."""
     ts, count = machine.sample_time, round(move.duration / machine.sample_time)
-    rest = round(RESTS * machine.specification.settling_time / ts)
+    rest = _rest(machine)
     way = move.target(ts, rest)
     response = simulate(machine, controller, np.tile(np.append(way, move.stroke - way), REPEATS), seed=seed)
     return _outcome(machine, controller, response, way.size, count)
@@ -115,7 +115,7 @@ def run(machine: Machine, controller: Controller, move: LongMove, seed: int = 0)
 
 def step(machine: Machine, controller: Controller, stroke: float, seed: int = 0) -> Moved:
     """What one step of the target by stroke [m] does instead, there and back: the drive saturates where it is long."""
-    rest = round(2 * RESTS * machine.specification.settling_time / machine.sample_time)
+    rest = 2 * _rest(machine)
     target = np.repeat([stroke, 0.0], rest)
     with np.errstate(all="ignore"):  # a loop that winds up may leave all numbers
         response = simulate(machine, controller, target, seed=seed)
@@ -134,6 +134,12 @@ def largest_step(machine: Machine, controller: Controller) -> float:
     """The longest step [m] of the target whose u_ff stays within the thrust that friction leaves."""
     peak = float(np.max(np.abs(np.cumsum(controller.d_ff))))
     return usable_thrust(machine) / peak if peak > 0 else math.inf
+
+
+def _rest(machine: Machine) -> int:
+    """Samples of rest behind a move."""
+    settling = machine.specification.settling_time / machine.sample_time
+    return round(max(2 * settling, min(RESTS * settling, LONGEST)))
 
 
 def _outcome(machine: Machine, controller: Controller, response: Response, way: int, moving: int) -> Moved:

@@ -47,7 +47,7 @@ from studies.options import BadInputError
 from studies.scattered import rows_of, scattered
 from studies.starts import cost_of_starts
 from studies.study import Answer, Check, Progress
-from studies.wording import cited
+from studies.wording import beyond_records, cited
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("motions are checked to settle within (machine file)", show(machine.specification.settling_time, "s")),
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
         *counted.summary,
-        *((f"WARNING, {one['design']}", _warning(one)) for one in results["beyond"]),
+        *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
         *((f"{show(one['stroke_m'], 'm')} along a profile", _told(one)) for one in results["long_moves"]["rows"]),
     ]
     if machine.control.law is not None:
@@ -149,12 +149,7 @@ def _beyond(machine: Machine, judged: Validation) -> list[dict[str, Any]]:
     """What the motions need beyond the range of force and speed of the records that the machine is from."""
     speed = float(np.max(np.abs(np.diff(judged.response.record.reference)))) / machine.sample_time
     force = min(judged.peak_thrust, machine.drive.rated_thrust)
-    return excess_to_json("the specified motions", excess(machine, force, speed))
-
-
-def _warning(one: Mapping[str, Any]) -> str:
-    needed, covered = (show(one[name], one["unit"], 3) for name in ("needed", "covered"))
-    return f"takes {needed} of {one['what']}; the machine's records go to {covered}, beyond it is extrapolated"
+    return excess_to_json("the specified motion", excess(machine, force, speed))
 
 
 def _told(row: Mapping[str, Any]) -> str:

@@ -34,7 +34,7 @@ class LongMoves:
 def long_moves(machine: Machine, controller: Controller, options: DeadbeatOptions) -> LongMoves:
     """The long moves that are asked for, or those of USUAL that the machine can do. Raises BadInputError."""
     asked = bool(options.long_stroke)
-    strokes = options.long_stroke or tuple(factor * machine.specification.stroke for factor in USUAL)
+    strokes = options.long_stroke or _usual(machine)
     guarded = with_anti_windup(machine)
     moves, rows, checks, beyond = list[LongMove](), list[dict[str, Any]](), list[Check](), list[dict[str, Any]]()
     for stroke in strokes:
@@ -63,6 +63,12 @@ def long_moves(machine: Machine, controller: Controller, options: DeadbeatOption
         "own_anti_windup": machine.control.anti_windup > 0,
     }
     return LongMoves(tuple(moves), results, tuple(checks), beyond)
+
+
+def _usual(machine: Machine) -> tuple[float, ...]:
+    """Strokes [m] of USUAL; none where the specified stroke is a long move itself, beyond the presliding region."""
+    stroke = machine.specification.stroke
+    return tuple(factor * stroke for factor in USUAL) if stroke < 2 * max(machine.friction.limit) else ()
 
 
 def _law_of(controller: Controller, guarded: Machine) -> Controller:

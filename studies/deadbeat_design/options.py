@@ -32,7 +32,8 @@ class DeadbeatOptions(Options):
         "m",
         "LENGTH",
         'stroke of a longer move, such as "5 mm", which goes along a profile through N_ff and D_ff; may be repeated '
-        "(default: 50, 250 and 1000 times the specified stroke; 1, 5 and 20 mm for the default machine)",
+        "(default: 50, 250 and 1000 times a specified stroke within the presliding region; 1, 5 and 20 mm for the "
+        "default machine)",
         above=0,
         below=1e3,
     )

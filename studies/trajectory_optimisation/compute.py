@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from design.controller import waiting
 from design.deadbeat import Deadbeat, DesignError, synthesise
 from design.deployment.drive_file import controller_to_json
+from design.judging.known_range import excess, excess_to_json
 from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import (
@@ -47,6 +48,7 @@ from studies.trajectory_optimisation.tradeoff import (
     shortest_motion,
     to_tolerance,
 )
+from studies.wording import beyond_records as told
 from studies.wording import cited
 
 Array = NDArray[np.float64]
@@ -122,6 +124,7 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
         "members": members,
         "everything": all_of_it,
         **counted.results,
+        "beyond": _beyond(machine, made.chosen, judged["rows"]),
         "fell_back": made.chosen is not made.asked,
         "solver": _solver(made),
         "parameters": [vars(one) | {"provenance": vars(one.provenance)} for one in parameters(machine)],
@@ -194,10 +197,18 @@ def _assumed() -> dict[str, Any]:
     }
 
 
+def _beyond(machine: Machine, chosen: Trajectory, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What the motions need beyond the range of force and speed of the records that the machine is from."""
+    force = max(row["central"]["peak_thrust_N"] for row in rows if row["key"] in ("aware", "learning"))
+    speed = float(np.max(np.abs(np.diff(chosen.position)))) / machine.sample_time
+    return excess_to_json("the trajectory", excess(machine, min(force, machine.drive.rated_thrust), speed))
+
+
 def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     row = results["everything"]["rows"][-1]
     fine, count = row["fine_aim"], row["tables"]
     return [
+        *((f"WARNING, {one['design']}", told(one)) for one in results["beyond"]),
         ("shortest time to rest within the thrust", show(results["shortest"]["rest_s"], "s")),
         (
             "tables off in everything that meet the fine aim after learning (at least, with 95 % confidence)",
