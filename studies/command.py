@@ -108,8 +108,12 @@ def run(study: Study, given: argparse.Namespace) -> int:
     )
     with atomic_folder(place) as folder:
         for name, content in {"results.json": whole, **answer.files}.items():
-            text = content if isinstance(content, str) else to_text(content)
-            (folder / name).write_text(text, encoding="utf-8")
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            if isinstance(content, bytes):
+                (folder / name).write_bytes(content)
+            else:
+                text = content if isinstance(content, str) else to_text(content)
+                (folder / name).write_text(text, encoding="utf-8")
         source = _keep_machine(path, folder / "machine.toml")
         if options.controller is not None:
             shutil.copyfile(options.controller, folder / "given_controller.json")

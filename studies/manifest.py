@@ -18,7 +18,7 @@ FORMAT: Final = f"{PROJECT}/manifest/1"
 """What says of a manifest.json that it is of a run of this project, and in which form."""
 NOT_ASKED: Final = {"output", "overwrite", "tls_ca", "tls_cert", "tls_key", "time_limit"}
 """Options that say where the work is done and its answer goes, not what it is."""
-SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua"}
+SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua", ".j2"}
 
 
 def manifest(study: str, options: Mapping[str, Any], machine: Path, folder: Path) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class Check:
 
 @dataclass(frozen=True, repr=False)
 class Answer:
-    """What a study found: plain results (SI numbers, units in their names), checks, files for others: JSON or text."""
+    """What a study found: plain results (SI numbers, units in their names), checks, files: JSON, text or bytes."""
 
     results: Mapping[str, Any]
     checks: tuple[Check, ...]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from design.deployment.templating import filled, hexadecimal
 from design.deployment.vectors import Vectors
 from models.deployment.coefficients import Coefficients
 
-MISSING = 1e300  # stands for NaN in the vectors, which C cannot write as a constant
+MISSING: Final = 1e300  # stands for NaN in the vectors, which C cannot write as a constant
 
 
 def law_sources(known: Coefficients, title: str) -> dict[str, str]:
@@ -25,3 +26,8 @@ def selftest_sources(known: Coefficients, vectors: Vectors) -> dict[str, str]:
         "axis_selftest.c": filled("axis_selftest.c.j2", hexadecimal),
         "axis_replay.c": filled("axis_replay.c.j2", hexadecimal),
     }
+
+
+def loop_sources(known: Coefficients) -> dict[str, str]:
+    """The programs that close the loop with the plant's sources, by file name; coefficients in SI units."""
+    return {f"axis_{name}.c": filled(f"axis_{name}.c.j2", hexadecimal, k=known) for name in ("closed_loop", "day")}

@@ -26,4 +26,5 @@ def filled(template: str, number: Any, **given: Any) -> str:
         autoescape=False,
     )
     environment.filters["number"] = lambda value: number(float(value))
+    environment.filters["row"] = lambda values: "[" + ", ".join(number(float(one)) for one in values) + "]"
     return environment.get_template(template).render(**given)

@@ -20,7 +20,7 @@ from models.deployment.running_law import PLAN, RESET, STEP, WIPE, RunningLaw
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-MOST_GOLDEN: Final = 4000  # vectors that are kept with the code
+MOST_GOLDEN: Final = 8000  # vectors that are kept with the code
 FARTHEST: Final = 0.2  # m from 0 to where a reset may be
 
 
@@ -59,6 +59,13 @@ def many(known: Coefficients, seed: int, count: int) -> Vectors:
             size += parts[index][0].size
     asked, given = _joined(iter(pieces))
     return answered(known, asked[:count], given[:count])
+
+
+def steady(known: Coefficients, seed: int, count: int) -> Vectors:
+    """`count` samples of motions, one after the other without a reset, with readings near the reference; SI units."""
+    rng, length = np.random.default_rng(seed), 2 * (len(known.position) + known.delay)
+    heights = known.stroke * np.round(rng.uniform(-2, 2, count // length + 1), 1)
+    return answered(known, *_followed(known, rng, np.repeat(heights, length)[:count], 1e-3 * known.stroke))
 
 
 def _joined(parts: Iterator[tuple[Integers, Array]]) -> tuple[Integers, Array]:
@@ -107,7 +114,7 @@ def _parts(known: Coefficients, rng: np.random.Generator, most: int) -> Iterator
         whole = 2 * (known.wipe.count + known.wipe.still) + known.delay + 10
         yield again
         yield np.array([WIPE]), np.zeros((1, 2))
-        still = np.full(min(whole, most // 2), ramp[-1])
+        still = np.full(min(whole, 3 * most // 4), ramp[-1])
         asked, given = _followed(known, rng, still, 0.02 * stroke)
         given[:, 1] += _way(known.wipe, still.size)
         yield asked, given

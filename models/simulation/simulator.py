@@ -175,23 +175,14 @@ def _prepare(
             "design the controller for this machine's sample time"
         )
     friction, pid = machine.friction, controller.pid
-    plant = replace(machine.plant, modes=sum((effect.modes() for effect in machine.effects), machine.plant.modes))
-    counts, step, delay = _parts(plant.dead_time, machine.sample_time, substeps)
-    modes = len(plant.modes)
-    phi, gamma = np.zeros((2, modes, 4)), np.zeros((2, modes, 2))
-    a, b, _ = matrices(plant)
-    for part in np.flatnonzero(counts):
-        whole, held = transition(a, b, step[part])
-        for j in range(modes):  # the modes do not act on each other: Phi is block diagonal
-            phi[part, j] = whole[2 * j : 2 * j + 2, 2 * j : 2 * j + 2].ravel()
-            gamma[part, j] = held[2 * j : 2 * j + 2, 0]
+    sampled = substeps_of(machine, substeps)
     loop = Loop(
         sample_time=machine.sample_time,
-        delays=np.array([delay, controller.reference_delay]),
-        counts=counts,
-        step=step,
-        phi=phi,
-        gamma=gamma,
+        delays=np.array([sampled.delay, controller.reference_delay]),
+        counts=sampled.counts,
+        step=sampled.step,
+        phi=sampled.phi,
+        gamma=sampled.gamma,
         stiffness=np.array(friction.stiffness),
         limit=np.array(friction.limit),
         damping=np.array(friction.damping),
@@ -207,11 +198,41 @@ def _prepare(
         feedforward=given.feedforward + given.compensation,
         noise=noise * np.random.default_rng(seed).standard_normal(n) if noise > 0 else np.zeros(n),
         start=float(loop.stiffness @ z) + machine.drive.offset if controller.has_integral else 0.0,
-        state=np.zeros((modes, 2)),
+        state=np.zeros((sampled.phi.shape[1], 2)),
         z=z,
         **{name: np.empty(n) for name in LOGGED},
     )
     return loop, run
+
+
+@dataclass(frozen=True)
+class Substeps:
+    """The plant, with the modes of its effects, over the substeps of a sample's two parts.
+
+    counts (2,) and step (2,) [s]: how many they are and how long; delay: whole samples of dead time; phi (2, m, 4) and
+    gamma (2, m, 2) of each part and mode, see kernel.py.
+    """
+
+    counts: NDArray[np.int64]
+    step: Array
+    delay: int
+    phi: Array
+    gamma: Array
+
+
+def substeps_of(machine: Machine, substeps: int = 10) -> Substeps:
+    """The machine's plant over `substeps` in a sample; SI units."""
+    plant = replace(machine.plant, modes=sum((effect.modes() for effect in machine.effects), machine.plant.modes))
+    counts, step, delay = _parts(plant.dead_time, machine.sample_time, substeps)
+    modes = len(plant.modes)
+    phi, gamma = np.zeros((2, modes, 4)), np.zeros((2, modes, 2))
+    a, b, _ = matrices(plant)
+    for part in np.flatnonzero(counts):
+        whole, held = transition(a, b, step[part])
+        for j in range(modes):  # the modes do not act on each other: Phi is block diagonal
+            phi[part, j] = whole[2 * j : 2 * j + 2, 2 * j : 2 * j + 2].ravel()
+            gamma[part, j] = held[2 * j : 2 * j + 2, 0]
+    return Substeps(counts, step, delay, phi, gamma)
 
 
 def _parts(dead_time: float, sample_time: float, substeps: int) -> tuple[NDArray[np.int64], Array, int]:
