@@ -16,13 +16,15 @@ from joblib import parallel_config
 from numpy.typing import NDArray
 
 from models import nominal_file
+from models.controller import References
 from models.effects.catalogue import looked_for
 from models.feedback.law import advance, arrays, output
 from models.records import files as record_file
 from models.records.record import Record
+from models.simulation.simulator import simulate as run
 from studies.blind_trial.guard import SEALER_FOLDER, shared_code
 from studies.blind_trial.sealer import pack
-from studies.blind_trial.sealer.machines import cases, drawing, writing
+from studies.blind_trial.sealer.machines import cases, drawing, simulation, writing
 from studies.blind_trial.sealer.machines.axis import Axis, beyond, shift_of, shifted
 from studies.blind_trial.sealer.machines.cases import KINDS, Bench, bench, dealt, kind_of, machine_of, sized
 from studies.blind_trial.sealer.machines.drawing import draw_axis, sensitivity, stable
@@ -122,8 +124,14 @@ def small() -> Bench:
 @pytest.fixture(scope="module")
 def silent(small: Bench) -> Log:
     """Its run with the long moves, without an effect."""
-    schedule = next(one for one in small.schedules if "long" in one.parts)
-    return simulate(replace(small.axis, rated=1e9), schedule, 5, exact=True)
+    return simulate(replace(small.axis, rated=1e9), far_and_no_further(small), 5, exact=True)
+
+
+def far_and_no_further(small: Bench) -> Schedule:
+    """The record with the long moves until it was at the far end."""
+    whole = next(one for one in small.schedules if "long" in one.parts)
+    end = int(np.argmax(whole.reference > 0.95 * whole.reference.max())) + 300
+    return Schedule(whole.target[:end], whole.reference[:end], whole.feedforward[:end], whole.parts)
 
 
 def quick(number: int) -> Bench | None:
@@ -159,6 +167,15 @@ def test_draws_are_within_their_ranges_and_can_run() -> None:
     assert set(styles) == set(drawing.STYLES)
     assert negative > 3
     assert modes == set(range(drawing.MODES + 1))
+
+
+def test_every_drawn_machine_has_a_nominal_file_that_is_taken(tmp_path: Path) -> None:
+    for number in range(25):
+        axis, _ = draw_axis(np.random.default_rng([6, number]))
+        (tmp_path / "nominal.json").write_text(json.dumps(axis.nominal("drawn")), encoding="utf-8")
+        machine = nominal_file.load(tmp_path / "nominal.json")
+        assert machine.plant.mass == pytest.approx(axis.mass)
+        assert machine.tolerance.mass == axis.known.mass
 
 
 def test_an_unstable_machine_is_rejected_for_that() -> None:
@@ -219,11 +236,11 @@ def test_sizes_reach_their_distance_and_without_an_effect_there_is_none(small: B
 @pytest.mark.parametrize("form", [*LAWS, *STRANGERS], ids=lambda form: f"{form.effect}: {form.text}")
 def test_every_form_changes_the_command(form: Form, small: Bench, silent: Log) -> None:
     size = float(np.clip(form.sizes(small.units)[1], *form.sizes(small.units)[::2]))
-    schedule = next(one for one in small.schedules if "long" in one.parts)
+    schedule = far_and_no_further(small)
     axis = replace(small.axis, rated=1e9)
     change = form.change(size, form.shape(small.units, np.random.default_rng(4)), small.units)
     with_it = simulate(axis, schedule, 5, change, exact=True)
-    assert np.abs(with_it.command - silent.command).max() > 1e-8 * small.units.peak
+    assert np.abs(with_it.command - silent.command).max() > 1e-11 * small.units.peak  # else equal bit by bit
 
 
 def test_true_values_are_off_by_what_the_nominal_file_says(small: Bench) -> None:
@@ -265,6 +282,29 @@ def test_the_nominal_file_holds_the_controller_that_ran(written: Path) -> None:
     rest = found.command - found.feedforward - replayed
     settled = 40 + round(10 * control.pid.derivative_filter / machine.sample_time)
     assert np.ptp(rest[settled:]) < 1e-5 * np.ptp(found.command)
+
+
+@pytest.mark.parametrize("style", drawing.STYLES)
+def test_the_projects_own_simulator_agrees(style: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two programs that share nothing, one from the object and one from its nominal file, give one motion, as long as
+    the sealer's contacts are as sharp as the nominal ones."""
+    monkeypatch.setattr(simulation, "SEEN", 0.0)
+    rng = np.random.default_rng(21)
+    axis = next(one for _ in range(99) if (one := draw_axis(rng)[0]).style == style and one.gain.size > 1)
+    axis = replace(axis, rated=1e9)
+    there = 5 * axis.reach * profile("quintic", round(0.2 / axis.sample_time))
+    path = np.concatenate([np.zeros(20), there, there[::-1], np.zeros(20)])
+    log = simulate(axis, Schedule(path, path, np.zeros(path.size), ()), 3, exact=True)
+    (tmp_path / "nominal.json").write_text(json.dumps(axis.nominal("drawn")), encoding="utf-8")
+    machine = nominal_file.load(tmp_path / "nominal.json")
+    machine = replace(machine, scale=replace(machine.scale, resolution=0.0, noise=0.0))
+    lead = np.zeros(round(0.3 / axis.sample_time))
+    goal = np.concatenate([lead, path])
+    given = References(goal, np.zeros(goal.size), np.zeros(goal.size))
+    theirs = run(machine, machine.feedback_only(), goal, given=given, initial_friction=log.start[1::3]).record
+    difference = theirs.command[lead.size :] - log.command
+    assert np.abs(difference).max() < 0.01 * np.ptp(log.command)
+    assert np.abs(theirs.position[lead.size :] - log.reading).max() < 1e-3 * axis.reach
 
 
 def test_what_is_written_tells_no_label(written: Path) -> None:

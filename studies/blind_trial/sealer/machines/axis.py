@@ -164,7 +164,7 @@ class Axis:
         return gains | {name: weight for name, weight in weights.items() if weight != 1.0}
 
     def _specification(self) -> dict[str, Any]:
-        slowest = 3.0 / self.crossover
+        slowest = min(3.0 / self.crossover, 900 * self.sample_time)  # a machine file takes 1000 samples at most
         return {
             "stroke_m": max(0.2 * self.reach, 20 * self.read),
             "tolerance_m": max(0.005 * self.reach, 5 * self.read),

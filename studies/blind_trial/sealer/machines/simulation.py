@@ -29,10 +29,12 @@ Signal = Callable[[np.random.Generator, int], Array]
 
 LEAD: Final = 0.6  # s at rest under control before the record
 EARLIER: Final = 8  # commands before the record that are kept
-FINE: Final = 24.0  # steps in a period of the fastest resonance
+FINE: Final = 30.0  # steps in a period of the fastest resonance
+LONGEST: Final = 2e-4  # step [s]
 LAG_STEPS: Final = 6.0  # steps in the time constant of a lag
 MOST_STEPS: Final = 64  # in a sample
-SMEARED: Final = (-0.03, 0.0, 0.03)  # of a limit, over which each contact is spread
+SMEARED: Final = (-0.03, 0.0, 0.03)  # of a limit, over which each contact is spread at most
+SEEN: Final = 0.5  # of a reading's deviation, by which it is spread at most
 
 
 @dataclass(frozen=True)
@@ -59,9 +61,13 @@ class Log:
 
 
 def elements(axis: Axis) -> tuple[Array, Array]:
-    """Stiffness [N/m] and limit [m] (E,): each contact smeared, its sum and mean limit kept."""
-    parts = np.array(SMEARED)
-    return np.repeat(axis.stiffness / parts.size, parts.size), np.outer(axis.limit, 1.0 + parts).ravel()
+    """Stiffness [N/m] and limit [m] (E,): each contact smeared, its sum and mean limit kept.
+
+    By no more than the scale can see: on a precise one, rounder corners than the nominal elements' would be an effect.
+    """
+    parts = np.array(SMEARED) / max(SMEARED)
+    width = np.minimum(max(SMEARED) * axis.limit, SEEN * axis.read)
+    return np.repeat(axis.stiffness / parts.size, parts.size), (axis.limit[:, None] + np.outer(width, parts)).ravel()
 
 
 def truth(axis: Axis, changes: Mapping[str, float], control: Mapping[str, float], later: int = 0) -> Truth:
@@ -75,7 +81,7 @@ def truth(axis: Axis, changes: Mapping[str, float], control: Mapping[str, float]
         gain[0] = 1.0 / (1.0 / gain[0] - changes["mass"])
     fastest = max(np.sqrt(stiffness.sum() * np.abs(gain).sum()) / (2 * np.pi), *axis.frequency, 100.0)
     shortest = min(changes.get("current", np.inf), changes.get("lag", np.inf))
-    wanted = max(FINE * fastest * axis.sample_time, LAG_STEPS * axis.sample_time / shortest)
+    wanted = max(FINE * fastest * axis.sample_time, axis.sample_time / LONGEST, LAG_STEPS * axis.sample_time / shortest)
     steps = POINTS * int(np.ceil(np.clip(wanted / POINTS, 1.0, MOST_STEPS / POINTS)))
     c[PLACE["step"]] = axis.sample_time / steps
     c[PLACE["travel"]] = axis.travel
