@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__; a test ties both lists
     from design.controller import assemble, design_deadbeat
     from design.deadbeat import Constraints, Deadbeat, DesignError, shortest_settling_time
+    from design.deployment.transfer_functions import transfer_functions
     from design.loop import assess as assess_loop
     from design.pid.problem import Tuning
     from design.pid.tuning import tune_pid
@@ -81,6 +82,7 @@ _WHERE: Final = {
     "simulate": "models.simulation.simulator",
     "solve_trajectory": "design.trajectory.history_aware:solve",
     "studies": "studies.catalogue:STUDIES",
+    "transfer_functions": "design.deployment.transfer_functions",
     "tune_pid": "design.pid.tuning",
     "validate": "design.validation",
     "varied": "models.variation",
@@ -126,6 +128,7 @@ __all__ = [
     "simulate",
     "solve_trajectory",
     "studies",
+    "transfer_functions",
     "tune_pid",
     "validate",
     "varied",
