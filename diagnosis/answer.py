@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from types import MappingProxyType
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
@@ -13,24 +14,30 @@ from diagnosis.criteria import Criteria
 from diagnosis.model.fit import at_bounds, largest
 from diagnosis.refit import shifted
 from diagnosis.verdict import Explanation, Outcome, verdict
+from diagnosis.which.kinds import Form, forms, of_kind, periods_shown
 from diagnosis.which.prune import Pruned, shrinking
 from diagnosis.which.stage import Carrier, Stage, strongest_first
+from models.effects.base import Effect
+from models.records.record import Record
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What some stages of the search say: their names, how far they close the gap, and the outcome."""
+    """What some stages of the search say: their names, how far they close the gap, the outcome, and by name the form of
+    the laws that are in the model."""
 
     stages: tuple[Stage, ...]
     names: tuple[str, ...]
     closure: Closure
     outcome: Outcome
+    forms: Mapping[str, Form] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -> Answer:
     """As many stages of the search as explain enough together; all of them where none do."""
     answers = []
     random, series = stages[-1].carried_by(Carrier.FLOOR), overfitting_series(stages, baseline.criteria)
+    series |= drawn_curves(stages[-1].fitted.candidate.added_effects, baseline.records, baseline.criteria)
     for count in range(len(stages), min(len(stages), 2) - 1, -1):
         some = stages[:count]
         closure = held_out_closure(some, baseline, seed)
@@ -55,6 +62,44 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
     return answers[0]
 
 
+def with_forms(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
+    """The answer with the forms of its laws. Where no law of the catalogue holds, and what is left is surely of the
+    kind of one of those that were tried, it is attributed to that one in another form; a law that would repeat along a
+    travel of less than two periods has no other form, as nothing shows that it does."""
+    criteria, records = baseline.criteria, baseline.records
+    if answer.outcome is Outcome.ATTRIBUTED:
+        gained = gains_by_name(answer.stages)
+        found = forms(answer.stages[-1].fitted, gained, baseline)
+        unshown = [
+            effect.name
+            for effect in answer.stages[-1].fitted.candidate.added_effects
+            if found[effect.name] is Form.OTHER and periods_shown(effect, records) < criteria.min_periods
+        ]
+        return replace(answer, forms=found, outcome=Outcome.NONE if unshown else answer.outcome)
+    if answer.outcome is not Outcome.NONE:
+        return answer
+    begin = pruned.stages[0]
+    for name in strongest_first(pruned.stages):
+        alone = pruned.fits[frozenset({name})]
+        effect = next((one for one in alone.candidate.added_effects if one.name == name), None)
+        if effect is None or periods_shown(effect, records) < criteria.min_periods:
+            continue
+        if of_kind(effect, begin.fitted, begin.scanned, baseline).decides(criteria):
+            stages = (begin, replace(pruned.stages[-1], fitted=alone, added=name, rivals=()))
+            closure = held_out_closure(stages, baseline, seed)
+            if closure.interval[0] > 0:
+                return Answer(stages, (name,), closure, Outcome.ATTRIBUTED, {name: Form.OTHER})
+    return answer
+
+
+def gains_by_name(stages: Sequence[Stage]) -> dict[str, float]:
+    """The chi-square [1] that the stages of each name took off together."""
+    gained: dict[str, float] = {}
+    for before, after in pairwise(stages):
+        gained[f"{after.added}"] = gained.get(f"{after.added}", 0.0) + before.fitted.cost - after.fitted.cost
+    return gained
+
+
 def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
     """The answer with what the log itself shows, whatever else is left; and where effects have no whole explanation,
     with those that are a part of one."""
@@ -68,7 +113,7 @@ def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) 
         stages = shrinking(pruned, baseline)
     same = stages[-1].fitted is answer.stages[-1].fitted
     closure = answer.closure if same else held_out_closure(stages, baseline, seed)
-    return Answer(stages if not same else answer.stages, names, closure, outcome)
+    return Answer(stages if not same else answer.stages, names, closure, outcome, answer.forms)
 
 
 def rivalling(stages: Sequence[Stage], criteria: Criteria) -> tuple[tuple[str, ...], ...]:
@@ -97,6 +142,17 @@ def overfitting_series(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
     gains = {proposal.name: proposal.gain for proposal in stages[-1].scanned}
     return {
         name for name, gain in first.items() if members[name] > 1 and gains.get(name, 0.0) > criteria.series_gain * gain
+    }
+
+
+def drawn_curves(effects: Sequence[Effect], records: Sequence[Record], criteria: Criteria) -> set[str]:
+    """Effects that would repeat over a longer way than the travel, where further laws of their kind are beside them:
+    such a sum draws any curve over the travel."""
+    kinds = Counter(type(effect).kind() for effect in effects)
+    return {
+        effect.name
+        for effect in effects
+        if kinds[type(effect).kind()] > 1 and periods_shown(effect, records) < criteria.min_periods_beside
     }
 
 

@@ -137,6 +137,12 @@ class Criteria:
     random_force_steadiness: float = _criterion(
         0.5, "1", "part of a random force's mean power that is there half of the time; less is locked to the motions"
     )
+    random_force_apart: float = _criterion(
+        0.25,
+        "1",
+        "part of its power in motion that a random force has at least at rest, or apart between equal motions",
+        "a floor's is 1 by nature, that of a law of the motion 0",
+    )
     late_commands_min_gain: float = _criterion(
         100.0,
         "1",
@@ -172,6 +178,24 @@ class Criteria:
         "1",
         "part of an effect's first gain; where a third member would gain more, the members are a series expansion of "
         "another law",
+    )
+    min_kind_share: float = _criterion(
+        0.7,
+        "1",
+        "part of the chi-square above the noise floor that a kind of law in whatever form has to close on held-out "
+        "motions, where its form in the catalogue does not hold",
+        "three laws in other forms close 78 to 88 %, kinds that are not there up to 38 %",
+    )
+    max_rival_kind: float = _criterion(
+        0.6, "1", "part of that share which another kind in whatever form may close", "as above"
+    )
+    min_periods: float = _criterion(
+        2.0,
+        "1",
+        "periods in the travel, from which on a law over the position shows that it repeats in whatever form",
+    )
+    min_periods_beside: float = _criterion(
+        1.0, "1", "the same for a law over the position beside another of its kind: a sum of them draws any curve"
     )
     parameter_shift: float = _criterion(
         60.0, "1", "chi-square of the nominal parameters' shifts, from which on they are called wrong"

@@ -10,23 +10,27 @@ verdict            the rules by which an answer is given                        
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.answer import Answer, largest_adequate, rivalling, with_the_log
+from diagnosis.answer import Answer, largest_adequate, rivalling, with_forms, with_the_log
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.model.fit import Fit
 from diagnosis.refit import wrong_parameters
 from diagnosis.verdict import Outcome
+from diagnosis.where.law_curve import LawCurve, law_curve
+from diagnosis.which.kinds import Form
 from diagnosis.which.prune import Pruned, prune
 from diagnosis.which.select import select
-from diagnosis.which.stage import Stage, strongest_first
+from diagnosis.which.stage import Stage, excluded, strongest_first
+from diagnosis.which.stated import direction, input_delay
 from diagnosis.which.table import EffectRow, table
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
@@ -34,6 +38,8 @@ from models.machine import Machine
 from models.records.record import Record
 
 Array = NDArray[np.float64]
+
+NAMED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes that name effects
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,8 @@ class Diagnosis:
     partly: effects that take off a part of the gap, where none explains it. equivalent: groups of effects that these
     records cannot tell apart. unexplained [1]: the share of the gap that stays. which: every candidate with its gain
     and threshold. how_far: the gap before and after, in [N], [m] and [s]. shares [1]: each effect's part of what was
-    closed, over all orders of addition. stages: the models of the search; baseline: what it began with.
+    closed, over all orders of addition. stages: the models of the search; baseline: what it began with. forms: by name
+    whether the law is the catalogue's, or one of its kind in another form; curves: the measured ones of such laws.
 
     >>> diagnosis
     Diagnosis(attributed: viscous_friction; ... % of the gap closes where nothing was fitted)
@@ -59,11 +66,20 @@ class Diagnosis:
     shares: Mapping[str, float]
     stages: tuple[Stage, ...]
     baseline: Baseline
+    forms: Mapping[str, Form] = field(default_factory=lambda: MappingProxyType({}))
+    curves: Mapping[str, LawCurve] = field(default_factory=lambda: MappingProxyType({}))
 
     def __repr__(self) -> str:
         names = f": {', '.join(self.effects)}" if self.effects else ""
         closed = f"{100 * self.how_far.closure:.0f} %"
         return f"Diagnosis({self.outcome}{names}; {closed} of the gap closes where nothing was fitted)"
+
+    @property
+    def told(self) -> Fit:
+        """The fit whose values are told: that behind the file with the effects, where it has all of them."""
+        handed = self.how_far.handover.named("with effects")
+        whole = handed is not None and len(handed.fitted.candidate.effects) == len(self.final.candidate.effects)
+        return handed.fitted if handed is not None and whole else self.final
 
     @property
     def final(self) -> Fit:
@@ -111,6 +127,7 @@ def diagnosed(
     pruned = prune(select(baseline, disabled, lambda text: say(0.7, text)), baseline)
     say(0.9, "how far the gap shrinks")
     answer = largest_adequate(pruned.stages, baseline, seed)
+    answer = with_forms(answer, pruned, baseline, seed)
     answer = with_the_log(answer, pruned, baseline, seed)
     return _diagnosis(answer, pruned, baseline)
 
@@ -136,7 +153,16 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     shares = {name: share / sum(kept.values()) for name, share in kept.items()}
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
     unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))
-    return Diagnosis(outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline)
+    found = {name: answer.forms.get(name, Form.CATALOGUE) for name in names if outcome in NAMED}
+    curves = _curves([name for name, form in found.items() if form is Form.OTHER], stages[-1].fitted, baseline)
+    return Diagnosis(outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline, found, curves)
+
+
+def _curves(names: Sequence[str], fitted: Fit, baseline: Baseline) -> dict[str, LawCurve]:
+    """The measured curves of laws whose form is another than the catalogue's."""
+    kinds = baseline.machine.kinds
+    measured = (law_curve(name, kinds[name].kind(), fitted, baseline.records, baseline.pieces) for name in names)
+    return {name: curve for name, curve in zip(names, measured, strict=True) if curve is not None}
 
 
 def to_json(found: Diagnosis) -> dict[str, Any]:
@@ -147,11 +173,26 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
             "effects": list(found.effects),
             "partly": list(found.partly),
             "equivalent": [list(group) for group in found.equivalent],
+            "kind": {name: _kind(name, found.baseline.machine) for name in (*found.effects, *found.partly)},
+            "form": {name: str(form) for name, form in found.forms.items()},
+            "excluded": list(excluded(found.stages[0])),
+            "direction": way.to_json() if (way := direction(found.told)) else None,
+            "input_delay": input_delay(found.told, found.baseline.segment).to_json(),
             "unexplained_fraction": found.unexplained,
         },
-        "which": [_row(row) for row in found.which],
+        "which": [{**_row(row), "measured": _measured(found, row.name)} for row in found.which],
         "how_far": found.how_far.to_json() | {"shares": dict(found.shares)},
     }
+
+
+def _kind(name: str, machine: Machine) -> dict[str, Any] | None:
+    """The kind of an effect's law; None of a nominal value."""
+    return asdict(machine.kinds[name].kind()) if name in machine.kinds else None
+
+
+def _measured(found: Diagnosis, name: str) -> dict[str, Any] | None:
+    """The measured curve of an effect's law; None where its form is the catalogue's."""
+    return found.curves[name].to_json() if name in found.curves else None
 
 
 def _row(row: EffectRow) -> dict[str, Any]:

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
 FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
 LOADED: Final = 20.0  # bound of the mass: a load may have been left on the table
+UNKNOWN_DELAY: Final = 0.5  # sample times: deviation of a dead time that a file neglects; drives take one or two
 LOOSE: Final = ("mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level")
 
 
@@ -69,13 +70,23 @@ def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float]]:
         yield ("mode_gain", tolerance.mode_gain) if mode.frequency > 0 else ("payload_mass", tolerance.mass)
     yield from (("mode_frequency", tolerance.frequency) for _ in flexible)
     yield from (("mode_damping", tolerance.damping) for _ in flexible)
-    yield "dead_time", tolerance.dead_time
+    yield "dead_time", _delay_deviation(machine)
     yield "amplifier_offset", tolerance.offset
     yield "friction_level", tolerance.friction_level
     yield from (("presliding_stiffness", tolerance.stiffness) for _ in friction.stiffness)
     yield from (("presliding_limit", tolerance.limit) for _ in friction.limit)
     for _ in range(records):
         yield from (("initial_friction_state", 0.6 * limit) for limit in friction.limit)
+
+
+def _delay_deviation(machine: Machine) -> float:
+    """Deviation [s] of the dead time. One of 0 that is only assumed neglects the delay that every drive has, so that
+    the usual tolerance, which is about a known delay, does not hold for it."""
+    source, usual = machine.sources.get("plant.dead_time"), machine.tolerance.dead_time
+    neglected = machine.plant.dead_time == 0 and source is not None and source.kind == "assumed"
+    if not neglected or "tolerance.dead_time" in machine.sources:
+        return usual
+    return max(usual, UNKNOWN_DELAY * machine.sample_time)
 
 
 def applied(layout: Parameters, theta: Array) -> Machine:

@@ -11,10 +11,14 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
+from diagnosis.model.motions import repeated, scatter
 from diagnosis.which.command_jitter import lateness
-from diagnosis.which.random_force import strongest_random_force
+from diagnosis.which.random_force import NEAR, strongest_random_force
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
 from models.effects.motor import TimingJitter
@@ -66,6 +70,7 @@ def catalogue_scan(seen: View) -> Detected:
             thresholds.get(finding.effect.name, least),
             effect=finding.effect,
             in_sample_gain=finding.gain,
+            forbidden=finding.forbidden,
         )
         for finding in findings
     ]
@@ -83,7 +88,26 @@ def random_force(seen: View) -> Detected:
     threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)
     if found.steady < criteria.random_force_steadiness or found.gain <= threshold:
         return Detected()
+    if is_locked(seen.fitted, seen.baseline, found.resonance.frequency):
+        return Detected()
     return Detected((Proposal(name, found.gain, threshold, random_force=found.resonance),))
+
+
+def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:
+    """Whether what is left about a frequency [Hz] repeats with equal motions and is not there at rest: then it is a law
+    of the motion, whatever its line in the spectrum."""
+    records, criteria = baseline.records, baseline.criteria
+    groups = repeated(baseline.pieces, records)
+    if sum(map(len, groups)) < criteria.min_equal_motions:
+        return False
+    near = butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / records[0].sample_time, output="sos")
+    band = [sosfiltfilt(near, one.innovations) for one in fitted.residuals]
+    power, apart = (np.concatenate(list(one)) ** 2 for one in (band, scatter(groups, baseline.pieces, band)))
+    alike = ~np.isnan(apart)
+    moving = float(np.mean(power[alike]))
+    resting = np.isin(baseline.segment, [i for i, piece in enumerate(baseline.pieces) if piece.kind.rests])
+    at_rest = float(np.mean(power[resting])) if resting.any() else 0.0
+    return bool(max(float(np.mean(apart[alike])), at_rest) < criteria.random_force_apart * moving)
 
 
 def command_jitter(seen: View) -> Detected:

@@ -38,6 +38,7 @@ OVERTONES: Final = 3  # The jumps of a staircase have overtones, so a line may b
 MIN_ORTHOGONAL_FRACTION: Final = 0.3
 """A column is reused in another fit only if at least this share of its energy is orthogonal to the fit's own
 parameters: of what they mostly explain, too little remains for it to be the same in both."""
+HIGHEST: Final = 0.8  # of half the sampling rate: above, the samples hold too little of an oscillation to name it
 BINS: Final = 1 << 24  # A spectrum over a coordinate has no more: 0.13 GB.
 PADDED: Final = {"position": 8, "reading": 2, "command": 2, "time": 2}
 """Times its coordinate's extent over which a spectrum is taken, so that a line is found between its bins."""
@@ -46,11 +47,12 @@ PADDED: Final = {"position": 8, "reading": 2, "command": 2, "time": 2}
 @dataclass(frozen=True)
 class Finding:
     """An effect at its best point of the grid, and by how much it reduces chi-square on all motions and on held-out
-    motions [1]."""
+    motions [1]; forbidden: by how much one of the other sign would at most, where it can have only one."""
 
     effect: Effect
     gain: float
     held_out: float
+    forbidden: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -112,9 +114,9 @@ def scan(
     for findings, kept in parallel_map(lambda batch: _findings(batch, fitted, records, projection, known), batches):
         columns |= kept
         for finding in findings:
-            name = finding.effect.name
-            if name not in found or finding.held_out > found[name].held_out:
-                found[name] = finding
+            before = found.setdefault(finding.effect.name, finding)
+            best = max(before, finding, key=lambda one: one.held_out)
+            found[finding.effect.name] = replace(best, forbidden=max(before.forbidden, finding.forbidden))
     return sorted(found.values(), key=lambda finding: -finding.held_out), columns
 
 
@@ -126,7 +128,7 @@ def _batched(trials: Sequence[Effect]) -> Iterator[tuple[Effect, ...]]:
 def _findings(
     batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection, known: Columns
 ) -> tuple[list[Finding], Columns]:
-    raw = [known[effect] for effect in batch] if batch[0] in known else _columns(batch, fitted, records)
+    raw = [known[effect] for effect in batch] if batch[0] in known else linear_columns(batch, fitted, records)
     products, slopes = by_segment(projection(np.hstack(raw)), projection)
     found, kept, begin = list[Finding](), dict[Effect, NDArray[Any]](), 0
     for effect, given in zip(batch, raw, strict=True):
@@ -138,13 +140,13 @@ def _findings(
     return found, kept
 
 
-def _columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) -> list[NDArray[Any]]:
-    """The change of the innovations by each effect's quadratures: (n, 1) or (n, 2) [1] each."""
-    variants = [variant for effect in batch for variant in quadratures(effect)]
+def linear_columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) -> list[NDArray[Any]]:
+    """The change of the innovations by each effect's linear parts: (n, 1) or (n, 2) [1] each."""
+    variants = [variant for effect in batch for variant in linear_parts(effect)]
     added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
     whole = columns(fitted.candidate, added, records, fitted.paths, fitted.residuals, fitted.walk)
     whole *= weights(records)[:, None]
-    ends = np.cumsum([len(quadratures(effect)) for effect in batch])
+    ends = np.cumsum([len(linear_parts(effect)) for effect in batch])
     return np.split(whole, ends[:-1], axis=1)
 
 
@@ -158,9 +160,9 @@ def judged(effect: Effect, products: Array, slopes: Array, projection: NuisanceP
     ridge = (1e-9 * np.trace(grams.sum(axis=0)) + 1e-12) * np.eye(k)
     total, slope = grams.sum(axis=0) + ridge, slopes.sum(axis=0)
     best = -np.linalg.solve(total, slope)
-    if not _possible(effect, best):
-        return Finding(effect, 0.0, 0.0)
     gain = float(-(2 * slope @ best + best @ total @ best))
+    if not _possible(effect, best):
+        return Finding(effect, 0.0, 0.0, forbidden=gain)
     held_out = 0.0
     for fold in range(FOLDS):
         inside = projection.fold == fold
@@ -209,9 +211,22 @@ def quadratures(effect: Effect) -> tuple[Effect, ...]:
     return tuple(replace(effect, **{phases[0]: angle}) for angle in (0.0, np.pi / 2))
 
 
+def linear_parts(effect: Effect) -> tuple[Effect, ...]:
+    """What the effect is a sum of, each at its typical size (SI): its quadratures, or a part for each of its
+    amplitudes."""
+    items = [item for item in parameters(type(effect)) if item.role == "amplitude"]
+    if len(items) < 2:
+        return quadratures(effect)
+    alone = ({item.name: item.typical if item is one else 0.0 for item in items} for one in items)
+    return tuple(replace(effect, **sizes) for sizes in alone)
+
+
 def sized(effect: Effect, factor: Array) -> Effect:
-    """The effect with its amplitude or width times a factor (1,), or with a cosine and a sine part (2,); [1]."""
+    """The effect with its amplitude or width times a factor (1,), or with the sizes (2,) of its linear parts; [1]."""
     items = parameters(type(effect))
+    several = [item for item in items if item.role == "amplitude"]
+    if factor.size == len(several) > 1:
+        return replace(effect, **{item.name: item.typical * float(f) for item, f in zip(several, factor, strict=True)})
     if factor.size == 2:
         size = next(item.name for item in items if item.role == "amplitude")
         angle = next(item.name for item in items if item.role == "phase")
@@ -233,6 +248,7 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
     """The effect at the points of its grid: shapes and widths spaced by logarithm, periods evenly in their frequency or
     from a spectrum, switches both ways."""
     priors, axes = fitted.candidate.nominal.priors, []
+    nyquist = 0.5 / records[0].sample_time
     for item in parameters(kind, priors):
         if item.role == "switch":
             axes.append([(item.name, point) for point in (item.low, item.high)])
@@ -240,7 +256,8 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
             found = _from_spectrum(item, kind, fitted, records, projection)
             axes.append([(item.name, point) for point in np.array(found)])
         elif item.role in POSITIVE:
-            axes.append([(item.name, point) for point in _points(item)])
+            shown = _points(item) if item.unit != "Hz" else _points(item)[_points(item) <= HIGHEST * nyquist]
+            axes.append([(item.name, point) for point in shown])
     return [replace(kind.typical(priors), **dict(point)) for point in itertools.product(*axes)]
 
 

@@ -22,7 +22,8 @@ from diagnosis.model.fit import Fit, amplitudes, at_bounds, fit
 from diagnosis.model.parallel import parallel_map
 from diagnosis.refit import started, weighed
 from diagnosis.which.detectors import detect, view
-from diagnosis.which.scan import Columns
+from diagnosis.which.kinds import beside_free_forms
+from diagnosis.which.scan import HIGHEST, Columns
 from diagnosis.which.stage import Proposal, Stage
 
 Array = NDArray[np.float64]
@@ -83,8 +84,10 @@ class RecordSearch:
         self, stage: Stage, dull: Collection[str] = (), known: Columns = MappingProxyType({})
     ) -> tuple[Stage, Columns]:
         """An effect in the model changes the columns of others to second order only, so they are computed once."""
-        detected = detect(view(stage.fitted, self.baseline, self.disabled, dull, known))
-        return replace(stage, proposals=detected.proposals), detected.columns
+        seen = view(stage.fitted, self.baseline, self.disabled, dull, known)
+        detected = detect(seen)
+        proposals = beside_free_forms(detected.proposals, stage.fitted, self.baseline.records, seen.own)
+        return replace(stage, proposals=proposals), detected.columns
 
     def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
         """Side by side, from where the stage stands."""
@@ -205,6 +208,7 @@ def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], criteria: Cri
     """Effects that were tried and only mend the form of another law: whose members take from each other, and those at
     the bounds of their prior range that gain little of what the effects before them did."""
     names = {trial.proposal.name for trial in trials if _opposed(trial.fitted, trial.proposal.name)}
+    names |= {trial.proposal.name for trial in trials if _too_fast(trial.fitted)}
     here = stages[-1].fitted
     if here.candidate.added_effects:
         large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
@@ -219,9 +223,15 @@ def _at_bounds(fitted: Fit, name: str) -> bool:
     return any(at_bounds(effect, priors) for effect in fitted.candidate.added_effects if effect.name == name)
 
 
+def _too_fast(fitted: Fit) -> bool:
+    """Whether a mode that was added ran to frequencies that the samples hardly hold."""
+    highest = HIGHEST * 0.5 / fitted.paths[0].path.sample_time if fitted.paths else float("inf")
+    return any(mode.frequency > highest for effect in fitted.candidate.added_effects for mode in effect.modes())
+
+
 def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this class, the machine file's among them, have amplitudes of both signs."""
-    sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)]
+    """Whether members of this class, the machine file's among them, have first amplitudes of both signs."""
+    sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)[:1]]
     return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
 
 

@@ -39,7 +39,8 @@ class Proposal:
     """An effect that a detector asks for.
 
     gain: chi-square on held-out motions, or -2 log likelihood [1]; threshold: what is more than chance [1];
-    in_sample_gain: chi-square on all motions [1]. What carries it holds one of: the `effect` at its proposed
+    in_sample_gain: chi-square on all motions [1]; forbidden: that of an amplitude of a sign that it cannot have. What
+    carries it holds one of: the `effect` at its proposed
     parameters, the `random_force`, or the `random_part`; the log needs none.
     """
 
@@ -51,6 +52,7 @@ class Proposal:
     random_force: Resonance | None = None
     random_part: RandomPart | None = None
     in_sample_gain: float = 0.0
+    forbidden: float = 0.0
 
     @property
     def decided(self) -> bool:
@@ -84,6 +86,13 @@ class Stage:
     def scanned(self) -> tuple[Proposal, ...]:
         """The effects of the catalogue at their best points, the largest gain first."""
         return tuple(proposal for proposal in self.proposals if proposal.effect is not None)
+
+
+def excluded(stage: Stage) -> tuple[str, ...]:
+    """The effects that would gain more than chance does, and more than as they can be, with an amplitude of a sign that
+    they cannot have; the largest such gain first."""
+    wrong = [one for one in stage.scanned if one.forbidden > max(one.threshold, one.in_sample_gain)]
+    return tuple(one.name for one in sorted(wrong, key=lambda one: -one.forbidden))
 
 
 def strongest_first(stages: Sequence[Stage]) -> tuple[str, ...]:

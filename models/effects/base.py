@@ -127,7 +127,8 @@ def parameter(
     """A field of an effect with typical sizes from low to high (SI in `unit`); signed: of either sign.
 
     points, points_per_decade: see `Parameter`. limits: what the value must keep to in a machine file, as of
-    models.quantity.value. Raises ValueError for a role that does not exist, or needs a declaration of its own.
+    models.quantity.value, and the default of a field that a file may leave out. Raises ValueError for a role that does
+    not exist, or needs a declaration of its own.
     """
     if role not in ROLES:
         raise ValueError(f"role {role!r} is unknown; give one of {', '.join(ROLES)}")
@@ -184,7 +185,7 @@ def _field(prior: Parameter, **limits: Any) -> Any:
     if prior.role not in {"phase", "switch"}:
         limits = {**_far(prior, limits), **limits}
     declared = value(prior.unit, prior.meaning, **limits)
-    return dataclasses.field(metadata={**declared.metadata, "prior": prior})
+    return dataclasses.field(default=declared.default, metadata={**declared.metadata, "prior": prior})
 
 
 def _far(prior: Parameter, limits: Mapping[str, Any]) -> dict[str, Any]:
@@ -206,6 +207,18 @@ def hook(law: Hook) -> Hook:
 
 
 @dataclass(frozen=True)
+class Kind:
+    """What kind of law an effect has, whatever its form: the coordinate that it is a function of; its parity, "odd"
+    where the force turns with the direction of the motion (of the command, for an amplifier's law), else "even";
+    whether it has a memory; and the side where it shows: "force", "reading" or "log"."""
+
+    coordinate: str
+    parity: str
+    memory: bool
+    side: str
+
+
+@dataclass(frozen=True)
 class Effect(ABC):
     """One effect and the values of its parameters (SI). A subclass is a frozen dataclass whose fields are `parameter`s.
 
@@ -213,7 +226,8 @@ class Effect(ABC):
     depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common: any
     positioning table may have it; what is not is considered only in a machine whose file states its sizes. shows_in:
     where it shows in a record of position and command: as a "force", in the scale's "reading", only in the "log" of
-    what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`.
+    what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`. coordinate,
+    parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its own.
     """
 
     name: ClassVar[str]
@@ -224,6 +238,14 @@ class Effect(ABC):
     depends_on_time: ClassVar[bool] = False
     common: ClassVar[bool] = True
     shows_in: ClassVar[str] = ""
+    coordinate: ClassVar[str] = ""
+    parity: ClassVar[str] = ""
+    remembers: ClassVar[bool] = False
+
+    @classmethod
+    def kind(cls) -> Kind:
+        """The kind of its law, which laws of other forms share."""
+        return Kind(cls.coordinate or cls.name, cls.parity, cls.remembers, cls.shown_in())
 
     @classmethod
     def shown_in(cls) -> str:
@@ -243,8 +265,11 @@ class Effect(ABC):
 
     @classmethod
     def typical(cls, priors: Priors = USUAL) -> Self:
-        """The effect at its typical size [SI]: the geometric middle of the prior sizes, a phase of 1, no switch set."""
-        return cls(**{item.name: item.typical for item in parameters(cls, priors)})
+        """The effect at its typical size [SI]: the geometric middle of the prior sizes, a phase of 1, no switch set; of
+        several amplitudes the first alone."""
+        sizes = {item.name: item.typical for item in parameters(cls, priors)}
+        further = [item.name for item in parameters(cls, priors) if item.role == "amplitude"][1:]
+        return cls(**{name: 0.0 if name in further else size for name, size in sizes.items()})
 
     def off(self) -> Self:
         """The effect with every amplitude and width at 0, which is no effect; shapes, phases and switches stay."""

@@ -50,6 +50,9 @@ class FrictionRelaxation(Effect):
 
     name: ClassVar = "friction_relaxation"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "rest"
+    parity: ClassVar = "odd"
+    remembers: ClassVar = True
     equation: ClassVar = (
         r"F=\sum_i K_i\left[(1-b)z_i+b\,\zeta_i\right],\quad "
         r"\dot\zeta_i=\dot z_i-\zeta_i/\tau\ (r=0)\ \text{or}\ "
@@ -85,6 +88,9 @@ class DwellBreakaway(Effect):
 
     name: ClassVar = "dwell_breakaway"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "rest"
+    parity: ClassVar = "odd"
+    remembers: ClassVar = True
     equation: ClassVar = (
         r"X_i(1+a\theta),\quad \dot\theta=w\,\frac{1-\theta}{\tau}-(1-w)\frac{|\dot x|}{\lambda}\theta,\quad "
         r"w=\frac{1}{1+(\dot x/v_0)^2},\ v_0=0.1\,\mathrm{mm/s}"
@@ -116,6 +122,8 @@ class ViscousFriction(Effect):
 
     name: ClassVar = "viscous_friction"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "speed"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"F+c\,\dot x"
     source: ClassVar = f"{SURVEY}; sizes assumed"
     hooks: ClassVar = {Place.FRICTION: _viscous}
@@ -134,6 +142,8 @@ class Stribeck(Effect):
 
     name: ClassVar = "stribeck"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "speed"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"X_i\left(1+a\,e^{-(\dot x/v_s)^2}\right)"
     source: ClassVar = f"Bo and Pavelescu 1982, The friction-speed relation; {SURVEY}; sizes assumed"
     hooks: ClassVar = {Place.LIMIT: _stribeck}
@@ -153,6 +163,8 @@ class VelocityStrengthening(Effect):
 
     name: ClassVar = "velocity_strengthening"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "speed"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"X_i\left(1+\tfrac{a}{2}\ln(1+(\dot x/v_0)^2)\right)"
     source: ClassVar = (
         "Eyring 1936, Viscosity, plasticity, and diffusion as examples of absolute reaction rates (the stress of a "
@@ -166,25 +178,28 @@ class VelocityStrengthening(Effect):
 
 @hook
 def _directional(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
-    asymmetry, distance, forgets = p[0], p[1], p[2] > 0.5
+    asymmetry, distance, forgets, drag = p[0], p[1], p[2] > 0.5, p[3]
     keep = math.exp(-0.5 * now[H] / FORGOTTEN) if forgets else 1.0
     memory[0] = max(-1.0, min((memory[0] * keep + now[MOVED] / distance) * keep, 1.0))
-    return value * (1.0 + asymmetry * memory[0])
+    return value * (1.0 + asymmetry * memory[0]) + drag * memory[0] * now[V]
 
 
 @dataclass(frozen=True)
 class DirectionalFriction(Effect):
     """Friction is larger one way than the other; a table at rest keeps its direction, or loses it.
 
-    s is the sign of the speed but for a turn, over lambda [m], and where a rest loses it for speeds below
+    Beside a drag c, d = 0 makes the whole friction differ, d = -a c that of the contacts alone, and a = 0 the drag
+    alone. s is the sign of the speed but for a turn, over lambda [m], and where a rest loses it for speeds below
     lambda / tau_0 [m/s]. For strokes that let every contact slip: where contacts stick under a load, the law can give
     energy back, and their force changes at rest with r = 1.
     """
 
     name: ClassVar = "directional_friction"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "direction"
+    parity: ClassVar = "even"
     equation: ClassVar = (
-        r"F(1+a\,s),\quad |s|\le 1,\quad \dot s=\dot x/\lambda\ (r=0)\ \text{or}\ "
+        r"F(1+a\,s)+d\,s\,\dot x,\quad |s|\le 1,\quad \dot s=\dot x/\lambda\ (r=0)\ \text{or}\ "
         r"\dot s=\dot x/\lambda-s/\tau_0\ (r=1),\ \tau_0=5\,\mathrm{ms}"
     )
     source: ClassVar = (
@@ -198,6 +213,9 @@ class DirectionalFriction(Effect):
         "m", "half the distance lambda over which it turns", 5e-7, 5e-6, "shape", points_per_decade=2, above=0
     )
     forgets: int = switch("r: a rest loses the direction")
+    drag: float = parameter(
+        "N s/m", "further difference d of the drag", 0.5, 20.0, "amplitude", signed=True, default=0.0
+    )
 
     def memory(self, elements: int) -> int:
         """The direction s."""
@@ -216,6 +234,8 @@ class PositionDependentFriction(Effect):
 
     name: ClassVar = "position_dependent_friction"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"F\left(1+a\sin(2\pi x/L+\varphi)\right)"
     source: ClassVar = "Armstrong-Hélouvry 1991, Control of machines with friction (measured on a robot); sizes assumed"
     hooks: ClassVar = {Place.FRICTION: _placed}
@@ -242,6 +262,9 @@ class FrictionalLag(Effect):
 
     name: ClassVar = "frictional_lag"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "change of friction"
+    parity: ClassVar = "odd"
+    remembers: ClassVar = True
     equation: ClassVar = r"\tau\dot F+F=\sum_i K_i z_i"
     source: ClassVar = (
         "Hess and Soom 1990, Friction at a lubricated line contact operating at oscillating sliding velocities "
@@ -266,6 +289,8 @@ class FrictionDrift(Effect):
 
     name: ClassVar = "friction_drift"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "time"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"F(1+k t)"
     source: ClassVar = "assumed: the first term of any slow change; 4 to 40 % in 40 s"
     hooks: ClassVar = {Place.FRICTION: _drifting}
@@ -289,6 +314,9 @@ class Play(Effect):
 
     name: ClassVar = "play"
     family: ClassVar = "friction"
+    coordinate: ClassVar = "way since a reversal"
+    parity: ClassVar = "odd"
+    remembers: ClassVar = True
     equation: ClassVar = r"x_c=x+o,\quad \dot o=-\dot x\ \text{while}\ |o|\le w/2\quad(\text{play operator})"
     source: ClassVar = "Krasnosel'skii and Pokrovskii 1989, Systems with hysteresis; sizes assumed"
     hooks: ClassVar = {Place.PATH: _playing}

@@ -24,6 +24,8 @@ class Cogging(Effect):
 
     name: ClassVar = "cogging"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "even"
     equation: ClassVar = r"d=A\sin(2\pi x/p+\varphi)"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
     hooks: ClassVar = {Place.FORCE: _cogging}
@@ -44,6 +46,8 @@ class ThrustRipple(Effect):
 
     name: ClassVar = "thrust_ripple"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "of the command"
     equation: ClassVar = r"K_t\left(1+a\sin(2\pi x/p+\varphi)\right)u"
     source: ClassVar = f"{RIPPLE}; sizes assumed"
     hooks: ClassVar = {Place.THRUST: _ripple}
@@ -63,6 +67,8 @@ class GainAsymmetry(Effect):
 
     name: ClassVar = "gain_asymmetry"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "command"
+    parity: ClassVar = "even"
     equation: ClassVar = r"K_t(1+a\,\mathrm{sign}\,u)\,u"
     source: ClassVar = "assumed: two halves of an amplifier with unequal gains"
     hooks: ClassVar = {Place.THRUST: _asymmetric}
@@ -80,6 +86,8 @@ class ThrustSaturation(Effect):
 
     name: ClassVar = "thrust_saturation"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "command"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"K_t\left(1-a\,(u/100\,\mathrm{N})^2\right)u"
     source: ClassVar = "assumed: the first term of iron that saturates alike both ways"
     hooks: ClassVar = {Place.THRUST: _saturating}
@@ -103,6 +111,9 @@ class CurrentLoopLag(Effect):
 
     name: ClassVar = "current_loop_lag"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "change of the command"
+    parity: ClassVar = "odd"
+    remembers: ClassVar = True
     equation: ClassVar = r"\tau\dot u_i+u_i=u"
     source: ClassVar = "assumed: a current control of first order; 0.2 ms is a bandwidth of 800 Hz"
     hooks: ClassVar = {Place.THRUST: _lagging}
@@ -129,6 +140,8 @@ class TimingJitter(Effect):
 
     name: ClassVar = "timing_jitter"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "change of the command"
+    parity: ClassVar = "random"
     equation: ClassVar = r"u[k-1]\ \text{instead of}\ u[k]\ \text{in a part}\ q\ \text{of the samples}"
     source: ClassVar = (
         "Wittenmark, Nilsson and Törngren 1995, Timing problems in real-time control systems; sizes assumed"
@@ -154,6 +167,8 @@ class AmplifierDeadband(Effect):
 
     name: ClassVar = "amplifier_deadband"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "command"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"\mathrm{sign}(u)\max(|u|-w,0)"
     source: ClassVar = (
         "Tao and Kokotović 1996, Adaptive control of systems with actuator and sensor nonlinearities; sizes assumed"
@@ -178,6 +193,8 @@ class DacQuantisation(Effect):
 
     name: ClassVar = "dac_quantisation"
     family: ClassVar = "motor"
+    coordinate: ClassVar = "command"
+    parity: ClassVar = "odd"
     equation: ClassVar = (
         r"q\lfloor u/q+\tfrac12\rfloor\ (r=0)\ \text{or}\ "
         r"q\left(\lfloor u/q\rfloor+\tfrac12\right)\ (r=1)"

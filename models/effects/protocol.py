@@ -19,6 +19,8 @@ class ControllerMismatch(Effect):
 
     name: ClassVar = "controller_mismatch"
     family: ClassVar = "protocol"
+    coordinate: ClassVar = "control error"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"u_M=(1+a)\,u_{fb}+u_{ff}+u_{rf}"
     source: ClassVar = "assumed: a gain that was changed, or another unit of it"
     hooks: ClassVar = {Place.CONTROL: _mismatched}

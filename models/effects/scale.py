@@ -20,6 +20,8 @@ class ScaleDrift(Effect):
 
     name: ClassVar = "scale_drift"
     family: ClassVar = "scale"
+    coordinate: ClassVar = "time"
+    parity: ClassVar = "even"
     equation: ClassVar = r"x+r\,t"
     source: ClassVar = (
         "Bryan 1990, International status of thermal error research; at a constant rate, and sizes: assumed"
@@ -40,6 +42,8 @@ class ScalePeriodicError(Effect):
 
     name: ClassVar = "scale_periodic_error"
     family: ClassVar = "scale"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "even"
     equation: ClassVar = r"x+e\sin(2\pi x/P+\varphi)"
     source: ClassVar = (
         "Heydemann 1981, Determination and correction of quadrature fringe measurement errors; sizes assumed"
@@ -61,6 +65,8 @@ class ScaleGainError(Effect):
 
     name: ClassVar = "scale_gain_error"
     family: ClassVar = "scale"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "odd"
     equation: ClassVar = r"x(1+e)"
     source: ClassVar = "assumed: calibration and temperature; 100 ppm are a wrong setting rather than a warm scale"
     hooks: ClassVar = {Place.READING: _stretched}

@@ -16,6 +16,9 @@ class AdditionalMode(Effect):
 
     name: ClassVar = "additional_mode"
     family: ClassVar = "structure"
+    coordinate: ClassVar = "acceleration"
+    parity: ClassVar = "odd"
+    remembers: ClassVar = True
     equation: ClassVar = r"P'(s)+K_t\frac{k}{s^2+2\zeta\omega s+\omega^2}"
     source: ClassVar = "Ewins 2000, Modal testing; sizes assumed: 1 to 10 % of 1/M for M of 15 to 50 kg"
     gain: float = parameter("1/kg", "modal gain k", 2e-4, 7e-3, "amplitude")
@@ -39,6 +42,8 @@ class FloorVibration(Effect):
 
     name: ClassVar = "floor_vibration"
     family: ClassVar = "structure"
+    coordinate: ClassVar = "time"
+    parity: ClassVar = "even"
     equation: ClassVar = r"d=A\sin(2\pi f t+\varphi)"
     source: ClassVar = (
         "Gordon 1991, Generic criteria for vibration-sensitive equipment; sizes assumed: 0.02 N is an acceleration of "
@@ -62,6 +67,8 @@ class CableSpring(Effect):
 
     name: ClassVar = "cable_spring"
     family: ClassVar = "structure"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "even"
     equation: ClassVar = r"d=-k\,x"
     source: ClassVar = "assumed: a linear spring; sizes assumed"
     hooks: ClassVar = {Place.FORCE: _pulling}

@@ -12,6 +12,7 @@ from studies.wording import effect, fitted
 Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
+MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
 
 
@@ -85,11 +86,32 @@ def _which(results: Results) -> str:
             return f"{told}."
         return f"{told}. Correct the log or the controller first, because the rest may be due to it."
     rows = {row["effect"]: row for row in results["which"]}
-    shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in names]
+    shown = [f"{effect(name)}{_another_form(verdict, name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
         alike = f"{_others(verdict)}{_rough(results['white_force_N'])}"
         return f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
-    return f"It is {listed(shown)}{_rough(results['white_force_N'])}."
+    return f"It is {listed(shown)}{_rough(results['white_force_N'])}.{_said_beside(verdict)}"
+
+
+def _another_form(verdict: Results, name: str) -> str:
+    """What is said of a law whose form is not the catalogue's; the values are those of the nearest one."""
+    return " in another form than the catalogue's" if verdict["form"].get(name) == "other" else ""
+
+
+def _said_beside(verdict: Results) -> str:
+    """Which way friction is larger, which effects are excluded by their sign, and the input delay where it moved."""
+    told, way, delay = "", verdict["direction"], verdict["input_delay"]
+    if way and "directional_friction" in verdict["effects"]:
+        told += (
+            f" Friction is larger {way['larger']}, by {show(way['difference_N'], 'N', 2)} at "
+            f"{show(way['speed_m_per_s'], 'm/s', 2)}; what differs is {way['part']}."
+        )
+    if verdict["excluded"]:
+        told += f" Excluded, as its size would have the wrong sign: {effects_listed(verdict['excluded'])}."
+    if delay["std_s"] > 0 and abs(delay["total_s"] - delay["delivered_s"]) > MOVED * delay["std_s"]:
+        total, std, before = (1e3 * delay[name] for name in ("total_s", "std_s", "delivered_s"))
+        told += f" The input delay, the hold included, is {total:.2f} ± {std:.2g} ms instead of {before:.2f} ms."
+    return told
 
 
 def _rough(force: Results) -> str:

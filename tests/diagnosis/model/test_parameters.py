@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.model.parameters import FURTHER, applied, bounded, parameters
+from models.machine import Provenance, load
 from tests.diagnosis.tables import table
 
 MACHINE = table()
@@ -34,3 +35,18 @@ def test_no_dead_time_goes_below_zero(dead_time: float, share: float) -> None:
     theta = np.where(layout.of("dead_time")[0] == np.arange(layout.count), share * 1e-3, 0.0)
     moved = applied(layout, bounded(layout, theta)).plant.dead_time
     assert 0.0 <= moved <= dead_time + FURTHER * layout.deviation[layout.of("dead_time")][0] * (1 + 1e-12)
+
+
+def test_a_dead_time_that_is_neglected_may_be_any_that_a_drive_has() -> None:
+    """Unless the file states how well it is known, or that there is none."""
+    machine = load()
+    none = replace(machine, plant=replace(machine.plant, dead_time=0.0))
+    usual, half = machine.tolerance.dead_time, 0.5 * machine.sample_time
+    assumed = {**machine.sources, "plant.dead_time": Provenance("assumed", "a guess")}
+    given = {**machine.sources, "plant.dead_time": Provenance("datasheet", "the drive's manual")}
+    stated = {**assumed, "tolerance.dead_time": Provenance("given", "measured")}
+    for one, sources, expected in (
+        (machine, assumed, usual), (none, assumed, half), (none, given, usual), (none, stated, usual)
+    ):  # fmt: skip
+        layout = parameters(replace(one, sources=sources), 1)
+        assert layout.deviation[layout.of("dead_time")] == pytest.approx(expected)

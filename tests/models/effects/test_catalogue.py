@@ -70,7 +70,10 @@ def test_an_effect_says_all_that_is_asked_of_it(name: str) -> None:
         assert item.low < item.typical < item.high or item.role == "switch"
         assert (item.role == "period") <= (item.periodic_in in COORDINATES)
         assert item.low > 0 or item.role in {"phase", "switch"} or item.low == -item.high
-    assert kind.typical().values().tolist() == [item.typical for item in parameters(kind)]
+    further = [item for item in parameters(kind) if item.role == "amplitude"][1:]
+    assert kind.typical().values().tolist() == [0.0 if one in further else one.typical for one in parameters(kind)]
+    assert kind.coordinate
+    assert kind.parity
 
 
 def test_where_a_record_shows_an_effect() -> None:

@@ -1,0 +1,123 @@
+"""Which kind of law, before which form: what a kind's free form explains, and whether a name's own form suffices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from diagnosis.baseline import Baseline
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import Fit, coordinates
+from diagnosis.which.free_form import free_form, member_columns
+from diagnosis.which.scan import NuisanceProjection, by_segment, judged, linear_columns, partial_out
+from diagnosis.which.stage import Proposal
+from models.effects.base import POSITIVE, Effect, Kind, parameters
+from models.records.record import Record
+
+RIVALS: Final = 6  # names with the largest gains whose free forms are compared
+TRIED: Final = 5  # proposals that are looked at beside the free forms of what is in the model
+FREE: Final = 0.3  # of an effect's size: deviation of the parts of its free form, where others are judged beside it
+
+
+class Form(StrEnum):
+    """What form a law has that was named."""
+
+    CATALOGUE = "catalogue"
+    """Its entry of the catalogue."""
+    OTHER = "other"
+    """Another curve over the same coordinate."""
+
+
+@dataclass(frozen=True)
+class OfKind:
+    """What the free form of a name's kind explains, and the most that one of another kind does: shares [1] of the
+    chi-square above the noise floor, on held-out motions."""
+
+    kind: Kind
+    share: float
+    rival: float
+
+    def decides(self, criteria: Criteria) -> bool:
+        """Whether what is left is of this kind, and of no other."""
+        return self.share >= criteria.min_kind_share and self.rival <= criteria.max_rival_kind * self.share
+
+
+def of_kind(effect: Effect, beside: Fit, proposals: Sequence[Proposal], baseline: Baseline) -> OfKind:
+    """What free forms explain of what a fit without the effect leaves; proposals: those whose kinds may compete."""
+    own, records = partial_out(beside, baseline.segment), baseline.records
+    excess = max(float(own.e @ own.e - np.mean(baseline.floors)), 1.0)
+    kind = type(effect).kind()
+
+    def share(one: Effect) -> float:
+        return free_form(one, beside, records, own).gain / excess
+
+    others = [one.effect for one in proposals if one.effect is not None and type(one.effect).kind() != kind]
+    return OfKind(kind, share(effect), max((share(one) for one in others[:RIVALS]), default=0.0))
+
+
+def forms(fitted: Fit, gained: Mapping[str, float], baseline: Baseline) -> dict[str, Form]:
+    """The form of every effect in a model; gained: by name the chi-square [1] that it took off. Another than the
+    catalogue's is one whose free form gains on held-out motions what an earlier effect's form may be wrong by."""
+    own, criteria, found = partial_out(fitted, baseline.segment), baseline.criteria, dict[str, Form]()
+    for effect in fitted.candidate.added_effects:
+        found.setdefault(effect.name, Form.CATALOGUE)
+        least = max(criteria.min_gain_further, criteria.form_error * gained.get(effect.name, 0.0))
+        more = free_form(effect, fitted, baseline.records, own).gain
+        if more > least:
+            found[effect.name] = Form.OTHER
+    return found
+
+
+def beside_free_forms(
+    proposals: Sequence[Proposal], fitted: Fit, records: Sequence[Record], own: NuisanceProjection
+) -> tuple[Proposal, ...]:
+    """The proposals, the most promising of other kinds than the effects in the model with no more than they gain beside
+    the free forms of these: what the first law in another form explains needs no second law."""
+    inside = {type(effect).kind() for effect in fitted.candidate.added_effects}
+    other = [one.effect for one in proposals if one.effect is not None and one.gain > one.threshold]
+    other = [effect for effect in other if type(effect).kind() not in inside][:TRIED]
+    if not inside or not other:
+        return tuple(proposals)
+    free = with_free_forms(own, fitted, records)
+    given = linear_columns(other, fitted, records)
+    known = {
+        effect.name: judged(effect, *by_segment(free(raw), free), free).held_out
+        for effect, raw in zip(other, given, strict=True)
+    }
+    less = [replace(one, gain=min(one.gain, known.get(one.name, one.gain))) for one in proposals]
+    return tuple(sorted(less, key=lambda one: -one.gain))
+
+
+def with_free_forms(own: NuisanceProjection, fitted: Fit, records: Sequence[Record]) -> NuisanceProjection:
+    """The projection that partials out the free forms of the added effects as well, within FREE of each one's size."""
+    added, parts = fitted.candidate.added_effects, [own.basis]
+    begin = 0
+    for effect in fitted.candidate.effects:
+        count = coordinates(effect).size
+        sizes = coordinates(effect)[: count - sum(item.role in POSITIVE for item in parameters(type(effect)))]
+        made = fitted.effect_jacobian[:, begin : begin + sizes.size] @ sizes
+        begin += count
+        if sizes.size and any(effect is one for one in added):
+            _, whole = member_columns(effect, fitted, records, own)
+            parts.append(FREE * float(np.linalg.norm(made)) * whole)
+    basis = np.hstack(parts)
+    factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
+    e = own.e - basis @ cho_solve(factor, basis.T @ own.e)
+    return replace(own, e=e, basis=basis, factor=factor)
+
+
+def periods_shown(effect: Effect, records: Sequence[Record]) -> float:
+    """How many periods of a law over the position the records' travel holds [1]: fewer than two do not show that it
+    repeats at all. Infinite for a law that need not repeat."""
+    travel = max(float(np.ptp(record.position)) for record in records)
+    periods = [
+        float(getattr(effect, item.name))
+        for item in parameters(type(effect))
+        if item.role == "period" and item.periodic_in in {"position", "reading"}
+    ]
+    return min((travel / period for period in periods), default=float("inf"))

@@ -1,0 +1,125 @@
+"""Kind before form: which kind decides, what a law in another form leaves to a second name, and what is said beside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.answer import drawn_curves
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import Fit, fit
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown
+from diagnosis.which.scan import partial_out
+from diagnosis.which.stage import Proposal, Stage, excluded
+from diagnosis.which.stated import direction, input_delay
+from models.effects.base import Effect
+from models.effects.catalogue import every, in_order
+from models.effects.friction_laws import DirectionalFriction, Stribeck, ViscousFriction
+from models.effects.motor import Cogging, CurrentLoopLag
+from models.effects.structure import CableSpring
+from models.records.record import Record
+from tests.diagnosis.tables import recorded, short, table
+
+MACHINE, CRITERIA = table(), Criteria()
+SPEED = Stribeck.kind()
+
+
+@pytest.mark.parametrize(
+    ("share", "rival", "decides"),
+    [(0.9, 0.3, True), (0.9, 0.8, False), (0.6, 0.1, False), (0.75, 0.5, False), (0.75, 0.4, True)],
+)
+def test_a_kind_decides_that_explains_most_and_has_no_rival(share: float, rival: float, decides: bool) -> None:
+    assert OfKind(SPEED, share, rival).decides(CRITERIA) == decides
+
+
+def test_laws_over_one_coordinate_are_of_one_kind() -> None:
+    alike = {name for name, kind in every().items() if kind.kind() == SPEED}
+    assert alike == {"stribeck", "viscous_friction", "velocity_strengthening"}
+
+
+def _record(travel: float) -> Record:
+    still = np.zeros(50)
+    return Record(1e-3, still, still, still, still, np.linspace(0.0, travel, 50))
+
+
+def test_a_law_over_the_position_repeats_as_often_as_the_travel_holds_its_period() -> None:
+    assert periods_shown(Cogging(1.0, 0.03, 0.0), [_record(0.01), _record(0.06)]) == pytest.approx(2.0)
+    assert periods_shown(ViscousFriction(10.0), [_record(0.05)]) == float("inf")
+
+
+def test_a_pitch_beyond_the_travel_beside_its_kind_draws_any_curve() -> None:
+    long, short_, spring = Cogging(1.0, 0.06, 0.0), Cogging(1.0, 0.02, 0.0), CableSpring(100.0)
+    for effects, drawn in (
+        ((long, spring), {"cogging"}),
+        ((long, short_), {"cogging"}),
+        ((short_, spring), set()),
+        ((long, ViscousFriction(10.0)), set()),
+        ((long,), set()),
+    ):
+        assert drawn_curves(effects, [_record(0.05)], CRITERIA) == drawn
+
+
+def _fitted(effects: tuple[Effect, ...], records: tuple[Record, ...]) -> Fit:
+    layout = parameters(MACHINE, 1)
+    return fit(Candidate(layout, np.zeros(layout.count), in_order(effects)), records, iterations=0, walk=4e-3)
+
+
+@pytest.fixture(scope="module")
+def records() -> tuple[Record, ...]:
+    return recorded(MACHINE, (short(MACHINE),), seed=1)
+
+
+def test_a_second_law_that_the_first_ones_free_form_draws_gains_less(records: tuple[Record, ...]) -> None:
+    """A fall of friction over ten times the fitted speed goes into the free form; a cogging does not."""
+    fitted = _fitted((Stribeck(0.1, 2e-3),), records)
+    own = partial_out(fitted, numbered(pieces(records), records))
+    far = Proposal("directional_friction", 1e6, 20.0, effect=DirectionalFriction(0.05, 2e-6, 0))
+    same = Proposal("viscous_friction", 1e6, 20.0, effect=ViscousFriction(30.0))
+    less = {one.name: one.gain for one in beside_free_forms((far, same), fitted, records, own)}
+    assert less["directional_friction"] < 1e6  # no more than it has in truth, which is nothing
+    assert less["viscous_friction"] == 1e6  # of the same kind: left to the refits
+    plain = _fitted((), records)
+    none = partial_out(plain, numbered(pieces(records), records))
+    assert beside_free_forms((far, same), plain, records, none) == (far, same)
+
+
+def test_the_input_delay_is_one_quantity(records: tuple[Record, ...]) -> None:
+    dead, half = MACHINE.plant.dead_time, 0.5 * MACHINE.sample_time
+    plain, lagging = (input_delay(_fitted(effects, records)) for effects in ((), (CurrentLoopLag(2e-4),)))
+    assert plain.to_json()["total_s"] == pytest.approx(dead + half)
+    assert lagging.to_json()["total_s"] == pytest.approx(dead + 2e-4 + half)
+    assert plain.delivered == lagging.delivered == pytest.approx(dead + half)
+    assert 0 < plain.deviation < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("law", "larger", "part"),
+    [
+        (DirectionalFriction(0.05, 2e-6, 0), "forwards", "the whole friction"),
+        (DirectionalFriction(0.0, 2e-6, 0, -400.0), "backwards", "the drag"),
+        (DirectionalFriction(-0.05, 2e-6, 0, 0.05 * 300.0), "backwards", "the contacts"),
+    ],
+)
+def test_what_differs_by_direction_is_said(
+    law: DirectionalFriction, larger: str, part: str, records: tuple[Record, ...]
+) -> None:
+    found = direction(_fitted((law, ViscousFriction(300.0)), records))
+    assert found is not None
+    assert (found.larger, found.part) == (larger, part)
+    assert direction(_fitted((), records)) is None
+
+
+def test_what_would_help_with_the_wrong_sign_is_excluded() -> None:
+    wrong = Proposal("stribeck", 0.0, 20.0, effect=Stribeck(0.1, 2e-3), forbidden=500.0)
+    small, right = replace(wrong, forbidden=10.0), replace(wrong, in_sample_gain=900.0)
+    assert [excluded(Stage(_nothing(), (one,))) for one in (wrong, small, right)] == [("stribeck",), (), ()]
+
+
+def _nothing() -> Fit:
+    layout, nothing = parameters(MACHINE, 1), np.zeros((3, 0))
+    return Fit(Candidate(layout, np.zeros(layout.count)), (), (), np.zeros(3), nothing, nothing, 0.0, 0.0)
