@@ -211,6 +211,12 @@ class Criteria:
 
     # The stated probabilities.
     probability_named: float = _criterion(0.98, "1", "probability of a name, far above its threshold or not", _TRIALS)
+    probability_doubtful: float = _criterion(
+        0.75,
+        "1",
+        "the same of a name on a drive that is rougher than its model, or of a law in another form",
+        "27 of 36 names were right on machines and in forms of other makers",
+    )
     probability_first: float = _criterion(
         0.37, "1", "probability of the first of the list above its threshold, where nothing is named", _TRIALS
     )

@@ -144,7 +144,9 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()
-    which = table(told, criteria, named, rivals, closure.closure, segment=baseline.segment)
+    rough = stages[-1].fitted.candidate.rough
+    doubtful = [name for name in named if rough or answer.forms.get(name) is Form.OTHER]
+    which = table(told, criteria, named, rivals, closure.closure, baseline.segment, doubtful)
     if outcome is Outcome.NONE:
         names = ()
     if outcome is Outcome.PARAMETERS:

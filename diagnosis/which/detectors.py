@@ -7,7 +7,7 @@ others only where the gain is more than chance; no other module knows which effe
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Final
 
@@ -18,6 +18,7 @@ from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.motions import repeated, scatter
 from diagnosis.which.command_jitter import lateness
+from diagnosis.which.kinds import with_free_forms
 from diagnosis.which.random_force import NEAR, strongest_random_force
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
@@ -116,12 +117,22 @@ def command_jitter(seen: View) -> Detected:
     if name in seen.disabled:
         return Detected()
     found = lateness(seen.fitted, seen.baseline.records)
+    if found.gain > threshold and seen.fitted.candidate.added_effects:
+        found = lateness(_with_free_forms_out(seen), seen.baseline.records)  # a drift in another form differs, too
     if found.gain <= threshold:
         return Detected()
     part = (found.size / seen.baseline.records[0].sample_time) ** 2
     simulated = TimingJitter(max(part, SIMULATED_PART))
     random_part = RandomPart(simulated, part / simulated.part)
     return Detected((Proposal(name, found.gain, threshold, Carrier.FLOOR, random_part=random_part),))
+
+
+def _with_free_forms_out(seen: View) -> Fit:
+    """The fit with innovations from which the free forms of its effects are partialled out."""
+    e = with_free_forms(seen.own, seen.fitted, seen.baseline.records).e
+    ends = np.cumsum([one.innovations.size for one in seen.fitted.residuals])[:-1]
+    pairs = zip(seen.fitted.residuals, np.split(e, ends), strict=True)
+    return replace(seen.fitted, residuals=tuple(replace(one, innovations=left) for one, left in pairs))
 
 
 def controller_replay(seen: View) -> Detected:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,9 +42,11 @@ def table(
     rivals: Sequence[Sequence[str]],
     closure: float,
     segment: NDArray[np.int64] | None = None,
+    doubtful: Collection[str] = (),
 ) -> tuple[EffectRow, ...]:
     """Every effect, those of the answer first: with their fitted parameters, the others at their best point of the
-    grid, and how likely each is; closure: of the whole answer [1]; segment: see `deviations_of`."""
+    grid, and how likely each is; closure: of the whole answer [1]; segment: see `deviations_of`; doubtful: see
+    `probability`."""
     inside = _members(stages[-1].fitted, segment)
     rows = []
     for name, proposal in _best_scanned(stages).items():
@@ -58,7 +60,8 @@ def table(
     rows += [EffectRow(one.name, (), one.gain, one.threshold, 0.0, adequate=True) for one in seen]
     rows.sort(key=lambda row: (row.name not in names, -row.gain))
     return tuple(
-        replace(row, probability=probability(row, place, names, rivals, criteria)) for place, row in enumerate(rows)
+        replace(row, probability=probability(row, place, names, rivals, criteria, doubtful))
+        for place, row in enumerate(rows)
     )
 
 
@@ -100,7 +103,12 @@ def _members(
 
 
 def probability(
-    row: EffectRow, place: int, names: Sequence[str], rivals: Sequence[Sequence[str]], criteria: Criteria
+    row: EffectRow,
+    place: int,
+    names: Sequence[str],
+    rivals: Sequence[Sequence[str]],
+    criteria: Criteria,
+    doubtful: Collection[str] = (),
 ) -> float:
     """How likely it is that this effect is in the machine [1]; place: in the list, the best first.
 
@@ -108,12 +116,14 @@ def probability(
     that the README quotes: how often a name was right (931 of 948; of the 109 near their thresholds 108), and how often
     the first on the list was in the machine where nothing was named though it passed its threshold (53 of 145; far
     above it 13 of 189), or where it stayed below (too few cases to read more than a guess). Effects that explain alike
-    share the probability.
+    share the probability. doubtful: names that those cases say nothing of, as the drive is rougher than its model or
+    the law has another form.
     """
     over = row.gain / row.threshold
     among = next((group for group in rivals if row.name in group), None)
     if row.name in names or among is not None:
-        return criteria.probability_named / (len(among) if among else 1)
+        right = criteria.probability_doubtful if row.name in doubtful else criteria.probability_named
+        return right / (len(among) if among else 1)
     if names or place > 0:
         return criteria.probability_other
     if over > 1:

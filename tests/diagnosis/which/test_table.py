@@ -58,6 +58,13 @@ def test_a_name_is_as_likely_as_names_were_right_and_rivals_share_that() -> None
     ]
 
 
+def test_a_name_that_the_trials_say_nothing_of_is_less_likely() -> None:
+    """Where the drive is rougher than its model, or the law has another form."""
+    rows = [probability(_row("play", 50.0), 0, ["play"], (), CRITERIA, doubtful) for doubtful in ((), ("play",))]
+    assert rows == [CRITERIA.probability_named, CRITERIA.probability_doubtful]
+    assert CRITERIA.probability_doubtful < CRITERIA.probability_named
+
+
 def test_beside_a_name_and_behind_the_first_nothing_is_likely() -> None:
     other = CRITERIA.probability_other
     assert probability(_row("cogging", 50.0), 1, ["play"], (), CRITERIA) == other

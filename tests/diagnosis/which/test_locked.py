@@ -1,0 +1,47 @@
+"""A floor's vibration is not locked to the motion: what repeats with equal motions and rests with them is a law."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.baseline import Baseline
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import fit
+from diagnosis.model.motions import pieces, repeated
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.null import Null
+from diagnosis.which.detectors import is_locked
+from tests.diagnosis.tables import recorded, short, table
+
+MACHINE = table()
+FREQUENCY = 8.0  # Hz
+
+
+@pytest.fixture(scope="module")
+def begun() -> Baseline:
+    records = recorded(MACHINE, (short(MACHINE),), seed=1, wrong=0.0)
+    layout = parameters(MACHINE, 1)
+    fitted = fit(Candidate(layout, np.zeros(layout.count)), records, iterations=0)
+    return Baseline(fitted, records, pieces(records), Null({}, (), ()))
+
+
+@pytest.mark.parametrize(
+    ("everywhere", "in_phase", "locked"), [(False, True, True), (True, True, False), (False, False, False)]
+)
+def test_what_rests_with_the_motion_and_repeats_with_it_is_locked(
+    everywhere: bool, in_phase: bool, locked: bool, begun: Baseline
+) -> None:
+    (seen,), ts = begun.nominal.residuals, MACHINE.sample_time
+    made, rng = np.zeros(seen.innovations.size), np.random.default_rng(0)
+    assert sum(map(len, repeated(begun.pieces, begun.records))) >= Criteria().min_equal_motions
+    for piece in begun.pieces:
+        time = ts * np.arange(piece.stop - piece.start)
+        start = 0.0 if in_phase else rng.uniform(0, 2 * np.pi)
+        size = 0.0 if piece.kind.rests and not everywhere else 5.0
+        made[piece.start : piece.stop] = size * np.sin(2 * np.pi * FREQUENCY * time + start)
+    given = replace(begun.nominal, residuals=(replace(seen, innovations=made),))
+    assert is_locked(given, begun, FREQUENCY) == locked
