@@ -177,7 +177,7 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
             "equivalent": [list(group) for group in found.equivalent],
             "kind": {name: _kind(name, found.baseline.machine) for name in (*found.effects, *found.partly)},
             "form": {name: str(form) for name, form in found.forms.items()},
-            "excluded": list(excluded(found.stages[0])),
+            "excluded": list(excluded(found.stages[0], found.baseline.criteria.shortlist_min_ratio)),
             "direction": way.to_json() if (way := direction(found.told)) else None,
             "input_delay": input_delay(found.told, found.baseline.segment).to_json(),
             "unexplained_fraction": found.unexplained,

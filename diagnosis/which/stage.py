@@ -88,10 +88,12 @@ class Stage:
         return tuple(proposal for proposal in self.proposals if proposal.effect is not None)
 
 
-def excluded(stage: Stage) -> tuple[str, ...]:
-    """The effects that would gain more than chance does, and more than as they can be, with an amplitude of a sign that
-    they cannot have; the largest such gain first."""
-    wrong = [one for one in stage.scanned if one.forbidden > max(one.threshold, one.in_sample_gain)]
+def excluded(stage: Stage, ratio: float) -> tuple[str, ...]:
+    """The effects that with an amplitude of a sign that they cannot have would gain more than chance does, more than as
+    they can be, and so much of the best proposal's gain [1]; the largest such gain first."""
+    best = max((one.gain for one in stage.scanned), default=0.0)
+    least = ratio * best
+    wrong = [one for one in stage.scanned if one.forbidden > max(one.threshold, one.in_sample_gain, least)]
     return tuple(one.name for one in sorted(wrong, key=lambda one: -one.forbidden))
 
 

@@ -37,7 +37,7 @@ class InputDelay:
 
 
 def input_delay(fitted: Fit, segment: NDArray[np.int64] | None = None) -> InputDelay:
-    """The input delay of a fit; segment: see `table.deviations_of`."""
+    """The input delay [s] of a fit; segment: see `table.deviations_of`."""
     candidate = fitted.candidate
     along, begin, lag = np.zeros(candidate.layout.count + fitted.effect_jacobian.shape[1]), candidate.layout.count, 0.0
     along[candidate.layout.of("dead_time")] = 1.0
@@ -71,7 +71,7 @@ class Direction:
 
 
 def direction(fitted: Fit) -> Direction | None:
-    """What the directional friction of a fit says; None where there is none."""
+    """What the directional friction of a fit says (SI); None where there is none."""
     candidate = fitted.candidate
     effects = [one for one in candidate.effects if isinstance(one, DirectionalFriction)]
     if not effects:

@@ -117,7 +117,9 @@ def test_what_differs_by_direction_is_said(
 def test_what_would_help_with_the_wrong_sign_is_excluded() -> None:
     wrong = Proposal("stribeck", 0.0, 20.0, effect=Stribeck(0.1, 2e-3), forbidden=500.0)
     small, right = replace(wrong, forbidden=10.0), replace(wrong, in_sample_gain=900.0)
-    assert [excluded(Stage(_nothing(), (one,))) for one in (wrong, small, right)] == [("stribeck",), (), ()]
+    assert [excluded(Stage(_nothing(), (one,)), 0.25) for one in (wrong, small, right)] == [("stribeck",), (), ()]
+    more = Proposal("cogging", 3000.0, 20.0, effect=Cogging(1.0, 0.03, 0.0))
+    assert excluded(Stage(_nothing(), (more, wrong)), 0.25) == ()
 
 
 def _nothing() -> Fit:
