@@ -72,7 +72,7 @@ def compute(machine: Machine, options: ExportOptions, progress: Progress) -> Ans
     results: dict[str, Any] = {
         "quick": options.quick,
         "target": options.target,
-        "law": _law(known, given.settled),
+        "law": sizes(known, given.settled),
         "responses": _responses(known),
         "vectors": {"count": vectors.asked.size, "statuses": sorted(set(vectors.status.tolist()))},
         "structured_text": {"first_that_differs": _first_in_text(known, vectors)},
@@ -182,8 +182,8 @@ def _profiles(machine: Machine, given: _Given, options: ExportOptions) -> str:
     return "\n".join(made.rows()) + "\n"
 
 
-def _law(known: Coefficients, settled: float) -> dict[str, Any]:
-    """Sizes of the law: what a sample computes and remembers."""
+def sizes(known: Coefficients, settled: float) -> dict[str, Any]:
+    """Sizes of the law: what a sample computes and remembers, the latter to 8 bytes on a 64-bit computer; SI."""
     taps, elements = len(known.position), len(known.stiffness)
     states = len(known.law.c) if known.law is not None else 0
     products = 3 * taps + elements + (states * states + 4 * states + 1 if states else 7)
@@ -200,8 +200,8 @@ def _law(known: Coefficients, settled: float) -> dict[str, Any]:
         "elements": elements,
         "states": states,
         "products": products,
-        "memory_double_bytes": 8 * (known.memory + 3 + reals) + 32,
-        "memory_single_bytes": 8 * (known.memory + 3) + 4 * reals + 32,
+        "memory_double_bytes": 8 * (known.memory + 3 + reals) + 48,
+        "memory_single_bytes": 8 * (known.memory + 3) + 4 * reals + 56,
         "largest_step_m": max(left, 0.0) / largest if largest > 0 else float("inf"),
         "wipe_s": 0.0 if known.wipe is None else 2 * (known.wipe.count + known.wipe.still) * known.sample_time,
     }

@@ -10,8 +10,9 @@ import pytest
 
 from design.deployment.c_source import law_sources
 from models.deployment.coefficients import load_coefficients
+from studies.export.compute import sizes
 from studies.export.proof import FAULTS, missed_faults, ulps
-from tests.design.deployment.compiling import NEEDS_CC, put
+from tests.design.deployment.compiling import NEEDS_CC, compiled, put, run
 from tests.models.deployment.laws import written
 
 
@@ -22,6 +23,19 @@ def test_the_distance_counts_the_numbers_between_two() -> None:
     assert ulps(one, np.array([np.nextafter(1.0, 2.0), -2.0, 0.0, 5e-324])) == 1
     assert ulps(np.array([5e-324]), np.array([-5e-324])) == 2
     assert ulps(one, np.array([math.nan, -2.0, 0.0, 0.0])) == math.inf
+
+
+@NEEDS_CC
+@pytest.mark.parametrize("kind", ["PID", "filters and anti-windup"])
+def test_the_memory_that_is_stated_is_that_of_the_struct(kind: str, tmp_path: Path) -> None:
+    known = load_coefficients(written(kind, tmp_path), math.nan, math.nan)
+    main = (
+        '#include "axis_law.h"\n#include <stdio.h>\nint main(void) { printf("%d", (int)sizeof(axis_law)); return 0; }\n'
+    )
+    put(tmp_path, {**law_sources(known, "a test"), "size.c": main})
+    stated = sizes(known, 0.02)
+    for flags, key in (((), "memory_double_bytes"), (("-DAXIS_FLOAT",), "memory_single_bytes")):
+        assert int(run(compiled(tmp_path, ["size.c"], flags))[1]) == pytest.approx(stated[key], abs=8)
 
 
 @NEEDS_CC
