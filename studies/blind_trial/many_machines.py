@@ -69,6 +69,7 @@ def rates(scores: Sequence[Score]) -> dict[str, Rate]:
             of_kind(scores, *WITHOUT_EFFECT), lambda one: one.false_positive or one.outcome == "failed"
         ),
         "right_coordinate": rate(outsiders, lambda one: one.right and one.coordinate in one.label.coordinates),
+        "right_kind": rate(of_kind(scores, "single"), _right_kind),
         "right_name_low": rate(
             [one for one in of_kind(scores, "single", counting=False) if not one.counts], lambda one: one.right
         ),
@@ -150,13 +151,12 @@ def _middle(numbers: Sequence[float], usual: str | None) -> float:
 
 
 def confusion_of_kinds(scores: Sequence[Score]) -> dict[str, Any]:
-    """Counts of the cases that count by the kind of the true effect (rows) and of what is answered (columns): the
-    families of the catalogue; for a right answer the kind itself."""
+    """Counts of the cases that count by the kind of the true effect (rows) and of what is answered (columns)."""
     table: dict[str, dict[str, int]] = {}
     for one in sorted(scores, key=lambda one: KINDS.index(one.label.kind)):
         if not one.counts:
             continue
-        row = _family(one.label.names[0]) if one.label.kind == "single" else one.label.kind
+        row = kind_of(one.label.names[0]) if one.label.kind == "single" else one.label.kind
         said = _answered(one)
         table.setdefault(row, {})
         table[row][said] = table[row].get(said, 0) + 1
@@ -168,16 +168,24 @@ def confusion_of_kinds(scores: Sequence[Score]) -> dict[str, Any]:
     }
 
 
-def _family(name: str) -> str:
-    kind = every().get(name)
-    return str(kind.family) if kind is not None else "unknown"
+def kind_of(name: str) -> str:
+    """What kind of law an effect has, whatever its form: side, coordinate, parity, memory."""
+    if name not in every():
+        return "unknown"
+    kind = every()[name].kind()
+    return f"{kind.side}, {kind.coordinate}, {kind.parity}{', memory' if kind.memory else ''}"
+
+
+def _right_kind(one: Score) -> bool:
+    """Whether the answer has one group, and in it an effect of the true one's kind."""
+    return len(one.groups) == 1 and kind_of(one.label.names[0]) in map(kind_of, one.groups[0])
 
 
 def _answered(one: Score) -> str:
     if one.outcome not in NAMING or not one.groups:
         return one.outcome
-    families = {_family(group[0]) for group in one.groups}
-    return families.pop() if len(families) == 1 else "several"
+    kinds = {kind_of(group[0]) for group in one.groups}
+    return kinds.pop() if len(kinds) == 1 else "several"
 
 
 def _forms(bodies: Mapping[str, str], scores: Sequence[Score]) -> list[dict[str, Any]]:

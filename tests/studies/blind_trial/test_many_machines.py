@@ -93,18 +93,20 @@ def test_chance_alone_is_the_mean_of_the_worst_of_equal_machines() -> None:
     assert by_chance == pytest.approx(0.8**10, abs=0.03)
 
 
-def test_kinds_are_confused_by_family() -> None:
+def test_kinds_are_confused_by_coordinate_parity_and_memory() -> None:
     found = figures(
         (body("case-1", 0, "cogging"), said("attributed", "cogging")),
-        (body("case-2", 0, "cogging"), said("attributed", "stribeck", "viscous_friction")),
+        (body("case-2", 0, "cogging"), said("attributed", "cable_spring")),
         (body("case-3", 1, "stribeck"), said("none_of_these")),
     )["kinds"]
     table = {
         row: dict(zip(found["columns"], counts, strict=True))
         for row, counts in zip(found["rows"], found["counts"], strict=True)
     }
-    assert table["motor"] == {"motor": 1, "friction": 1, "none_of_these": 0}
-    assert table["friction"]["none_of_these"] == 1
+    own, other = (many_machines.kind_of(name) for name in ("cogging", "stribeck"))
+    assert own == many_machines.kind_of("cable_spring") != other  # a force along the position, whatever its form
+    assert table[own] == {own: 2, "none_of_these": 0}
+    assert table[other]["none_of_these"] == 1
     assert np.sum(found["counts"]) == 3
 
 
