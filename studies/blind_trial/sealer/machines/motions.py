@@ -15,7 +15,7 @@ from studies.blind_trial.sealer.machines.drawing import spread
 Array = NDArray[np.float64]
 
 LASTS: Final = (10.0, 60.0)  # of both records together [s]
-MOST: Final = 70_000  # samples of both records together; a fast controller is watched for less time
+MOST: Final = 100_000  # samples of both records together; a fast controller is watched for less time
 PROFILES: Final = ("quintic", "cycloid", "harmonic jerk")
 KINDS: Final = ("steps", "ladder", "dwells", "slow", "long", "waves", "shake", "raster", "hold")
 
