@@ -35,7 +35,7 @@ def main(count: int, first: int, kinds: tuple[str, ...]) -> None:
         print(f"{kind}: the order is right in {right} of {count}; {refusals} records are refused, {later} files later")
         for name, pulls in by_parameter(results).items():
             inside, rms = float(np.mean(np.abs(pulls) < WITHIN)), float(np.sqrt(np.mean(pulls**2)))
-            print(f"  {name:20s} n {pulls.size:4d}  mean {np.mean(pulls):+.2f}  rms {rms:.2f}  {100 * inside:.0f} %")
+            print(f"  {name:20s} n {pulls.size:4d}  mean {np.mean(pulls):+.2f}  rms {rms:.2f}  {100 * inside:.1f} %")
 
 
 if __name__ == "__main__":

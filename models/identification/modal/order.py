@@ -4,8 +4,9 @@ Orders are fitted one after the other, with lag and drag beside the modes where 
 for them. From the order with the best criterion on, whatever is no mode is taken out and the rest fitted again: what
 ends at a bound of the search or outside the measured band, is damped as no structure is, is narrower than the lines of
 a single record, forms a pair with a neighbour of the other sign, or whose residue is smaller than three deviations.
-Then every part, mode, lag or drag, whose loss raises the criterion by less than ten is taken out, the least first. The
-criterion is Bayes's, with the errors' variance that the best order leaves: without that, what no mode explains (an
+Then every part, mode, lag or drag, whose loss raises the criterion by less than ten is taken out, the least first. Of a
+record with thousands of lines a few hundred decide how many modes there are; lag and drag are small, and decided on all
+the lines. The criterion is Bayes's, with the errors' variance that the best order leaves: without that, what no mode explains (an
 encoder's period, an amplifier's knee) would be explained by ever more of them.
 """
 
@@ -109,8 +110,23 @@ def chosen(problem: Problem, most: int, *, drag: bool, exactly: int | None = Non
         best = _without_faults(few, best)
     best, worth = _fewest(few, best, scale, modes=exactly is None)
     if few.size < problem.size:
-        best = fitted(problem, best.structure, best.theta)
+        best, nuisances = _with_all_lines(problem, best, drag=drag)
+        worth = {name: worth[name] for name in worth if name.startswith("mode")} | nuisances
     return Chosen(best, orders, worth)
+
+
+def _with_all_lines(problem: Problem, one: Candidate, *, drag: bool) -> tuple[Candidate, dict[str, float]]:
+    """The candidate fitted to all lines, with the lag and the drag that these show, and what each is worth."""
+    structure = Structure(lag=True, drag=drag)
+    usual = trend(structure, problem)  # begins with ln k_0, dead time, lag
+    start = [one.theta[0], *one.theta[1 : one.structure.before]]
+    if not one.structure.lag:
+        start[1:2] = [one.theta[1] - usual[2], usual[2]]
+    if drag and not one.structure.drag:
+        start.append(usual[-1])
+    whole = fitted(problem, structure, np.array([*start, *one.theta[one.structure.before :]]))
+    scale = max(1.0, whole.cost / max(problem.size - whole.theta.size, 1))
+    return _fewest(problem, whole, scale, modes=False)
 
 
 def fitted(problem: Problem, structure: Structure, start: Array, evaluations: int = 30) -> Candidate:

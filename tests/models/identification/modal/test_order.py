@@ -20,16 +20,18 @@ AXIS = replace(
     drawn(1, 1), mass=12.0, drag=12.0, lag=1 / (2 * np.pi * 1100), dead_time=325e-6, gain=np.array([0.011]),
     frequency=np.array([140.0]), damping=np.array([0.018]),
 )  # fmt: skip
-FREQUENCY = np.geomspace(4, 500, 150)
 
 
-def measured(axis: Axis, seed: int, noise: float = 1e-3, *, rolling: bool = True) -> FrequencyResponse:
-    """Its response with relative noise of that deviation, which is stated."""
+def measured(
+    axis: Axis, seed: int, noise: float = 1e-3, *, lines: int = 150, rolling: bool = True
+) -> FrequencyResponse:
+    """Its response at so many lines with relative noise of that deviation, which is stated."""
     draw = np.random.default_rng(seed)
-    p = axis.response(FREQUENCY)
-    scatter = draw.standard_normal((2, FREQUENCY.size)) * noise / np.sqrt(2)
+    f = np.geomspace(4, 500, lines)
+    p = axis.response(f)
+    scatter = draw.standard_normal((2, f.size)) * noise / np.sqrt(2)
     p_noisy = np.asarray(p * (1 + scatter[0] + 1j * scatter[1]), complex)
-    return FrequencyResponse(FREQUENCY, p_noisy, (noise * np.abs(p)) ** 2, np.ones(FREQUENCY.size), 0.0, rolling)
+    return FrequencyResponse(f, p_noisy, (noise * np.abs(p)) ** 2, np.ones(f.size), 0.0, rolling)
 
 
 def test_lag_and_drag_are_not_explained_by_modes() -> None:
@@ -52,6 +54,16 @@ def test_what_the_lines_do_not_show_is_not_in_the_model() -> None:
     fit = modes.fit(measured(AXIS, 2, noise=0.2))
     assert (fit.lag, fit.drag, len(fit.plant.modes)) == (0.0, 0.0, 2)
     assert fit.plant.dead_time == pytest.approx(325e-6 + AXIS.lag, abs=4 * fit.estimate.deviation("dead time"))
+
+
+def test_a_lag_that_only_all_lines_together_show_is_found() -> None:
+    """Of 6,000 lines, 600 decide how many modes there are; on as few the same lag can't be told from dead time."""
+    quick = replace(AXIS, lag=AXIS.lag / 3)
+    few, all_lines = (modes.fit(measured(quick, 4, noise=0.04, lines=n)) for n in (600, 6000))
+    assert modes.LAG not in few.estimate.names
+    assert modes.LAG in all_lines.estimate.names
+    assert all_lines.lag == pytest.approx(quick.lag, abs=4 * all_lines.estimate.deviation(modes.LAG))
+    assert [name for name, _ in all_lines.worth] == ["mode 0", "lag"] + ["drag"] * (all_lines.drag > 0)
 
 
 def test_a_number_that_is_asked_for_is_given() -> None:
