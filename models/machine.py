@@ -36,7 +36,7 @@ from models.machines.plain import Parameter, left_out, plain_of, range_rows, row
 from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
 from models.machines.reading import read, read_table
 from models.plant import Plant
-from models.quantity import QuantityError, check, cut, declaration, show
+from models.quantity import QuantityError, check, cut, declaration, rotary, show
 from models.records.columns import Columns
 
 __all__ = [
@@ -74,6 +74,7 @@ NAME: Final = 200  # characters
 PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.
 MODE_SHARES: Final = (1e-7, 1e4)  # of the size of a mode's gain in the rigid body's: others are neither seen nor its
 MASSES: Final = (1e-6, 1e9)  # kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons
+AXES: Final = ("linear", "rotary")
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
 
@@ -82,7 +83,8 @@ class Machine:
     """One positioning axis. `sources` maps the dotted name of every value ("plant.dead_time") to its Provenance.
 
     effects: what acts beside the nominal model, in the order of the catalogue; a file's tables [effects.NAME]. priors:
-    the sizes that a diagnosis gives to effects in place of their usual ones; a file's tables [priors.NAME].
+    the sizes that a diagnosis gives to effects in place of their usual ones; a file's tables [priors.NAME]. axis: one
+    of AXES; of a "rotary" one every number is in rad where it is in m here, in N m where in N, in kg m^2 where in kg.
 
     >>> machine
     Machine('Linear-motor table with rolling ball guides': 3 modes, 44.74 kg, 10 friction elements, T_s = 500 µs)
@@ -104,6 +106,7 @@ class Machine:
     record: Columns | None = None
     priors: Priors = USUAL
     effects: tuple[Effect, ...] = ()
+    axis: str = AXES[0]
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
@@ -114,7 +117,7 @@ class Machine:
     def __repr__(self) -> str:
         effects = f", {', '.join(effect.name for effect in self.effects)}" if self.effects else ""
         return (
-            f"Machine({self.name!r}: {len(self.plant.modes)} modes, {show(self.plant.mass, 'kg')}, "
+            f"Machine({self.name!r}: {len(self.plant.modes)} modes, {show(self.plant.mass, self.unit('kg'))}, "
             f"{len(self.friction.limit)} friction elements, T_s = {show(self.sample_time, 's')}{effects})"
         )
 
@@ -122,6 +125,10 @@ class Machine:
     def sample_time(self) -> float:
         """T_s [s]."""
         return self.control.sample_time
+
+    def unit(self, unit: str) -> str:
+        """What this axis has in place of a unit of one that moves straight: "rad" for "m" if it turns; no unit [-]."""
+        return rotary(unit) if self.axis == "rotary" else unit
 
     def feedback_only(self, reference_delay: int | None = None) -> Controller:
         """The feedback in place without a feedforward of its own: u_M is u_fb and what is given to the simulator.
@@ -198,7 +205,10 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
             raise MachineError(f"name: {cut(name)} must be text; write it in quotes")
         if len(name) > NAME:
             raise MachineError(f"name: {cut(name)} is longer than {NAME} characters; shorten it")
+        if table.get("axis", AXES[0]) not in AXES:
+            raise MachineError(f'axis: {cut(table["axis"])} must be "linear" or "rotary"; correct it')
         machine = _read({"name": name, **table}, sources)
+        _check_units(machine.axis, sources)
         machine = dataclasses.replace(machine, sources=sources)
         if "presliding" not in table:
             machine = with_derived_presliding(machine)
@@ -217,9 +227,22 @@ def _read(table: Mapping[str, Any], sources: dict[str, Provenance]) -> Machine:
         raise complete(error, Machine, table) from error
 
 
+def _check_units(axis: str, sources: Mapping[str, Provenance]) -> None:
+    """Raises MachineError for a value in the units of an axis of the other kind."""
+    for name, source in sources.items():
+        if source.rotary is not None and source.rotary != (axis == "rotary"):
+            if source.rotary:
+                raise MachineError(f'{name}: is in units of an axis that turns; write axis = "rotary" above all tables')
+            raise MachineError(
+                f'{name}: is in units of an axis that moves straight, but axis = "rotary"; '
+                "write it with rad for m, N m for N and kg m^2 for kg"
+            )
+
+
 def parameters(machine: Machine) -> tuple[Parameter, ...]:
     """Every value of the machine with its meaning, unit and source, in the order of the declarations."""
-    return tuple(rows_of(machine, "", machine.sources))
+    rows = rows_of(machine, "", machine.sources)
+    return tuple(dataclasses.replace(row, unit=machine.unit(row.unit)) for row in rows)
 
 
 def to_json(machine: Machine) -> dict[str, Any]:

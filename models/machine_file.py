@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from models.effects import catalogue
 from models.effects.priors import Priors
-from models.machine import Machine, Provenance, left_out, range_rows
+from models.machine import AXES, Machine, Provenance, left_out, range_rows
 from models.quantity import declaration
 from models.records.columns import Columns
 
@@ -18,6 +18,9 @@ def to_toml(machine: Machine) -> str:
     """The text of a machine file; facts of the hysteresis curve that follow from the elements are left out."""
     derived = machine.sources.get("presliding.coulomb_force", Provenance("derived", "")).kind == "derived"
     lines = [f"name = {_text(machine.name)}"]
+    if machine.axis != AXES[0]:
+        lines += [f"axis = {_text(machine.axis)}"]
+    units = machine.unit
     for field in dataclasses.fields(machine):
         part = getattr(machine, field.name)
         if left_out(machine, field, "", machine.sources):
@@ -25,16 +28,18 @@ def to_toml(machine: Machine) -> str:
         if isinstance(part, Columns):
             lines += ["", f"[{field.name}]", *_columns(part)]
         elif isinstance(part, Priors):
-            lines += _ranges(part, machine.sources)
+            lines += _ranges(part, machine.sources, units)
         elif dataclasses.is_dataclass(part) and not (field.name == "presliding" and derived):
-            lines += _table(part, field.name, machine.sources)
+            lines += _table(part, field.name, machine.sources, units)
     for name, effect in catalogue.named(machine.effects).items():
         head = f"[effects.{name}]" if name == effect.name else f"[[effects.{effect.name}]]"
-        lines += _table(effect, f"effects.{name}", machine.sources, head)
+        lines += _table(effect, f"effects.{name}", machine.sources, units, head)
     return "\n".join(lines) + "\n"
 
 
-def _table(part: Any, where: str, sources: Mapping[str, Provenance], head: str | None = None) -> Iterator[str]:
+def _table(
+    part: Any, where: str, sources: Mapping[str, Provenance], units: Callable[[str], str], head: str | None = None
+) -> Iterator[str]:
     yield from ("", head or f"[{where}]")
     inner: list[str] = []
     for field in dataclasses.fields(part):
@@ -42,16 +47,16 @@ def _table(part: Any, where: str, sources: Mapping[str, Provenance], head: str |
         if left_out(part, field, where, sources):
             continue
         if declared is not None:
-            yield _line(field.name, item, declared.unit, path, sources)
+            yield _line(field.name, item, units(declared.unit), path, sources)
         elif isinstance(item, tuple):
             for i, member in enumerate(item):
-                inner += _table(member, f"{path}.{i + 1}", sources, f"[[{path}]]")
+                inner += _table(member, f"{path}.{i + 1}", sources, units, f"[[{path}]]")
         elif dataclasses.is_dataclass(item):
-            inner += _table(item, path, sources)
+            inner += _table(item, path, sources, units)
     yield from inner
 
 
-def _ranges(priors: Priors, sources: Mapping[str, Provenance]) -> Iterator[str]:
+def _ranges(priors: Priors, sources: Mapping[str, Provenance], units: Callable[[str], str]) -> Iterator[str]:
     """The tables [priors.NAME] with the ranges that a machine states."""
     head = ""
     for name, ends, declared in range_rows(priors):
@@ -59,7 +64,7 @@ def _ranges(priors: Priors, sources: Mapping[str, Provenance]) -> Iterator[str]:
         if effect != head:
             head = effect
             yield from ("", f"[priors.{effect}]")
-        yield _line(parameter, ends, declared.unit, f"priors.{name}", sources)
+        yield _line(parameter, ends, units(declared.unit), f"priors.{name}", sources)
 
 
 def _line(name: str, item: Any, unit: str, path: str, sources: Mapping[str, Provenance]) -> str:

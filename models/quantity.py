@@ -2,6 +2,10 @@
 
 A physical field of a dataclass is declared with `value(unit, ...)`. From that declaration follow the reading of machine
 files, the names in results.json and the parameter tables of the reports, so that a unit is written down once.
+
+An axis that turns has the same numbers in other units: its position in rad stands where a table's stands in m, its
+torque in N m for the force in N, its moment of inertia in kg m^2 for the mass in kg. `parse` takes either; `is_rotary`
+tells which one a text has, so that whoever knows the axis refuses the other.
 """
 
 from __future__ import annotations
@@ -18,8 +22,8 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     import pint
 
+ROTARY: Final = {"m": "rad", "N": "N m", "kg": "kg m^2"}  # what an axis that turns has in place of these units
 _NUMBER: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*(.*)", re.IGNORECASE)
-_ANGLES: Final = {"radian", "degree", "revolution", "turn", "revolutions_per_minute", "revolutions_per_second"}
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 # Powers of (kg, m, s, A) and the power of ten to SI of the units that machine files are full of.
 _USUAL: Final[dict[str, tuple[int, ...]]] = {
@@ -88,6 +92,7 @@ def declaration(field: dataclasses.Field[Any]) -> Declaration | None:
 def parse(text: object, unit: str) -> float:
     """The number of `unit`s in `text`, in SI where `unit` is: parse("800 N/mm", "N/m") = 8e5; correctly rounded.
 
+    Of an axis that turns the number of `rotary(unit)`: parse("0.5 N m/rad", "N/m") = 0.5.
     Raises QuantityError for a missing or unknown unit, another dimension, or a value that is not finite.
     """
     if not isinstance(text, str):
@@ -108,6 +113,30 @@ def parse(text: object, unit: str) -> float:
     if not math.isfinite(number_in_unit):
         raise QuantityError(f"{cut(text)} is not a finite number")
     return number_in_unit
+
+
+def rotary(unit: str) -> str:
+    """The unit [-] that an axis that turns has in place of one: rotary("N/m") = "N m/rad"; the same one for others."""
+    product, slash, below = unit.partition("/")
+    parts = [_each_rotary(part.strip("()")) for part in (product, below)]
+    return parts[0] + (f"/({parts[1]})" if slash and " " in parts[1] else slash + parts[1])
+
+
+def _each_rotary(product: str) -> str:
+    """The factors of a product of units, each as an axis that turns has it."""
+    return " ".join(re.sub(r"^[A-Za-z]+", lambda name: ROTARY.get(name[0], name[0]), one) for one in product.split())
+
+
+def is_rotary(text: object, unit: str) -> bool | None:
+    """Whether a text that `parse` takes for `unit` is in the units [-] of an axis that turns; None where these are the
+    same, and where the text has no unit."""
+    match = _NUMBER.fullmatch(text) if isinstance(text, str) else None
+    if match is None or rotary(unit) == unit or not match[2].strip():
+        return None
+    try:
+        return _is_rotary(match[2].strip(), unit)
+    except QuantityError:
+        return None
 
 
 def check(number: float, declared: Declaration) -> None:
@@ -141,7 +170,7 @@ def show(number: float, unit: str, digits: int = 4) -> str:
         return f"{number:.{digits}g}"
     if unit == "N/m" and abs(number) >= 1e3:
         return f"{_plain(number / 1e3, digits)} N/mm"
-    if unit in {"m", "m/s", "s", "Hz", "W"} and number != 0 and math.isfinite(number):
+    if unit in {"m", "m/s", "s", "Hz", "W", "rad", "rad/s"} and number != 0 and math.isfinite(number):
         scale, prefix = next(((s, p) for s, p in _PREFIXES if abs(number) >= 0.9999999 * s), _PREFIXES[-1])
         return f"{_plain(number / scale, digits)} {prefix}{unit}"
     return f"{_plain(number, digits)} {unit}"
@@ -185,7 +214,31 @@ def _factor(unit_text: str, unit: str) -> Decimal:
     given, wanted = _usual(unit_text), _usual(unit)
     if given and wanted and given[:-1] == wanted[:-1]:
         return Decimal(1).scaleb(given[-1] - wanted[-1])
-    return _factor_of_any(unit_text, unit)
+    return _factor_of_any(unit_text, rotary(unit) if _is_rotary(unit_text, unit) else unit, unit)
+
+
+@cache
+def _is_rotary(unit_text: str, unit: str) -> bool:
+    """Whether a unit is of the same dimension as the one that an axis that turns has in place of `unit`, angles
+    counted as one. Raises QuantityError for an unknown unit."""
+    if rotary(unit) == unit:
+        return False
+    given, wanted = _quantity(unit_text, unit), _quantity(rotary(unit), unit)
+    return given.dimensionality == wanted.dimensionality and _angles(given) == _angles(wanted)
+
+
+def _quantity(unit_text: str, unit: str) -> Any:
+    """One of a unit, by the registry of units. Raises QuantityError for an unknown one; unit: an example for it."""
+    registry = _registry()
+    try:
+        return registry.Quantity(Decimal(1), registry.parse_units(unit_text.replace("kg m2", "kg m^2")))
+    except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
+        raise QuantityError(f"has an unknown unit {cut(unit_text)}; write it like {_example(unit)!r}") from error
+
+
+def _angles(quantity: Any) -> float:
+    """The power [-] in which a quantity holds angles, which count as numbers in its dimension."""
+    return float(quantity.to_root_units()._units.get("radian", 0))
 
 
 def _usual(text: str) -> tuple[int, ...] | None:
@@ -200,19 +253,15 @@ def _usual(text: str) -> tuple[int, ...] | None:
     return tuple(sum(sign * _USUAL[name][i] for name, sign in factors) for i in range(5))
 
 
-def _factor_of_any(unit_text: str, unit: str) -> Decimal:
-    """`_factor` by the registry of units, which knows them all."""
+def _factor_of_any(unit_text: str, wanted: str, unit: str) -> Decimal:
+    """`_factor` by the registry of units, which knows them all; wanted: `unit`, or what an axis that turns has."""
     import pint  # noqa: PLC0415  # as in _registry
 
-    registry = _registry()
-    try:
-        given = registry.Quantity(Decimal(1), registry.parse_units(unit_text))
-    except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
-        raise QuantityError(f"has an unknown unit {cut(unit_text)}; write it like {_example(unit)!r}") from error
-    if any(str(part) in _ANGLES for part in given._units):
+    given = _quantity(unit_text, unit)
+    if wanted == unit and _angles(given):
         raise QuantityError(f"is in an angle; {_instead_of_an_angle(unit)}")
     try:
-        return Decimal(given.to("" if unit == "1" else unit).magnitude)
+        return Decimal(given.to("" if wanted == "1" else wanted).magnitude)
     except (pint.PintError, TypeError, ArithmeticError) as error:  # offsets and logarithms of units are none here
         expected = "a plain number" if unit == "1" else f"a quantity in {unit}"
         raise QuantityError(
@@ -222,11 +271,8 @@ def _factor_of_any(unit_text: str, unit: str) -> Decimal:
 
 def _instead_of_an_angle(unit: str) -> str:
     """What to write where an angle was given for a quantity in `unit`."""
-    if {"m", "N", "kg"} & set(re.split(r"[ /()]+", unit)):
-        return (
-            "of an axis that turns, write a radian as a metre, 1 N m as 1 N and 1 kg m2 as 1 kg, throughout the "
-            'machine file and the columns: position = "q * 17.453292519943295 mm" for a column in degrees'
-        )
+    if rotary(unit) != unit:
+        return f"of an axis that turns, write it in {rotary(unit)}"
     return "give frequencies in Hz and damping as a ratio"
 
 

@@ -13,6 +13,7 @@ import shutil
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,6 +22,7 @@ from studies.interrupt import INTERRUPTED
 from studies.options import BadInputError, Parser, add_options
 from studies.study import Answer, Progress, Study, machine_for, machine_of
 
+TURNS: Final = " This axis turns: where figures and text print m, N or kg, read rad, N m or kg m²."
 DONE: Final = 0
 CHECK_MISSED: Final = 1
 BAD_INPUT: Final = 2
@@ -101,7 +103,7 @@ def run(study: Study, given: argparse.Namespace) -> int:
         {
             "study": study.name,
             "machine": to_json(machine),
-            "parameters": [{**vars(one), "provenance": vars(one.provenance)} for one in parameters(machine)],
+            "parameters": [{**vars(one), "provenance": one.provenance.plain} for one in parameters(machine)],
             "results": answer.results,
             "checks": checks,
         }
@@ -146,6 +148,8 @@ def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Prog
     from reports.report import render
 
     report = study.report(whole)
+    if whole["machine"].get("axis") == "rotary":
+        report = replace(report, question=report.question + TURNS)
     render(report, whole, folder, progress=lambda text: progress(0.85, text))
     return (
         {figure.name: list(figure.keys) for figure in report.figures},

@@ -12,6 +12,7 @@ import math
 import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -28,9 +29,9 @@ class Option:
     """How a field is asked for: the keywords of `add_argument`, and what of a value is accepted.
 
     accepted: from the option's name, as messages have it, and a value (text as typed, or SI from Python) to the value
-    of the field. Raises BadInputError. file: whether the value names files or folders. reviewable: whether a review of
-    somebody else's results may run the study with another value than the default one, as that reaches nothing outside;
-    of a file, whether a review may hand over its content.
+    of the field. Raises BadInputError. file: whether the value names files or folders. unit: of a quantity, in SI.
+    reviewable: whether a review of somebody else's results may run the study with another value than the default one,
+    as that reaches nothing outside; of a file, whether a review may hand over its content.
     """
 
     keywords: Mapping[str, Any]
@@ -38,6 +39,7 @@ class Option:
     positional: bool = False
     file: bool = False
     reviewable: bool = False
+    unit: str = ""
 
 
 def _field(
@@ -47,10 +49,11 @@ def _field(
     *,
     positional: bool = False,
     file: bool = False,
+    unit: str = "",
     reviewable: bool,
     **keywords: Any,
 ) -> Any:
-    option = Option(keywords, accepted, positional, file, reviewable)
+    option = Option(keywords, accepted, positional, file, reviewable, unit)
     return dataclasses.field(default=initial, metadata={"option": option})
 
 
@@ -94,7 +97,7 @@ def quantity(  # noqa: PLR0913  # each keyword says one thing of an option
     """
 
     accepted = _number(unit, meaning, above, at_least, below)
-    return _field(default, accepted, reviewable=reviewable, metavar=metavar, help=meaning, default=text)
+    return _field(default, accepted, unit=unit, reviewable=reviewable, metavar=metavar, help=meaning, default=text)
 
 
 def quantities(unit: str, metavar: str, meaning: str, *, above: float | None = None, below: float | None = None) -> Any:
@@ -105,7 +108,7 @@ def quantities(unit: str, metavar: str, meaning: str, *, above: float | None = N
         items = value if isinstance(value, list | tuple) else [value]
         return tuple(one(name, item) for item in items)
 
-    return _field((), accepted, reviewable=True, metavar=metavar, help=meaning, action="append", default=[])
+    return _field((), accepted, unit=unit, reviewable=True, metavar=metavar, help=meaning, action="append", default=[])
 
 
 def _number(
@@ -283,8 +286,28 @@ class Options:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             option: Option = field.metadata["option"]
-            value = option.accepted(_named(field.name, option), getattr(self, field.name))
-            object.__setattr__(self, field.name, value)
+            given = getattr(self, field.name)
+            object.__setattr__(self, field.name, option.accepted(_named(field.name, option), given))
+            for item in given if isinstance(given, list | tuple) else [given]:
+                if option.unit and isinstance(item, str):
+                    self._typed.append((_named(field.name, option), item, option.unit))
+
+    @cached_property
+    def _typed(self) -> list[tuple[str, str, str]]:
+        """The quantities that were given as text: each option, the text as typed, and the option's SI unit."""
+        return []
+
+    def check_units(self, machine: Machine) -> None:
+        """Raises BadInputError for a quantity in the units [-] of an axis of another kind than this machine's."""
+        from models.quantity import is_rotary
+
+        for name, text, unit in self._typed:
+            rotary = is_rotary(text, unit)
+            if rotary is not None and rotary != (machine.axis == "rotary"):
+                kind = "moves straight" if rotary else "turns"
+                raise BadInputError(
+                    f"{name}: {text!r} is no size of this machine, whose axis {kind}; give it in {machine.unit(unit)}"
+                )
 
     def usual_machine(self) -> Path | None:
         """The machine file that the other options lead to where `machine` is not given; None: the default one."""

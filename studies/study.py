@@ -98,7 +98,9 @@ class Study:
     def compute(self, machine: Machine, options: Options, progress: Callable[[float, str], None]) -> Answer:
         """Answers the question for a machine. Raises BadInputError."""
         answer: Answer = import_module(f"studies.{self.name}.compute").compute(machine, options, progress)
-        return answer
+        return dataclasses.replace(
+            answer, checks=tuple(dataclasses.replace(check, unit=machine.unit(check.unit)) for check in answer.checks)
+        )
 
     def report(self, results: Mapping[str, Any]) -> Report:
         """The report of the content of results.json."""
@@ -133,6 +135,7 @@ def machine_for(options: Options) -> tuple[Machine, Path | None]:
     else:
         path = options.machine or options.usual_machine() or DEFAULT
         machine = machine_of(path)
+    options.check_units(machine)
     return (machine if options.controller is None else _with_pid(machine, options.controller)), path
 
 

@@ -8,12 +8,13 @@ because a gap that a re-fit closes needs no new physics.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.friction import elements
 from models.machine import Machine
 from models.variation import Variation, varied
 
@@ -24,7 +25,7 @@ FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
 FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
 LOADED: Final = 20.0  # bound of the mass: a load may have been left on the table
 UNKNOWN_DELAY: Final = 0.5  # sample times: deviation of a dead time that a file neglects; drives take one or two
-LOOSE: Final = ("mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level")
+LOOSE: Final = ("mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level", "thrust_constant")
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float]]:
     yield from (("mode_frequency", tolerance.frequency) for _ in flexible)
     yield from (("mode_damping", tolerance.damping) for _ in flexible)
     yield "dead_time", _delay_deviation(machine)
+    if tolerance.thrust_constant > 0:
+        yield "thrust_constant", tolerance.thrust_constant
     yield "amplifier_offset", tolerance.offset
     yield "friction_level", tolerance.friction_level
     yield from (("presliding_stiffness", tolerance.stiffness) for _ in friction.stiffness)
@@ -91,7 +94,11 @@ def _delay_deviation(machine: Machine) -> float:
 
 def applied(layout: Parameters, theta: Array) -> Machine:
     """The machine with the deviations theta (P,), whose offset [N] is added to the file's; without the initial state of
-    the friction, which belongs to the records."""
+    the friction, which belongs to the records.
+
+    A thrust constant that is off, where it may be, divides the friction and the file's offset: these are known in
+    newtons, and act in newtons of thrust reference.
+    """
     machine = layout.machine
     plant, level = machine.plant, float(theta[layout.of("friction_level")][0])
     gain, frequency, damping = ([0.0] * len(plant.modes) for _ in range(3))
@@ -108,7 +115,19 @@ def applied(layout: Parameters, theta: Array) -> Machine:
         dead_time=float(theta[layout.of("dead_time")][0]),
         offset=float(theta[layout.of("amplifier_offset")][0]),
     )
-    return varied(machine, variation)
+    stronger = float(np.exp(np.sum(theta[layout.of("thrust_constant")])))
+    return varied(_with_thrust(machine, stronger), variation) if stronger != 1 else varied(machine, variation)
+
+
+def _with_thrust(machine: Machine, stronger: float) -> Machine:
+    """The machine whose thrust constant is so many times the file's [1]."""
+    friction, drive = machine.friction, machine.drive
+    return replace(
+        machine,
+        plant=replace(machine.plant, thrust_constant=machine.plant.thrust_constant * stronger),
+        friction=elements(np.array(friction.stiffness) / stronger, np.array(friction.limit), friction.damping),
+        drive=replace(drive, offset=drive.offset / stronger),
+    )
 
 
 def _relative(logarithm: float) -> float:

@@ -309,7 +309,7 @@ def _plant_slopes(candidate: Candidate, record: Record, residual: Residual, mode
     reading = record.position - residual.acts.reading - _vibration(candidate, residual.force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0] = reading[0]
-    names = ("payload_mass", "mode_gain", "mode_frequency", "mode_damping")
+    names = ("payload_mass", "thrust_constant", "mode_gain", "mode_frequency", "mode_damping")
     for j in np.concatenate([layout.of(name) for name in names]):
         theta = candidate.theta.copy()
         theta[j] += step
@@ -346,6 +346,9 @@ def _force_slopes(
     elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
     _element_slopes(residual.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
     slopes[:, order] = responses(model, force)
+    stronger = layout.of("thrust_constant")  # of the plant so far; it makes friction and the file's offset smaller
+    for name, size in (("friction_level", 1.0), ("amplifier_offset", layout.machine.drive.offset)):
+        slopes[:, stronger] -= size * slopes[:, layout.of(name)]
 
 
 @compiled

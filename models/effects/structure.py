@@ -57,6 +57,25 @@ class FloorVibration(Effect):
 
 
 @hook
+def _falling(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    return value - p[0] * math.sin(now[X] + p[1])
+
+
+@dataclass(frozen=True)
+class Gravity(Effect):
+    """The weight of what turns about a horizontal axis, its centre of mass beside it. Positions are angles [rad]."""
+
+    name: ClassVar = "gravity"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"d=-A\sin(x/\mathrm{rad}+\varphi)"
+    source: ClassVar = "statics: A = m g r of a centre of mass at a distance r; sizes assumed"
+    hooks: ClassVar = {Place.FORCE: _falling}
+    common: ClassVar = False  # a table on a level base has none; a machine file that states its size has it
+    amplitude: float = parameter("N", "torque A with the centre of mass level with the axis", 0.1, 10.0, "amplitude")
+    phase: float = phase()
+
+
+@hook
 def _pulling(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value - p[0] * now[X]
 

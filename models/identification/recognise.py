@@ -38,6 +38,7 @@ def read(
         limit=machine.drive.rated_thrust,
         resolution=machine.scale.resolution,
         stiffness=float(sum(machine.friction.stiffness)),
+        rotary=machine.axis == "rotary",
     )
 
 

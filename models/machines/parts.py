@@ -199,10 +199,21 @@ class Covered:
 @dataclass(frozen=True)
 class Tolerance:
     """How well the values are known, as standard deviations. A diagnosis re-fits within 3 of them, what a changed drive
-    or preload moves (modes, dead time, friction level) within 8, and the mass within 20."""
+    or preload moves (modes, dead time, friction level) within 8, and the mass within 20.
+
+    In position and command alone only ratios to the thrust constant show. Where the mass is known by itself (a small
+    `mass`) and `thrust_constant` is stated, a re-fit moves it, and with it all forces that are stated in newtons.
+    """
 
     mass: float = value(
         "1", "standard deviation of mass over thrust constant, of its value", above=0, below=1, default=0.015
+    )
+    thrust_constant: float = value(
+        "1",
+        "standard deviation of the thrust constant, of its value, where the mass itself is known (0: not told apart)",
+        at_least=0,
+        below=1,
+        default=0.0,
     )
     mode_gain: float = value(
         "1", "standard deviation of a vibration mode's gain, of its value", above=0, below=1, default=0.055

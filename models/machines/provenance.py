@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 SOURCES: Final = ("paper", "datasheet", "given", "derived", "identified", "assumed")
@@ -26,7 +26,8 @@ class Provenance:
     """Where a value comes from: `kind` is one of SOURCES, `detail` says which section, rule, method or assumption.
 
     record, sha256: the file that it was identified from, and that file's hash; empty for any other. std: its standard
-    deviation in the value's own unit, one for each number of a list; None where it is not known.
+    deviation in the value's own unit, one for each number of a list; None where it is not known. rotary: whether the
+    value was given in units of an axis that turns; None where these are the same as others'.
     """
 
     kind: str
@@ -35,3 +36,9 @@ class Provenance:
     record: str = ""
     sha256: str = ""
     std: float | tuple[float, ...] | None = None
+    rotary: bool | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def plain(self) -> dict[str, object]:
+        """The fields but `rotary`, by their names, as results.json has them."""
+        return {name: content for name, content in vars(self).items() if name != "rotary"}

@@ -23,7 +23,7 @@ from models.effects.base import Effect
 from models.effects.priors import Priors
 from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
 from models.machines.text_file import brief, text_of
-from models.quantity import Declaration, QuantityError, check, cut, declaration, parse
+from models.quantity import Declaration, QuantityError, check, cut, declaration, is_rotary, parse, rotary
 
 ENTRY: Final = ("value", "std", "source", "record", "sha256", "note")  # keys of a value that is written as a table
 
@@ -145,9 +145,10 @@ def _ranges(
 def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sources: dict[str, Provenance]) -> object:
     """The float, the tuple of floats, the int or the word in its place at `where`, its source put into `sources`."""
     text, source = _provenance(entry, where)
-    if isinstance(entry, dict) and "std" in entry:
-        source = dataclasses.replace(source, std=_deviation(entry["std"], declared, text, where))
-    sources[where] = source
+    std = entry.get("std") if isinstance(entry, dict) else None
+    if std is not None:
+        source = dataclasses.replace(source, std=_deviation(std, declared, text, where))
+    sources[where] = dataclasses.replace(source, rotary=_rotary(text, std, declared, where))
     words = _words(hint)
     if isinstance(text, str) and text in words:
         return text
@@ -167,6 +168,15 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
         return tuple(_number(item, declared) for item in text)
     except QuantityError as error:
         raise MachineError(f"{where}: {error}{_of_motor(text)}") from error
+
+
+def _rotary(text: object, std: object, declared: Declaration, where: str) -> bool | None:
+    """Whether a value and its standard deviation are in units of an axis that turns; None where none tells."""
+    texts = [one for part in (text, std) for one in (part if isinstance(part, list) else [part])]
+    kinds = {is_rotary(one, declared.unit) for one in texts} - {None}
+    if len(kinds) > 1:
+        raise MachineError(f"{where}: mixes {declared.unit} with {rotary(declared.unit)}; give all in the same unit")
+    return next(iter(kinds), None)
 
 
 def _words(hint: Any) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ class Facts:
     """What is nominally known of a machine [SI], to see more in its records; None: not known.
 
     The feedback that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N],
-    the resolution of the scale [m] and the stiffness of the friction at rest [N/m].
+    the resolution of the scale [m], the stiffness of the friction at rest [N/m], and whether the axis turns.
     """
 
     pid: Feedback | None = None
@@ -50,6 +50,7 @@ class Facts:
     limit: float | None = None
     resolution: float | None = None
     stiffness: float | None = None
+    rotary: bool | None = None
 
 
 def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Final
 
-from models.quantity import QuantityError, parse
+from models.quantity import QuantityError, is_rotary, parse
 
 _ENTRY: Final = re.compile(r"\s*(?P<name>[^\[\]*]+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*(?:\*\s*(?P<factor>[^*]+))?\s*")
 _NUMBER: Final = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
@@ -22,13 +22,15 @@ _ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232}
 @dataclass(frozen=True)
 class Source:
     """Where one signal comes from: the file's column `name`, times `factor` to SI; decibels: 20 log10 of it;
-    absolute: a deviation in m/N, not relative to the magnitude; unit: of the column, "" where none is stated."""
+    absolute: a deviation in m/N, not relative to the magnitude; unit: of the column, "" where none is stated; rotary:
+    whether it is one of an axis that turns, None where nothing tells."""
 
     name: str
     factor: float
     decibels: bool = False
     absolute: bool = field(default=False, repr=False)
     unit: str = field(default="", repr=False)
+    rotary: bool | None = field(default=None, repr=False)
 
 
 DERIVATIVES: Final = ("error", "position")
@@ -86,7 +88,10 @@ class Columns:
             return Source(name, _ANGLES[unit or "deg"] * _factor("", factor, "1", signal), unit=unit)
         absolute = signal == "deviation" and "/" in unit
         wanted = UNITS["magnitude" if absolute else signal]
-        return Source(name, _factor(unit, factor, wanted, signal), absolute=absolute, unit=unit)
+        quantity = _one(unit, factor, signal)
+        return Source(
+            name, _parsed(quantity, wanted, signal), absolute=absolute, unit=unit, rotary=is_rotary(quantity, wanted)
+        )
 
 
 UNITS: Final = {
@@ -129,6 +134,11 @@ def _is_of(quantity: str, signal: str) -> bool:
 
 def _factor(unit: str, factor: str, wanted: str, signal: str) -> float:
     """The SI value of `factor` times one `unit`; no unit at all means that the column is in SI already."""
+    return _parsed(_one(unit, factor, signal), wanted, signal)
+
+
+def _one(unit: str, factor: str, signal: str) -> str:
+    """`factor` times one `unit`, as text; without a unit if neither has one."""
     match = _NUMBER.fullmatch(factor)
     if match is None:
         raise ValueError(
@@ -136,7 +146,13 @@ def _factor(unit: str, factor: str, wanted: str, signal: str) -> float:
         )
     number, own = match.groups()
     units = " * ".join(part for part in (f"({own})" if own else "", f"({unit})" if unit else "") if part)
+    return f"{number} {units}"
+
+
+def _parsed(quantity: str, wanted: str, signal: str) -> float:
+    """The number of `wanted` in a quantity; in one without a unit, the number itself. Raises ValueError."""
+    number, _, unit = quantity.partition(" ")
     try:
-        return parse(f"{number} {units or wanted}", wanted)
+        return parse(f"{number} {unit or wanted}", wanted)
     except QuantityError as error:
         raise ValueError(f"{signal}: {error}") from error

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -68,8 +68,10 @@ def load(
     try:
         if names["frequency"] in table.names and names["position"] not in table.names:
             response, used = _response(table, columns), {s: names[s] for s in ("frequency", "magnitude", "phase")}
+            _check_units(table, columns, used, facts)
             return Loaded(path.name, digest, response, (), (), recognised(table, columns, used, response))
         record, given, placed = _record(table, columns, facts.sample_time)
+        _check_units(table, columns, given, facts)
         said = (*placed, *findings(_as_it_ran(record, columns, facts), given, facts))
         doubted = doubts(record, set(given), facts)
         if trusted:
@@ -225,6 +227,18 @@ def _signal(table: Table, columns: Columns, signal: str) -> Array:
             f'{signal} = "NAME [unit] * factor" in the machine file\'s [record] or by --column'
         )
     return _in_si(table, columns, signal, source.name)
+
+
+def _check_units(table: Table, columns: Columns, names: Mapping[str, str], facts: Facts) -> None:
+    """Raises RecordError for a column in the units of an axis of the other kind; names: of each signal's column."""
+    for signal, name in names.items():
+        rotary = columns.source(signal, table.units.get(name, "")).rotary
+        if facts.rotary is not None and rotary is not None and rotary != facts.rotary:
+            kind, given = ("turns", "metres or newtons") if facts.rotary else ("moves straight", "angles or N m")
+            raise RecordError(
+                f"column {cut(name)} for the {signal} is in {given}, and the machine's axis {kind}; correct the unit, "
+                'or axis = "linear" or "rotary" above the tables of the machine file'
+            )
 
 
 def _in_si(table: Table, columns: Columns, signal: str, name: str) -> Array:

@@ -17,10 +17,10 @@ import numpy as np
 from design.controller import design_deadbeat
 from design.deadbeat import DesignError
 from design.pid.rules import simc
-from models.machine import Machine, MachineError, from_table
+from models.machine import AXES, Machine, MachineError, from_table
 from models.machines.parts import MOST_COMPENSATED
 from models.plant import Mode, Plant, delay_split
-from models.quantity import QuantityError, parse, show
+from models.quantity import QuantityError, is_rotary, listed, parse, rotary, show
 from studies.beforehand import require_designable
 from studies.new_machine.answers import ANSWERS, OPTIONAL
 from studies.options import BadInputError
@@ -68,6 +68,19 @@ def _numbers(answers: Mapping[str, str]) -> dict[str, float]:
     return {"dead_time": DEAD_TIME * numbers["sample_time"], **numbers}
 
 
+def _axis(answers: Mapping[str, str]) -> str:
+    """Which kind of axis the answers' units are of, a key of AXES. Raises BadInputError where they mix both kinds."""
+    kinds = {one.option: is_rotary(answers[one.name], one.unit) for one in ANSWERS if one.name in answers}
+    turning = [option for option, rotary in kinds.items() if rotary]
+    straight = [option for option, rotary in kinds.items() if rotary is False]
+    if turning and straight:
+        raise BadInputError(
+            f"{listed(straight)}: in units of an axis that moves straight, and {listed(turning)} of one that turns; "
+            "give all in rad, N m and kg m^2, or all in m, N and kg"
+        )
+    return AXES[bool(turning)]
+
+
 def _require_reachable(machine: Machine) -> None:
     """Raises BadInputError where the answers ask for what the drive can't do, or the scale can't see."""
     require_designable(machine, "the answers")
@@ -98,15 +111,19 @@ def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -
     pid = simc(plant, ts, CLOSED_LOOP * (plant.dead_time + ts / 2), 0.0)
     limits = np.geomspace(FINEST * numbers["presliding"], numbers["presliding"], ELEMENTS)
     stiffness = numbers["friction_force"] / ELEMENTS / limits
-    power = numbers["rated_thrust"] * numbers["rated_speed"]
+    power, axis = numbers["rated_thrust"] * numbers["rated_speed"], _axis(answers)
+    kind = "" if axis == AXES[0] else f'axis = "{axis}"\n'
+    angle, torque = (rotary(unit) if kind else unit for unit in ("m", "N"))
 
     def given(key: str) -> str:
         return _entry(_quoted(answers[key]), f"given: --{key.replace('_', '-')}")
 
     def number(value: float, unit: str, source: str) -> str:
+        unit = rotary(unit) if kind else unit
         return _entry(_quoted(f"{value:.6g} {unit}" if unit else f"{value:.6g}"), source)
 
-    def listed(values: np.ndarray[tuple[int], np.dtype[np.float64]], unit: str, source: str) -> str:
+    def each(values: np.ndarray[tuple[int], np.dtype[np.float64]], unit: str, source: str) -> str:
+        unit = rotary(unit) if kind else unit
         return _entry("[" + ", ".join(_quoted(f"{value:.6g} {unit}") for value in values) + "]", source)
 
     delay = given("dead_time") if "dead_time" in answers else number(numbers["dead_time"], "s", "assumed: 1.5 T_s")
@@ -118,7 +135,7 @@ def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -
 #   python -m studies.identify_machine --machine THIS_FILE --write-references FOLDER   (what to run on the axis)
 #   python -m studies.identify_machine RECORD... --machine THIS_FILE                   (what its records say)
 name = {_quoted(name)}
-
+{kind}
 [drive]
 rated_thrust = {given("rated_thrust")} # the commands are forces; see [record]
 rated_power = {number(power, "W", "assumed: rated thrust x rated speed")} # see the motor's datasheet
@@ -127,10 +144,10 @@ current_loop_bandwidth = {number(CURRENT_LOOP / ts, "Hz", "assumed: a quarter of
 
 [scale]
 resolution = {given("resolution")}
-noise = {_entry(_quoted("0 m"), "assumed: not known")} # 0: 0.3 steps of the resolution are assumed where noise matters
+noise = {number(0, "m", "assumed: not known")} # 0: 0.3 steps of the resolution are assumed where noise matters
 
 [plant]
-thrust_constant = {_entry(_quoted("1"), "assumed: the thrust reference is in newtons")} # newtons a newton commanded
+thrust_constant = {_entry(_quoted("1"), f"assumed: the reference is in {torque}")} # {torque} per {torque} commanded
 dead_time = {delay} # from command to thrust, the hold included
 
 [[plant.modes]] # the rigid body; each vibration mode is one more [[plant.modes]] with its frequency and damping
@@ -139,9 +156,9 @@ frequency = {_entry(_quoted("0 Hz"), "given: a rigid body")}
 damping = {_entry(_quoted("0"), "given: a rigid body")}
 
 [friction] # elements in parallel: springs that slip at their limit; slow loops on the axis identify them
-limit = {listed(limits, "m", f"assumed: {share} up to --presliding {answers['presliding']}")}
-stiffness = {listed(stiffness, "N/m", f"assumed: {share}, --friction-force {answers['friction_force']} together")}
-damping = {listed(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not depend on speed")}
+limit = {each(limits, "m", f"assumed: {share} up to --presliding {answers['presliding']}")}
+stiffness = {each(stiffness, "N/m", f"assumed: {share}, --friction-force {answers['friction_force']} together")}
+damping = {each(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not depend on speed")}
 
 [control]
 sample_time = {given("sample_time")}
@@ -163,8 +180,8 @@ interval = {number(interval, "s", "assumed: from one motion to the next")}
 motions = {_entry("5", "assumed: in one direction before the reversal")}
 
 # [record] # how the records' columns are called; a motor's force constant belongs here:
-# position = "x [mm]"
-# command = "current [A] * 42 N/A"
+# position = "x [m{angle}]"
+# command = "current [A] * 42 {torque}/A"
 """
 
 

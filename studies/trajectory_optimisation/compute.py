@@ -127,7 +127,7 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
         "beyond": _beyond(machine, made.chosen, judged["rows"]),
         "fell_back": made.chosen is not made.asked,
         "solver": _solver(made),
-        "parameters": [vars(one) | {"provenance": vars(one.provenance)} for one in parameters(machine)],
+        "parameters": [vars(one) | {"provenance": one.provenance.plain} for one in parameters(machine)],
     }
     files = {"controller.json": _controller_file(machine, wanted, made.chosen, learner)}
     return Answer(results, _checks(machine, wanted, results), files, [*_summary(results), *counted.summary])

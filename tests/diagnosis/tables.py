@@ -39,12 +39,13 @@ def table() -> Machine:
 
 
 def asking(machine: Machine) -> Machine:
-    """The machine whose file asks for the effects that are not common, with the sizes that they have elsewhere."""
+    """The machine whose file asks for the effects that are not common, with the sizes that they have elsewhere; not
+    for gravity, which only an axis that turns has."""
     stated = {
         (name, item.name): (item.low, item.high)
         for name, kind in every().items()
         for item in ranges_of(kind)
-        if not kind.common and item.role in SIZES
+        if not kind.common and name != "gravity" and item.role in SIZES
     }
     return replace(machine, priors=Priors.of(stated))
 

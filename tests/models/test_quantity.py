@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from decimal import Decimal
 
@@ -14,9 +15,11 @@ from models.quantity import (
     QuantityError,
     _factor,
     _factor_of_any,
+    is_rotary,
     json_name,
     listed,
     parse,
+    rotary,
     show,
 )
 
@@ -55,14 +58,43 @@ UNITS = st.one_of(
 )
 def test_the_usual_units_are_those_of_the_registry(given_unit: str, unit: str) -> None:
     """The table of usual units only saves the time in which the registry of all units is made."""
-    assert outcome(_factor, given_unit, unit) == outcome(_factor_of_any, given_unit, unit)
+    wanted = rotary(unit) if is_rotary(f"1 {given_unit}", unit) else unit
+    assert outcome(lambda: _factor(given_unit, unit)) == outcome(lambda: _factor_of_any(given_unit, wanted, unit))
 
 
-def outcome(factor: Callable[[str, str], Decimal], given_unit: str, unit: str) -> Decimal | str:
+def outcome(factor: Callable[[], Decimal]) -> Decimal | str:
     try:
-        return factor(given_unit, unit)
+        return factor()
     except QuantityError as error:
         return str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "in_its_place", "number"),
+    [
+        ("180 deg", "m", "rad", math.pi),
+        ("2 urad", "m", "rad", 2e-6),
+        ("60 rpm", "m/s", "rad/s", 2 * math.pi),
+        ("0.5 N m", "N", "N m", 0.5),
+        ("3 kg cm^2", "kg", "kg m^2", 3e-4),
+        ("3 kg m2", "kg", "kg m^2", 3.0),
+        ("50 1/(kg m^2)", "1/kg", "1/(kg m^2)", 50.0),
+        ("2 mN m/mrad", "N/m", "N m/rad", 2.0),
+        ("3 N m s/rad", "N s/m", "N m s/rad", 3.0),
+        ("4 N m/(rad s)", "N/(m s)", "N m/(rad s)", 4.0),
+        ("0.1 N m/A", "N/A", "N m/A", 0.1),
+    ],
+)
+def test_an_axis_that_turns_has_units_of_its_own(text: str, unit: str, in_its_place: str, number: float) -> None:
+    assert rotary(unit) == in_its_place
+    assert parse(text, unit) == pytest.approx(number, rel=1e-15)
+    assert is_rotary(text, unit) is True
+    assert is_rotary(f"1 {unit}", unit) is False
+
+
+def test_most_units_are_the_same_for_an_axis_that_turns() -> None:
+    for unit in ("s", "Hz", "W", "1", "1/s", "A"):
+        assert (rotary(unit), is_rotary(f"1 {unit}", unit)) == (unit, None)
 
 
 @given(st.decimals(min_value="1e-9", max_value="1e9", places=6))
@@ -80,9 +112,10 @@ def test_micrometres_are_rounded_once(number: object) -> None:
         ("inf s", "s", "not a finite number"),
         ("240 rad/s", "Hz", "angle"),
         ("60 rpm", "Hz", "angle; give frequencies in Hz"),
-        ("90 deg", "m", "write a radian as a metre"),
-        ("3 N m s/rad", "N s/m", "1 N m as 1 N and 1 kg m2 as 1 kg"),
-        ("60 rpm", "m/s", "write a radian as a metre"),
+        ("90 deg", "m/s", "of an axis that turns, write it in rad/s"),
+        ("3 N m s/rad", "N/m", "of an axis that turns, write it in N m/rad"),
+        ("60 rpm", "m", "of an axis that turns, write it in rad"),
+        ("7 N m s", "N s/m", "this is a quantity in N s/m"),
         ("fast", "s", "must be a number with a unit"),
         ("2 m", "1", "a plain number"),
         ("1 m; import os", "m", "unknown unit"),

@@ -4,10 +4,10 @@ Orders are fitted one after the other, with lag and drag beside the modes where 
 for them. From the order with the best criterion on, whatever is no mode is taken out and the rest fitted again: what
 ends at a bound of the search or outside the measured band, is damped as no structure is, is narrower than the lines of
 a single record, forms a pair with a neighbour of the other sign, or whose residue is smaller than three deviations.
-Then every part, mode, lag or drag, whose loss raises the criterion by less than ten is taken out, the least first. Of a
-record with thousands of lines a few hundred decide how many modes there are; lag and drag are small, and decided on all
-the lines. The criterion is Bayes's, with the errors' variance that the best order leaves: without that, what no mode explains (an
-encoder's period, an amplifier's knee) would be explained by ever more of them.
+Then every part, mode, lag or drag, whose loss raises the criterion by less than ten is taken out, the least first. The
+criterion is Bayes's, with the errors' variance that the best order leaves: without that, what no mode explains (an
+encoder's period, an amplifier's knee) would be explained by ever more of them. Of a record with thousands of lines a
+few hundred decide how many modes there are; lag and drag are small, and are decided on all of them.
 """
 
 from __future__ import annotations

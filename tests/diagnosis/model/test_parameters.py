@@ -9,9 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diagnosis.experiments.schedules import strokes
 from diagnosis.model.parameters import FURTHER, applied, bounded, parameters
+from diagnosis.refit import refit
+from models.friction import elements
 from models.machine import Provenance, load
-from tests.diagnosis.tables import table
+from tests.diagnosis.tables import recorded, table
 
 MACHINE = table()
 
@@ -26,6 +29,26 @@ def test_a_negative_gain_keeps_its_sign_whatever_the_fit_does() -> None:
         assert moved[-1].gain < 0 < moved[0].gain
     theta = np.where(layout.of("mode_gain")[-1] == np.arange(layout.count), 0.1, 0.0)
     assert applied(layout, theta).plant.modes[-1].gain == pytest.approx(-np.exp(0.1) * last.gain, rel=1e-14)
+
+
+def test_a_wrong_thrust_constant_is_found_where_the_mass_is_known() -> None:
+    """The friction's force in newtons is right, and so it acts less in newtons of thrust reference."""
+    wrong, right = 0.88, replace(MACHINE, drive=replace(MACHINE.drive, offset=1.0))
+    truth = replace(
+        right,
+        plant=replace(right.plant, thrust_constant=wrong * right.plant.thrust_constant),
+        friction=elements(
+            np.array(right.friction.stiffness) / wrong, np.array(right.friction.limit), right.friction.damping
+        ),
+        drive=replace(right.drive, offset=1.0 / wrong),
+    )
+    known = replace(right, tolerance=replace(right.tolerance, mass=1e-3, thrust_constant=0.05))
+    records = recorded(truth, [strokes(truth, 2e-3, (0.01, 0.02))], seed=3, wrong=0.0)
+    found = refit(parameters(known, len(records)), records).candidate
+    assert found.machine.plant.thrust_constant == pytest.approx(wrong, abs=0.01)
+    assert found.machine.plant.modes[0].gain == pytest.approx(right.plant.modes[0].gain, rel=5e-3)
+    assert found.machine.drive.offset == pytest.approx(1.0 / wrong, abs=0.2)
+    assert "thrust_constant" not in parameters(right, 1).names
 
 
 @given(st.floats(0, 1e-4), st.floats(-1, 1))
