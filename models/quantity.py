@@ -238,7 +238,8 @@ def _quantity(unit_text: str, unit: str) -> Any:
 
 def _angles(quantity: Any) -> float:
     """The power [-] in which a quantity holds angles, which count as numbers in its dimension."""
-    return float(quantity.to_root_units()._units.get("radian", 0))
+    units = quantity._units.items()
+    return float(sum(power * _registry().get_root_units(str(one))[1]._units.get("radian", 0) for one, power in units))
 
 
 def _usual(text: str) -> tuple[int, ...] | None:

@@ -68,10 +68,12 @@ class Gravity(Effect):
     name: ClassVar = "gravity"
     family: ClassVar = "structure"
     equation: ClassVar = r"d=-A\sin(x/\mathrm{rad}+\varphi)"
-    source: ClassVar = "statics: A = m g r of a centre of mass at a distance r; sizes assumed"
+    source: ClassVar = "assumed: statics, A = m g r of a centre of mass at a distance r from the axis"
     hooks: ClassVar = {Place.FORCE: _falling}
     common: ClassVar = False  # a table on a level base has none; a machine file that states its size has it
-    amplitude: float = parameter("N", "torque A with the centre of mass level with the axis", 0.1, 10.0, "amplitude")
+    amplitude: float = parameter(
+        "N", "torque A while the centre of mass is level with the axis", 0.1, 10.0, "amplitude", at_least=0
+    )
     phase: float = phase()
 
 

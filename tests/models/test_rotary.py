@@ -14,6 +14,7 @@ from models.machine import Machine, MachineError, from_table, load, parameters
 from models.machine_file import to_toml
 from models.records.columns import Columns
 from models.records.files import load as load_record
+from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from models.simulation.simulator import simulate
 from studies.deadbeat_design.__main__ import STUDY
@@ -87,6 +88,7 @@ def test_columns_in_degrees_and_newton_metres_are_those_of_an_axis_that_turns(tm
     np.savetxt(path, rows, delimiter=",", header="t [s],i [A],q [deg]", comments="")
     columns = Columns(time="t", command="i * 0.1 N m/A", position="q")
     record = load_record(path, columns, rotary=True).content
+    assert isinstance(record, Record)
     np.testing.assert_allclose(record.position, np.deg2rad(angle), rtol=1e-6)
     np.testing.assert_allclose(record.command, 0.1 * rows[:, 1], rtol=1e-6)
     with pytest.raises(RecordError, match="is in angles or N m, and the machine's axis moves straight"):

@@ -36,7 +36,7 @@ AGREED = {
     "protocol": "controller_mismatch",
 }
 
-ASKED = ("velocity_strengthening",)  # looked for only where a machine file states their sizes
+ASKED = ("velocity_strengthening", "gravity")  # looked for only where a machine file states their sizes
 
 README = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
 OWN = textwrap.dedent(README[README.index('    """Friction that grows') :].partition("\n\nThe simulator")[0]) + "\n"
