@@ -67,6 +67,8 @@ class Gravity(Effect):
 
     name: ClassVar = "gravity"
     family: ClassVar = "structure"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "even"
     equation: ClassVar = r"d=-A\sin(x/\mathrm{rad}+\varphi)"
     source: ClassVar = "assumed: statics, A = m g r of a centre of mass at a distance r from the axis"
     hooks: ClassVar = {Place.FORCE: _falling}

@@ -117,16 +117,23 @@ def chosen(problem: Problem, most: int, *, drag: bool, exactly: int | None = Non
 
 def _with_all_lines(problem: Problem, one: Candidate, *, drag: bool) -> tuple[Candidate, dict[str, float]]:
     """The candidate fitted to all lines, with the lag and the drag that these show, and what each is worth."""
-    structure = Structure(lag=True, drag=drag)
-    usual = trend(structure, problem)  # begins with ln k_0, dead time, lag
-    start = [one.theta[0], *one.theta[1 : one.structure.before]]
-    if not one.structure.lag:
-        start[1:2] = [one.theta[1] - usual[2], usual[2]]
-    if drag and not one.structure.drag:
-        start.append(usual[-1])
-    whole = fitted(problem, structure, np.array([*start, *one.theta[one.structure.before :]]))
+    whole = fitted(problem, one.structure, one.theta)
+    for structure in (replace(one.structure, lag=True), Structure(lag=True, drag=drag)):
+        if structure != whole.structure:
+            more = fitted(problem, structure, _with_parts(problem, whole, structure))
+            whole = min(whole, more, key=lambda fit: fit.cost)  # a search may end where nothing is gained
     scale = max(1.0, whole.cost / max(problem.size - whole.theta.size, 1))
     return _fewest(problem, whole, scale, modes=False)
+
+
+def _with_parts(problem: Problem, one: Candidate, structure: Structure) -> Array:
+    """theta (p,) [1] of a candidate with a lag, and drag as the structure has it; what it lacks begins as is usual."""
+    theta, first = one.theta, one.structure.before
+    usual = trend(Structure(lag=True, drag=True), problem)  # ln k_0, dead time, lag, drag
+    lag = theta[2] if one.structure.lag else usual[2]
+    late = theta[1] if one.structure.lag else theta[1] - lag
+    drag = [theta[first - 1] if one.structure.drag else usual[3]] * structure.drag
+    return np.array([theta[0], late, lag, *drag, *theta[first:]])
 
 
 def fitted(problem: Problem, structure: Structure, start: Array, evaluations: int = 30) -> Candidate:
