@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from operator import call
 from pathlib import Path
 
@@ -16,8 +16,9 @@ from diagnosis.model.fit import Fit, weights
 from diagnosis.model.motions import Piece, numbered, pieces
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import parameters
+from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null, null
-from diagnosis.refit import refit_within
+from diagnosis.refit import weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
 from models.machine import Machine
@@ -45,7 +46,8 @@ class Baseline:
     @property
     def machine(self) -> Machine:
         """The machine as its file states it, but for a rated thrust that the drive was seen to exceed."""
-        return self.nominal.candidate.nominal
+        nominal = self.nominal.candidate.nominal
+        return replace(nominal, priors=nominal.priors.stated)
 
     @cached_property
     def segment(self) -> NDArray[np.int64]:
@@ -80,7 +82,7 @@ class Baseline:
         """The noise floor: chi-square (draws,) [1] that complete models leave of the records. On a drive that is
         rougher than its model, whose weights are fitted to the records, it is the number of samples."""
         if self.nominal.candidate.rough:
-            return np.array([float(np.sum(weights(self.records)))])
+            return np.maximum(self.null.floors(self.records), float(np.sum(weights(self.records))))
         return self.null.floors(self.records)
 
 
@@ -105,15 +107,17 @@ def refit_and_null(
     say = progress or (lambda _share, _text: None)
     say(0.02, "re-fitting the nominal parameters; simulating what the search gains by chance")
     records, known = with_what_was_added(machine, records, criteria)
+    machine = with_units(machine, records)
     layout = parameters(machine, len(records))
-    nominal, chance = parallel_map(
+    told = partial(say, 0.1)
+    smooth, chance = parallel_map(
         call,
-        (
-            lambda: refit_within(machine, records, criteria),
-            lambda: null(layout, records, cache=cache, say=lambda text: say(0.1, text)),
-        ),
+        (lambda: within_rating(machine, records), lambda: null(layout, records, cache=cache, say=told)),
     )
-    return Baseline(nominal, tuple(records), pieces(records), chance, criteria, known)
+    nominal = weighed(smooth, records, criteria, chance.usual)
+    if nominal.candidate.rough:  # what chance gains depends on how rough the drive is
+        chance = null(layout, records, cache=cache, say=told, roughness=nominal.candidate.roughness)
+    return Baseline(nominal, tuple(records), pieces(records, loop_time(machine)), chance, criteria, known)
 
 
 def with_what_was_added(

@@ -24,7 +24,8 @@ from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, noise, smooth
+from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, smooth
+from diagnosis.model.units import noise
 from diagnosis.null import simulated
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out
@@ -94,15 +95,12 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     nothing but a simulation tells from the floor, is it simulated as well.
     """
     records, first, final = baseline.records, stages[0].fitted, stages[-1].fitted
-    if final.candidate.rough and not stages[-1].carried_by(Carrier.FLOOR):
-        floor = measured(final, records, baseline.pieces, baseline.criteria, baseline.driving)
-    else:
-        floor = _simulated_floor(stages[-1], baseline, seed)
+    floor = _repeated_floor(stages[-1], baseline) or _simulated_floor(stages[-1], baseline, seed)
     known, weight = floor.known, weights(records)
     left = held_out(final, partial_out(final, baseline.segment)) * _deviations(final)
     left = left * noise(final.candidate.machine) * weight  # in the order of `signal`: closure of nothing is exactly 0
-    residuals, alike = first.residuals, replace(first.candidate, white_force=final.candidate.white_force)
-    if alike.white_force != first.candidate.white_force:  # what two filters leave cannot be compared
+    residuals, alike = first.residuals, replace(first.candidate, roughness=final.candidate.roughness)
+    if alike.roughness != first.candidate.roughness:  # what two filters leave cannot be compared
         residuals = evaluate(alike, records, first.paths, first.walk)
     before = signal(residuals, alike.machine) * weight
     fitted = signal(final.residuals, final.candidate.machine) * weight
@@ -113,6 +111,17 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     excess = float(fitted[known] @ fitted[known] / (np.mean([one @ one for one in least]) + more) - 1)
     deviation = np.sqrt(2 / np.count_nonzero(weight[known]) * floor.variance_ratio)  # of a ratio of white noises
     return Closure(share, interval, excess / float(deviation), floor)
+
+
+def _repeated_floor(stage: Stage, baseline: Baseline) -> NoiseFloor | None:
+    """The floor of a rough drive from what equal motions do not repeat; None where none are equal, or where it takes a
+    simulation to tell a random effect from the floor."""
+    fitted, records, criteria = stage.fitted, baseline.records, baseline.criteria
+    if not fitted.candidate.rough or stage.carried_by(Carrier.FLOOR):
+        return None
+    if np.isnan(unrepeated(fitted, records, baseline.pieces, criteria.min_equal_motions)).all():
+        return None
+    return measured(fitted, records, baseline.pieces, criteria, baseline.driving)
 
 
 def _simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
@@ -154,13 +163,14 @@ def measured(
 ) -> NoiseFloor:
     """The floor from what does not repeat between equal motions. An effect that does not repeat is floor here.
     driving: see `errors_of`."""
-    groups, apart = repeated(pieces, records), unrepeated(fitted, records, pieces, criteria.min_equal_motions)
+    groups = repeated(pieces, records, noise(fitted.candidate.nominal))
+    apart = unrepeated(fitted, records, pieces, criteria.min_equal_motions)
 
     def scattered() -> Gap:
         left = errors_of(fitted.candidate, records, fitted.paths, driving)
         return Gap(rms(scatter(groups, pieces, left.force)), rms(scatter(groups, pieces, left.position)), None)
 
-    size = fitted.residuals[0].deviation * noise(fitted.candidate.machine)
+    size = _deviations(fitted) * noise(fitted.candidate.machine)
     ratio = len(groups) / (sum(map(len, groups)) - len(groups))
     return NoiseFloor((apart * size,), (), ratio, "repeats", scattered)
 

@@ -149,6 +149,13 @@ class Criteria:
         "chi-square from which on commands are late now and then",
         "clean tables reach 15, tables with a loose load 65",
     )
+    late_commands_min_size: float = _criterion(
+        0.03,
+        "sample times",
+        "rms lateness from which on commands are late now and then",
+        "half of what one command in 250 makes that is late by a sample; a table with a scale of 5 nm, of which none "
+        "is, shows 0.02",
+    )
 
     # Backward elimination.
     max_force_ratio: float = _criterion(

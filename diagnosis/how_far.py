@@ -13,6 +13,7 @@ from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import STARTING, Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor
+from diagnosis.model.units import units
 from diagnosis.null import simulated
 from diagnosis.which.random_force import with_sines
 from models.machine import Machine
@@ -21,7 +22,7 @@ from models.records.settling import settling_time
 
 Array = NDArray[np.float64]
 
-SEEN_BY: Final = 0.05  # [N a sample] of the walk with which the unknown force is told in newtons
+SEEN_BY: Final = 2.5e-3  # of the friction a sample: walk with which the unknown force is told in newtons
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ class Errors:
 
 def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> tuple[Array, ...]:
     """The smoothed force (n,) [N] that a candidate lacks, by record, NaN before the state has settled."""
-    model = unweighted_predictor(candidate, records[0].sample_time, SEEN_BY)
+    walk = SEEN_BY * units(candidate.nominal).force / candidate.usual_white_force
+    model = unweighted_predictor(candidate, records[0].sample_time, walk)
     state = 2 * len(candidate.machine.plant.modes)
 
     def force(record: Record, residual: Residual) -> Array:
@@ -88,10 +90,10 @@ def errors_of(
 
 
 def quiet(candidate: Candidate) -> Candidate:
-    """The candidate with a scale that reads exactly."""
+    """The candidate with a scale that reads exactly, and a drive that is as smooth as its model."""
     machine = candidate.nominal
     still = replace(machine, scale=replace(machine.scale, noise=1e-15, resolution=0.0))
-    return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still)))
+    return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still), roughness=()))
 
 
 def _settling_differences(record: Record, made: Record, machine: Machine) -> Array:

@@ -16,6 +16,7 @@ import os
 import stat
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -28,9 +29,13 @@ from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, bounded, initial_state
 from diagnosis.model.residual import STARTING, Candidate
+from diagnosis.model.roughness import WhiteForce, variance_by_record
+from diagnosis.model.units import loop_time
+from diagnosis.which.command_jitter import lateness
 from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
 from models.effects.catalogue import in_order
+from models.effects.motor import TimingJitter
 from models.machine import Machine, to_json
 from models.records.record import Record
 from models.simulation.simulator import simulate
@@ -41,7 +46,8 @@ Chance = tuple[dict[str, float], tuple[float, ...], float]
 
 DRAWS: Final = 8
 LARGEST_CACHE: Final = 1 << 22  # bytes of a kept null, which has a few kB
-SETTLING: Final = 0.5  # s at rest before the record
+SEEDS, SAMPLES = 100_000, 10_000  # different seeds take different stretches of a white force
+SETTLING: Final = 138.0  # loop times at rest before the record
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,11 @@ class Null:
         """By effect, the chi-square [1] that it has to gain on held-out motions to be more than chance."""
         return {name: max(criteria.min_gain, criteria.null_safety * max(gains)) for name, gains in self.gains.items()}
 
+    @property
+    def usual(self) -> tuple[float, ...]:
+        """Chi-square per sample [1] that a complete model leaves of each record, the mean of the draws."""
+        return tuple(np.mean(self.variance, axis=0).tolist())
+
     def spike(self, criteria: Criteria) -> float:
         """Standard deviations [1] beyond which a single innovation stands out."""
         return max(criteria.spike, criteria.spike_safety * max(self.largest))
@@ -67,10 +78,12 @@ class Null:
 
 
 def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Record:
-    """The record that a candidate would have made of the same references, from the same start, with other noise."""
+    """The record that a candidate would have made of the same references, from the same start, with other noise, and as
+    rough as the candidate takes the record of this index to be."""
     machine, layout = candidate.machine, candidate.layout
+    effects = (*candidate.effects, *_white_force(candidate, index, seed))
     origin = float(record.reference[0])
-    lead = round(SETTLING / record.sample_time)
+    lead = round(SETTLING * loop_time(layout.machine) / record.sample_time)
     ahead = np.zeros(lead)
     given = References(
         np.concatenate([ahead, record.reference - origin]),
@@ -78,7 +91,7 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
         np.zeros(lead + record.reference.size),
     )
     run = simulate(
-        replace(machine, scale=machine.scale.noisy(), effects=candidate.effects),
+        replace(machine, scale=machine.scale.noisy(), effects=in_order(effects)),
         machine.feedback_only(),
         np.concatenate([ahead, record.target - origin]),
         given=given,
@@ -91,29 +104,42 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
     )  # fmt: skip
 
 
+def _white_force(candidate: Candidate, index: int, seed: int) -> tuple[WhiteForce, ...]:
+    """What a simulation needs beside its model to be as rough as a record; the usual white force is no force but stands
+    for the error of the friction along a smoothed path."""
+    rough = candidate.roughness_of(index)
+    if rough <= 1:
+        return ()
+    size = candidate.usual_white_force * math.sqrt(rough**2 - 1)
+    return (WhiteForce(size, candidate.nominal.sample_time, float(seed % SEEDS * SAMPLES)),)
+
+
 def null(
     layout: Parameters,
     records: Sequence[Record],
     *,
+    roughness: tuple[float, ...] = (),
     cache: Path | None = None,
     draws: int = DRAWS,
     say: Callable[[str], None] = lambda _: None,
 ) -> Null:
     """The gains of every effect on `draws` simulated tables without any; read from `cache` where they were kept.
 
+    roughness: the white force of each record over the usual one [1], which the tables have and their fits allow for.
     The cache is JSON in a folder of the user's. Where its file is spoiled, or somebody else owns the folder, the tables
     are simulated again.
     """
-    place = cache / f"{_key(layout.machine, records, draws)}.json" if cache else None
+    place = cache / f"{_key(layout.machine, records, draws, roughness)}.json" if cache else None
     kept = _kept(place, layout.machine.kinds, draws, len(records)) if place else None
     if kept is not None:
         return kept
     say(f"simulating the null, 1 of {draws}")
-    first = _drawn(layout, records, 0)
+    drawn = partial(_drawn, layout, records, roughness)
+    first = drawn(0)
     findings, known = scan(*first)  # its columns are those of the tables that follow, too
     results = [_gains(first, findings)]
     say(f"simulating the null, {min(2, draws)} of {draws}")
-    for result in parallel_map(lambda seed: _draw(layout, records, seed, known), range(1, draws)):
+    for result in parallel_map(lambda seed: _draw(drawn(seed), known), range(1, draws)):
         results.append(result)
         say(f"simulating the null, {min(len(results) + 1, draws)} of {draws}")
     gains: dict[str, list[float]] = {}
@@ -188,32 +214,33 @@ def _hash_of(content: Mapping[str, object]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _drawn(layout: Parameters, records: Sequence[Record], seed: int) -> Drawn:
+def _drawn(layout: Parameters, records: Sequence[Record], roughness: tuple[float, ...], seed: int) -> Drawn:
     """A table within the priors that runs the records' references: its re-fit, its records, what is left of them."""
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
-    truth = Candidate(layout, theta, in_order(layout.machine.effects))
+    truth = Candidate(layout, theta, in_order(layout.machine.effects), roughness=roughness)
     made = [*parallel_map(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
     fitted = one_step(truth, made, walk=WALK_OF_SCAN)
-    return fitted, made, partial_out(fitted, numbered(pieces(made), made))
+    return fitted, made, partial_out(fitted, numbered(pieces(made, loop_time(layout.machine)), made))
 
 
 def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
     """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation."""
-    spread = tuple(float(np.mean(seen.innovations[STARTING:] ** 2)) for seen in drawn[0].residuals)
-    return {finding.effect.name: finding.held_out for finding in findings}, spread, largest(drawn[0]).deviations
+    fitted, made, _ = drawn
+    gains = {finding.effect.name: finding.held_out for finding in findings}
+    gains[TimingJitter.name] = lateness(fitted, made).gain
+    return gains, tuple(variance_by_record(fitted).tolist()), largest(fitted).deviations
 
 
-def _draw(layout: Parameters, records: Sequence[Record], seed: int, known: Columns) -> Chance:
-    drawn = _drawn(layout, records, seed)
+def _draw(drawn: Drawn, known: Columns) -> Chance:
     return _gains(drawn, scan(*drawn, known=known)[0])
 
 
-WALK_OF_SCAN: Final = 4e-3  # [N a sample], as in the last step of the re-fit
+WALK_OF_SCAN: Final = 0.05  # usual white forces a sample, as in the last step of the re-fit
 
 
-def _key(machine: Machine, records: Sequence[Record], draws: int) -> str:
-    """A hash of all that the null depends on: machine, references, this program."""
+def _key(machine: Machine, records: Sequence[Record], draws: int, roughness: Sequence[float]) -> str:
+    """A hash of all that the null depends on: machine, references, roughness, this program."""
     digest = hashlib.sha256(json.dumps(to_json(machine), sort_keys=True).encode())
     for record in records:
         for signal in (record.target, record.reference, record.feedforward):
@@ -221,5 +248,5 @@ def _key(machine: Machine, records: Sequence[Record], draws: int) -> str:
     for folder in ("diagnosis", "models"):
         for path in sorted((Path(__file__).parents[1] / folder).rglob("*.py")):
             digest.update(path.read_bytes())
-    digest.update(str(draws).encode())
+    digest.update(repr((draws, machine.priors.units, tuple(roughness))).encode())
     return digest.hexdigest()[:32]

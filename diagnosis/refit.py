@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, fit, unrepeated
-from diagnosis.model.kalman import WHITE_FORCE
-from diagnosis.model.motions import pieces
+from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.model.roughness import unmodelled_variance, variance_by_record
 from diagnosis.model.start_states import search, static_equilibrium_start
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -23,7 +22,7 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-STEPS: Final = ((3e-2, 3), (1e-2, 3), (4e-3, 6))  # walk [N a sample] and iterations of the nominal re-fit
+STEPS: Final = ((0.375, 3), (0.125, 3), (0.05, 6))  # walk [usual white forces a sample] and iterations of the re-fit
 RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
 AGAIN: Final = 2  # times that the starts are searched once more
@@ -50,49 +49,58 @@ def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, 
     return started(fitted, records)
 
 
-def refit_within(machine: Machine, records: Sequence[Record], criteria: Criteria = Criteria()) -> Fit:
-    """The nominal re-fit, under the white force that it needs. Where commands go beyond the rated thrust, the drive
-    that followed them is tried as well: many do so for a while."""
-    return weighed(_within_rating(machine, records), records, criteria)
+def refit_within(
+    machine: Machine, records: Sequence[Record], criteria: Criteria = Criteria(), usual: Sequence[float] = ()
+) -> Fit:
+    """The nominal re-fit, under the white force [N] that each record needs; usual: see `weighed` [1]."""
+    return weighed(within_rating(machine, records), records, criteria, usual)
 
 
-def weighed(fitted: Fit, records: Sequence[Record], criteria: Criteria = Criteria()) -> Fit:
-    """The fit as it is, unless what does not repeat between equal motions is far more than its weights promise: then
-    fitted again under the white force [N] with which it leaves as much as they promise. Weights that a drive does not
-    keep drive what is nominal to its bounds. Where nothing repeats, nothing tells roughness from a law that is missing
-    (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40, 2004, estimate such a diffusion by likelihood). Where a
-    white force as large as the commands (their deviation) is not enough, it is no force, and the weights stay."""
-    if not fitted.candidate.rough and not _scatter(fitted, records, criteria) > criteria.rough_variance:
+def weighed(
+    fitted: Fit, records: Sequence[Record], criteria: Criteria = Criteria(), usual: Sequence[float] = ()
+) -> Fit:
+    """The fit as it is, unless a record is far rougher than its weights promise: then fitted again under the white
+    force with which each such record leaves as much as they promise. Weights that a drive does not keep drive what is
+    nominal to its bounds.
+
+    How rough a record is: see `roughness.unmodelled_variance` (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40,
+    2004, estimate such a diffusion by likelihood, which takes up a law that is missing as well). Where a white force as
+    large as the commands (their deviation) is not enough, it is no force, and the weights stay. usual: the variance of
+    what complete models leave of each record [1], if it is known.
+    """
+    candidate = fitted.candidate
+    apart = unmodelled_variance(fitted, records, criteria.min_equal_motions)
+    least = criteria.rough_variance * np.maximum(usual or np.ones(len(records)), 1.0)
+    rough = (apart > least) | (np.array([candidate.roughness_of(i) for i in range(len(records))]) > 1)
+    if not rough.any():
         return fitted
-    given, most = fitted, max(float(np.std(record.command)) for record in records)
-    slope, variance = 1.0, _variance(fitted)  # slope: how it falls while the white force rises, both as logarithms
+    given, most = fitted, max(float(np.std(record.command)) for record in records) / candidate.usual_white_force
+
+    slope, variance = (
+        np.ones(len(records)),
+        variance_by_record(fitted),
+    )  # slope: how it falls as the white force rises, as logarithms
     for _ in range(WEIGHED):
-        before = fitted.candidate.white_force
-        wanted = max(before * variance ** (1 / slope), WHITE_FORCE)
-        if abs(wanted / before - 1) < CLOSE:
+        before = np.array([fitted.candidate.roughness_of(i) for i in range(len(records))])
+        wanted = np.where(rough, np.maximum(before * variance ** (1 / slope), 1.0), before)
+        if np.all(np.abs(wanted / before - 1) < CLOSE):
             break
-        if min(before, wanted) >= most:
+        if np.any(np.minimum(before, wanted) >= most):
             return given
-        white_force = min(wanted, most)
-        fitted = fit(replace(fitted.candidate, white_force=white_force), records, paths=fitted.paths, walk=fitted.walk)
-        after = _variance(fitted)
-        slope = float(np.clip(-np.log(after / variance) / np.log(white_force / before), LEAST_SLOPE, 2.0))
+        roughness = np.minimum(wanted, most)
+        candidate = replace(fitted.candidate, roughness=tuple(roughness.tolist()))
+        fitted = fit(candidate, records, paths=fitted.paths, walk=fitted.walk)
+        after = variance_by_record(fitted)
+        moved = np.abs(np.log(roughness / before)) > 1e-6
+        fall = -np.log(after / variance) / np.log(np.where(moved, roughness / before, np.e))
+        slope = np.where(moved, np.clip(fall, LEAST_SLOPE, 2.0), slope)
         variance = after
     return started(fitted, records)
 
 
-def _variance(fitted: Fit) -> float:
-    return float(np.mean(fitted.innovations**2))
-
-
-def _scatter(fitted: Fit, records: Sequence[Record], criteria: Criteria) -> float:
-    """Variance [1] of what does not repeat between equal motions; not a number where too few are equal."""
-    apart = unrepeated(fitted, records, pieces(records), criteria.min_equal_motions)
-    known = apart[~np.isnan(apart)]
-    return float(np.mean(known**2)) if known.size else float("nan")
-
-
-def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
+def within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
+    """The nominal re-fit under the usual weights. Where commands go beyond the rated thrust, the drive that followed
+    them is tried as well: many do so for a while."""
     most = max(float(np.max(np.abs(record.command))) for record in records)
     effects = in_order(machine.effects)
     layout = parameters(machine, len(records))

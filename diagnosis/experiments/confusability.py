@@ -217,10 +217,11 @@ def _squared_distance_in_log(typical: Effect, fitted: Fit, records: Sequence[Rec
 
 def _by_lateness(typical: Effect, fitted: Fit, records: Sequence[Record], criteria: Criteria) -> float:
     """Squared distance of late commands: their variance over its standard error where motions repeat and none is late,
-    scaled so that the detector's own threshold counts as distinguishable."""
+    scaled so that the detector's own thresholds, of the gain and of the size, count as distinguishable."""
     variance = typical.strength() * records[0].sample_time ** 2
-    squared = (variance / lateness(fitted, records).scatter) ** 2
-    return float(squared * criteria.distinguishable / criteria.late_commands_min_gain)
+    by_gain = (variance / lateness(fitted, records).scatter) ** 2 / criteria.late_commands_min_gain
+    by_size = (typical.strength() / criteria.late_commands_min_size**2) ** 2
+    return float(criteria.distinguishable * min(by_gain, by_size))
 
 
 def _by_replay(typical: Effect, fitted: Fit, records: Sequence[Record], criteria: Criteria) -> float:

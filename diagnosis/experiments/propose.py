@@ -18,7 +18,6 @@ from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import WALK, Candidate, evaluate, nominal_slopes, smooth
 from diagnosis.where.sentences import words
@@ -47,7 +46,7 @@ def next_experiment(
     *,
     criteria: Criteria = Criteria(),
     seed: int = 0,
-    white_force: float = WHITE_FORCE,
+    white_force: float | None = None,
 ) -> Proposal | None:
     """What to run on the machine to distinguish the members, or to detect the only one; None without members.
 
@@ -128,7 +127,7 @@ def showing(
     *,
     criteria: Criteria = Criteria(),
     seed: int = 0,
-    white_force: float = WHITE_FORCE,
+    white_force: float | None = None,
 ) -> Proposal | None:
     """The experiment that detects the most of these effects at their typical sizes [SI], which the records could
     not; None where no experiment of the menu detects any."""
@@ -150,7 +149,7 @@ def showing(
     return Proposal(sentence, best.schedule, criteria.distinguishable)
 
 
-def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, white_force: float) -> float:
+def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, white_force: float | None) -> float:
     """The smallest squared distance [1] between any two of the effects, or of the one from the nominal parameters."""
     square = _distances(machine, one, asked, seed, white_force) ** 2
     if len(asked) > 1:
@@ -158,18 +157,19 @@ def _reached(machine: Machine, one: Experiment, asked: Sequence[str], seed: int,
     return float(np.min(square))
 
 
-def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, white_force: float) -> Array:
+def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: int, white_force: float | None) -> Array:
     fitted, record = virtual(machine, one.schedule, seed, white_force)
     return distances(products(fitted, [record], asked), tuple(asked))
 
 
-def virtual(machine: Machine, planned: Schedule, seed: int = 0, white_force: float = WHITE_FORCE) -> tuple[Fit, Record]:
+def virtual(machine: Machine, planned: Schedule, seed: int = 0, white_force: float | None = None) -> tuple[Fit, Record]:
     """The record that the nominal machine would make of a schedule, and the linearisation along it, with a white force
     of standard deviation `white_force` [N]; nothing is fitted. Forces in [N]."""
     noisy = replace(machine, effects=(), scale=machine.scale.noisy())
     record = simulate(noisy, machine.feedback_only(), planned.target, given=planned.given, seed=seed).record
     layout = parameters(noisy, 1)
-    candidate = Candidate(layout, np.zeros(layout.count), white_force=white_force)
+    usual = Candidate(layout, np.zeros(layout.count))
+    candidate = replace(usual, roughness=(white_force / usual.usual_white_force,)) if white_force else usual
     paths = smooth(candidate, [record])
     residuals = evaluate(candidate, [record], paths)
     weight = weights([record])

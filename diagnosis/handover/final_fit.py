@@ -87,8 +87,9 @@ def still_fit(
     left = unknown_force(candidate, records, paths)
     least = LEAST * max(float(np.std(record.command)) for record in records)
     white = max(float(np.nanstd(np.concatenate(left))), least)
-    candidate = replace(candidate, white_force=white)
-    return fit(candidate, records, paths=paths, iterations=iterations, walk=STILL * white)
+    roughness = white / candidate.usual_white_force
+    candidate = replace(candidate, roughness=(roughness,) * len(records))
+    return fit(candidate, records, paths=paths, iterations=iterations, walk=STILL * roughness)
 
 
 def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
@@ -128,5 +129,5 @@ def _widened(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
         ranges[one.part, one.name] = (item.low / ROOM, item.high * ROOM)
     dead = layout.of("dead_time")
     low[dead] = np.maximum(low[dead], -layout.machine.plant.dead_time)
-    machine = replace(layout.machine, priors=Priors.of(ranges))
+    machine = replace(layout.machine, priors=Priors.of(ranges, layout.machine.priors.units))
     return replace(candidate, layout=replace(layout, machine=machine, low=low, high=high))

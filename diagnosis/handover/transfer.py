@@ -25,6 +25,7 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.start_states import static_equilibrium_start
+from diagnosis.model.units import loop_time
 from diagnosis.which.table import covariance_of
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
@@ -192,7 +193,7 @@ def per_record(fits: Sequence[Fit], baseline: Baseline) -> tuple[PerRecord, ...]
 
 def _known(fitted: Fit, record: Record) -> Iterator[tuple[str, str, str, bool, float, float]]:
     """(part, name, unit, whether it is an angle, value, standard deviation) of what may belong to a record."""
-    covariance = covariance_of(fitted, numbered(pieces([record]), [record]))
+    covariance = covariance_of(fitted, numbered(pieces([record], loop_time(fitted.candidate.nominal)), [record]))
     candidate, layout = fitted.candidate, fitted.candidate.layout
     (at,) = layout.of("amplifier_offset")
     yield "nominal", "offset", "N", False, candidate.machine.drive.offset, float(np.sqrt(covariance[at, at]))

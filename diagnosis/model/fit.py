@@ -26,6 +26,7 @@ from diagnosis.model.residual import (
     nominal_slopes,
     smooth,
 )
+from diagnosis.model.units import noise
 from models.effects.base import POSITIVE, Effect, Parameter, parameters
 from models.effects.priors import Priors
 from models.records.record import Record
@@ -46,7 +47,7 @@ MIN_GAIN: Final = 10.0  # A step that gains less chi-square than this ends the f
 class Fit:
     """A fitted candidate with its smoothed paths and residuals, and its last linearisation: the weighted innovations e
     (n,) of all records, their Jacobians with respect to theta (n, P) and to the effects' coordinates (n, Q), the cost,
-    and the deviation of the unknown force's random walk [N a sample]."""
+    and the deviation of the unknown force's random walk [usual white forces a sample]."""
 
     candidate: Candidate
     paths: tuple[SmoothedPath, ...]
@@ -69,7 +70,8 @@ def weights(records: Sequence[Record]) -> Array:
 def unrepeated(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], least: int) -> Array:
     """The part of a fit's innovations (n,) [1] that does not repeat between equal motions; NaN where a motion has no
     equal, and everywhere if fewer than `least` have one."""
-    groups, whole = repeated(pieces, records), fitted.innovations.copy()
+    reading = noise(fitted.candidate.nominal)
+    groups, whole = repeated(pieces, records, reading), fitted.innovations.copy()
     if sum(map(len, groups)) < least:
         return np.full(whole.size, np.nan)
     whole[weights(records) == 0] = np.nan
@@ -233,7 +235,7 @@ def fit(
     iterations: int = 8,
     walk: float = WALK,
 ) -> Fit:
-    """The candidate fitted, from where it stands; walk: of the unknown force [N a sample]."""
+    """The candidate fitted, from where it stands; walk: of the unknown force [usual white forces a sample]."""
     weight = weights(records)
     known = tuple(paths) if paths else smooth(candidate, records)
     residuals = evaluate(candidate, records, known, walk)
@@ -254,7 +256,7 @@ def fit(
 
 def one_step(candidate: Candidate, records: Sequence[Record], *, walk: float = WALK) -> Fit:
     """The candidate fitted by one step, where it stands so near that the paths and slopes before the step, which it
-    keeps, hold behind it, too; walk: of the unknown force [N a sample]."""
+    keeps, hold behind it, too; walk: of the unknown force [usual white forces a sample]."""
     weight, paths = weights(records), smooth(candidate, records)
     here = _linearised(candidate, records, paths, evaluate(candidate, records, paths, walk), weight, walk)
     moved, cost, residuals, _ = _search(here, records, weight, damping=1.0)

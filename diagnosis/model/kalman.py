@@ -38,9 +38,6 @@ Array = NDArray[np.float64]
 SUBSTEPS: Final = 2  # substeps of a sample interval, within each of which the force is constant
 BLOCK: Final = 8  # samples that `responses` filters at once
 TOGETHER: Final = 8  # columns that it filters at once, so that its intermediate arrays stay small
-# N: white process noise for the error of the friction, which is evaluated at a smoothed position. Chosen so that
-# complete models of simulated tables leave white innovations.
-WHITE_FORCE: Final = 0.08
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,7 @@ def predictor(
     *,
     walk: float,
     noise: float,
-    white_force: float = WHITE_FORCE,
+    white_force: float,
     random_forces: tuple[Resonance, ...] = (),
 ) -> Predictor:
     """The steady-state filter for an unknown force that walks by `walk` [N] per sample, with white process noise of
@@ -119,8 +116,15 @@ def predictor(
     variance = float(c @ before @ c) + noise**2
     gain = before @ c / variance
     after = before - np.outer(gain, c @ before)
-    back = np.linalg.lstsq(before.T, (after @ a.T).T, rcond=1e-14)[0].T
-    return Predictor(a, b, c, gain, back, float(np.sqrt(variance)))
+    return Predictor(a, b, c, gain, smoother_gain(a, before, after), float(np.sqrt(variance)))
+
+
+def smoother_gain(a: Array, before: Array, after: Array) -> Array:
+    """G (S, S) from A and the covariances (S, S) before and after a reading, SI; each state in its own deviation, so
+    that it does not depend on the units which directions count as having no variance."""
+    size = np.sqrt(np.maximum(np.diag(before), np.finfo(float).tiny))
+    scaled = before / np.outer(size, size)
+    return np.asarray(np.linalg.lstsq(scaled.T, (after @ a.T / size).T, rcond=1e-14)[0].T / size)
 
 
 def _shaken(one: Resonance, sample_time: float, held: Array, system: tuple[Array, ...]) -> tuple[Array, ...]:

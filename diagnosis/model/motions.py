@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.priors import REFERENCE
 from models.quantity import show
 from models.records.record import Record, cut
 from models.records.tables.sizes import RecordError
@@ -21,10 +22,10 @@ from models.records.tables.sizes import RecordError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LONGEST: Final = 1.5  # s: longer motions are cut into pieces, so that one of them does not outweigh the others
-SHORTEST: Final = 0.02  # s: shorter motions are joined to the one before
+LONGEST: Final = 415.0  # loop times: longer motions are cut into pieces, so that one does not outweigh the others
+SHORTEST: Final = 5.5  # loop times: shorter motions are joined to the one before
 FEWEST: Final = 6  # motions that a diagnosis needs, because some are held out of every fit
-SAME: Final = 2e-7  # m: tolerance between the references of equal motions
+SAME: Final = 5.0  # deviations of the reading: tolerance between the references of equal motions
 SAME_FORCE: Final = 1e-3  # tolerance between their feedforward, relative to its largest value
 
 
@@ -62,25 +63,27 @@ class Piece:
     origin: float
 
 
-def pieces(records: Sequence[Record]) -> tuple[Piece, ...]:
-    """All records cut into motions, and long motions into parts."""
+def pieces(records: Sequence[Record], loop: float = REFERENCE.loop) -> tuple[Piece, ...]:
+    """All records cut into motions, and long motions into parts; loop [s]: the machine's `units.loop_time`."""
     found: list[Piece] = []
     for number, record in enumerate(records):
         ts = record.sample_time
         ends = [motion.start for motion in cut(record)]
         ends = sorted({0, *ends, record.position.size})
-        ends = [end for i, end in enumerate(ends) if i == 0 or end - ends[i - 1] > SHORTEST / ts or end == ends[-1]]
+        ends = [
+            end for i, end in enumerate(ends) if i == 0 or end - ends[i - 1] > SHORTEST * loop / ts or end == ends[-1]
+        ]
         for start, stop in pairwise(ends):
-            parts = max(1, round((stop - start) * ts / LONGEST))
+            parts = max(1, round((stop - start) * ts / (LONGEST * loop)))
             edges = np.linspace(start, stop, parts + 1).astype(int)
             for a, b in pairwise(edges):
                 found.append(_piece(record, number, int(a), int(b)))
     return tuple(found)
 
 
-def check_count(records: Sequence[Record]) -> None:
-    """Raises RecordError for records with too few motions to hold some of them out of a fit."""
-    count = len(pieces(records))
+def check_count(records: Sequence[Record], loop: float = REFERENCE.loop) -> None:
+    """Raises RecordError for records with too few motions to hold some of them out of a fit; loop [s]: see `pieces`."""
+    count = len(pieces(records, loop))
     if count < FEWEST:
         raise RecordError(
             f"{count} motion{'s are' if count > 1 else ' is'} too few, some have to be left out to judge what the "
@@ -110,14 +113,20 @@ def numbered(found: Sequence[Piece], records: Sequence[Record]) -> Integers:
     return number
 
 
-def repeated(pieces: Sequence[Piece], records: Sequence[Record]) -> tuple[tuple[int, ...], ...]:
-    """Groups of equal motions, as indices of the pieces; kind, direction, origin and reference agree."""
+def repeated(
+    pieces: Sequence[Piece], records: Sequence[Record], reading: float = REFERENCE.reading
+) -> tuple[tuple[int, ...], ...]:
+    """Groups of equal motions, as indices of the pieces; kind, direction, origin and reference agree.
+
+    reading [m]: deviation of the scale's reading, as no two references need to be nearer to each other.
+    """
+    same = SAME * reading
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, piece in enumerate(pieces):
         if not piece.kind.rests:
-            where = round(piece.origin / SAME)
+            where = round(piece.origin / same)
             alike = (piece.kind, piece.direction, where, piece.stop - piece.start)
-            near = [group for group in _near(groups, alike) if _equal(pieces[group[0]], piece, records)]
+            near = [group for group in _near(groups, alike) if _equal(pieces[group[0]], piece, records, same)]
             (near[0] if near else groups.setdefault((*alike, i), [])).append(i)
     return tuple(tuple(group) for group in groups.values() if len(group) > 1)
 
@@ -143,9 +152,9 @@ def _near(groups: dict[tuple[object, ...], list[int]], alike: tuple[object, ...]
     return [group for key, group in groups.items() if key[: len(alike)] == alike]
 
 
-def _equal(one: Piece, other: Piece, records: Sequence[Record]) -> bool:
+def _equal(one: Piece, other: Piece, records: Sequence[Record], same: float) -> bool:
     """Whether reference and feedforward agree; parts of a multisine agree in the reference alone."""
     a, b = (records[piece.record].part(piece.start, piece.stop) for piece in (one, other))
     largest = max(float(np.max(np.abs(a.feedforward))), float(np.max(np.abs(b.feedforward))))
     alike = float(np.max(np.abs(a.feedforward - b.feedforward))) <= SAME_FORCE * largest
-    return alike and bool(np.max(np.abs(a.reference - b.reference)) < SAME)
+    return alike and bool(np.max(np.abs(a.reference - b.reference)) < same)

@@ -19,7 +19,6 @@ from scipy.signal import lfilter
 
 from diagnosis.model.kalman import (
     SUBSTEPS,
-    WHITE_FORCE,
     Predictor,
     Resonance,
     discretised,
@@ -30,6 +29,7 @@ from diagnosis.model.kalman import (
 )
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, applied, initial_state
+from diagnosis.model.units import friction_force, noise, white_force
 from models.compiled import compiled
 from models.effects.base import Effect
 from models.effects.catalogue import beyond
@@ -40,22 +40,25 @@ from models.simulation.effect_kernel import Path, Replayed, changed, coupled, ke
 
 Array = NDArray[np.float64]
 
-WALK: Final = 2e-3  # [N a sample] of the unknown force in the predictor: a fast one swallows slow effects
-FIRST: Final = (3.0, 1.0, 0.3, 0.1, 0.05)  # [N a sample] of the smoother, pass by pass, from no knowledge of friction
-AGAIN: Final = (0.05,)  # [N a sample] of the smoother once friction is known
+# Walks of the unknown force are in the machine's usual white force (`units.white_force`) a sample.
+WALK: Final = 0.025  # in the predictor: a fast one swallows slow effects
+FIRST: Final = 0.18  # of the friction: in the smoother's first pass, which knows no friction
+PASSES: Final = 5  # of the smoother, until friction is known
+AGAIN: Final = 0.625  # in the smoother once friction is known
+PROBE: Final = 2e-3  # of a sample: by which the dead time is changed for a derivative
 STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
 
 
 @dataclass(frozen=True)
 class Candidate:
     """A model of the machine: theta (P,) of the nominal parameters, effects in the catalogue's order, random forces,
-    and the deviation [N] of the white force that it leaves open."""
+    and the white force that it leaves open, by record, over the usual one of the machine file [1]; () if usual."""
 
     layout: Parameters
     theta: Array
     effects: tuple[Effect, ...] = ()
     random_forces: tuple[Resonance, ...] = ()
-    white_force: float = WHITE_FORCE
+    roughness: tuple[float, ...] = ()
 
     @property
     def machine(self) -> Machine:
@@ -74,18 +77,33 @@ class Candidate:
 
     @property
     def rough(self) -> bool:
-        """Whether its white force is larger than a good table's."""
-        return self.white_force > WHITE_FORCE
+        """Whether its white force is larger than a good table's, in any record."""
+        return max(self.roughness, default=1.0) > 1.0
 
-    def predictor(self, sample_time: float, walk: float) -> Predictor:
-        """Of its machine, for an unknown force that walks by `walk` [N] a sample of `sample_time` [s]."""
-        machine = self.machine
+    @property
+    def white_force(self) -> float:
+        """The deviation [N] of the white force, of the roughest record."""
+        return self.usual_white_force * max(self.roughness, default=1.0)
+
+    @property
+    def usual_white_force(self) -> float:
+        """The deviation [N] of the white force of a drive that is as smooth as its model."""
+        return white_force(self.nominal)
+
+    def roughness_of(self, record: int) -> float:
+        """The white force of a record, over the usual one [1]."""
+        return self.roughness[record] if self.roughness else 1.0
+
+    def predictor(self, sample_time: float, walk: float, record: int = 0) -> Predictor:
+        """Of its machine in the record of this index, for an unknown force that walks by `walk` usual white forces [1]
+        a sample of `sample_time` [s]."""
+        machine, usual = self.machine, self.usual_white_force
         return predictor(
             machine.plant,
             sample_time,
-            walk=walk,
+            walk=walk * usual,
             noise=noise(machine),
-            white_force=self.white_force,
+            white_force=usual * self.roughness_of(record),
             random_forces=self.random_forces,
         )
 
@@ -114,14 +132,14 @@ class Residual:
 
 def unweighted_predictor(candidate: Candidate, sample_time: float, walk: float) -> Predictor:
     """The predictor that shows a force as large as it is: rough drives are weighed by a white force that would hide a
-    part of it; walk [N a sample], sample_time [s]."""
-    return replace(candidate, white_force=WHITE_FORCE).predictor(sample_time, walk)
+    part of it; walk [usual white forces a sample], sample_time [s]."""
+    return replace(candidate, roughness=()).predictor(sample_time, walk)
 
 
-def noise(machine: Machine) -> float:
-    """Deviation [m] of the reading: the scale's noise and its rounding."""
-    scale = machine.scale
-    return max(float(np.hypot(scale.deviation, scale.resolution / np.sqrt(12))), 1e-10)
+def _walks(machine: Machine) -> tuple[float, ...]:
+    """Of the smoother, pass by pass, from no knowledge of friction [usual white forces a sample]."""
+    first = FIRST * friction_force(machine) / white_force(machine)
+    return tuple(np.geomspace(max(first, AGAIN), AGAIN, PASSES).tolist())
 
 
 def initial_command(record: Record) -> float:
@@ -136,9 +154,9 @@ def smooth(
     machine = candidate.machine
 
     def path(i: int, record: Record, smoothed_path: SmoothedPath | None) -> SmoothedPath:
-        for walk in AGAIN if before else FIRST:
+        for walk in (AGAIN,) if before else _walks(candidate.nominal):
             smoothed_path = _pass(
-                candidate, machine, candidate.predictor(record.sample_time, walk), record, i, smoothed_path
+                candidate, machine, candidate.predictor(record.sample_time, walk, i), record, i, smoothed_path
             )
         assert smoothed_path is not None
         return smoothed_path
@@ -197,10 +215,11 @@ def evaluate(
     candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath], walk: float = WALK
 ) -> tuple[Residual, ...]:
     """What the candidate leaves of every record, its friction and effects evaluated along `paths`;
-    walk: of the unknown force [N a sample]."""
+    walk: of the unknown force [usual white forces a sample]."""
     machine = candidate.machine
-    model = candidate.predictor(records[0].sample_time, walk)
-    return tuple(parallel_map(partial(evaluate_record, candidate, machine, model), records, range(len(records)), paths))
+    models = [candidate.predictor(record.sample_time, walk, i) for i, record in enumerate(records)]
+    each = partial(evaluate_record, candidate, machine)
+    return tuple(parallel_map(each, models, records, range(len(records)), paths))
 
 
 def evaluate_record(
@@ -290,12 +309,12 @@ def nominal_slopes(
 ) -> Array:
     """How the whitened innovations of all records, one after another (n,), change with theta: (n, P) [1]."""
     machine, layout = candidate.machine, candidate.layout
-    model = candidate.predictor(records[0].sample_time, walk)
 
     ends = np.cumsum([record.position.size for record in records])
     whole = np.zeros((layout.count, ends[-1])).T  # a column's samples next to each other
 
     def fill(i: int, record: Record, one: Residual, slopes: Array) -> None:
+        model = candidate.predictor(record.sample_time, walk, i)
         _plant_slopes(candidate, record, one, model, slopes)
         _force_slopes(candidate, machine, record, i, one, model, slopes)
 
@@ -332,8 +351,9 @@ def _force_slopes(
     """Of what acts as a force; that of the friction is the elements' own, without effects on it: a fair slope."""
     layout, n = candidate.layout, record.position.size
     limit, z0 = np.array(machine.friction.limit), initial_state(layout, candidate.theta, index)
+    later = PROBE * record.sample_time
     late = replay(
-        machine.friction, candidate.effects, residual.path, machine.plant.dead_time + 1e-6, state=z0,
+        machine.friction, candidate.effects, residual.path, machine.plant.dead_time + later, state=z0,
         thrust_limit=machine.drive.rated_thrust, start=initial_command(record),
         known=kept(residual.acts, coupled({"thrust"}, candidate.effects)),
     )  # fmt: skip
@@ -341,7 +361,7 @@ def _force_slopes(
     names = ("dead_time", "amplifier_offset", "friction_level", "presliding_stiffness", "presliding_limit")
     order = np.concatenate([*(layout.of(name) for name in names), starts])
     force = np.empty((order.size, n, SUBSTEPS))
-    force[0] = (late.thrust - residual.acts.thrust) / 1e-6
+    force[0] = (late.thrust - residual.acts.thrust) / later
     force[1], force[2] = -1.0, -residual.acts.friction
     elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
     _element_slopes(residual.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
@@ -382,13 +402,13 @@ def columns(
     """By how much the whitened innovations of all records, one after another, differ with each of the `trials` in place
     of the candidate's effects, to first order: (n, trials) [1]."""
     machine = candidate.machine
-    model = candidate.predictor(records[0].sample_time, walk)
 
     def part(i: int, record: Record, path: SmoothedPath, one: Residual) -> Array:
         force, reading = np.empty((len(trials), *one.force.shape)), np.empty((len(trials), record.position.size))
         for j, trial in enumerate(trials):
             other = replace(candidate, effects=tuple(trial))
             force[j], reading[j] = _differences(other, candidate, machine, record, i, path, one)
+        model = candidate.predictor(record.sample_time, walk, i)
         return responses(model, force, -reading if np.any(reading) else None)
 
     return np.concatenate(list(parallel_map(part, range(len(records)), records, paths, residuals)))

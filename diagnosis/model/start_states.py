@@ -88,7 +88,7 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
     apart = np.flatnonzero(np.any(changed != 0, axis=(0, 1)))
     n = min((apart[-1] // SUBSTEPS if apart.size else 0) + TAIL, record.position.size)
     force = -(changed[:, :, : n * SUBSTEPS] * k[:, None]).reshape(GRID * limit.size, n, SUBSTEPS)
-    columns = responses(candidate.predictor(record.sample_time, fitted.walk), force)
+    columns = responses(candidate.predictor(record.sample_time, fitted.walk, index), force)
     part = slice(begin, begin + n)
     others = np.setdiff1d(np.arange(layout.count), where)
     basis = fitted.slopes[part][:, others] * layout.deviation[others]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
 from diagnosis.where.energy import PHASES, Samples, bootstrap_counts, bootstrap_interval, centred
+from models.effects.priors import REFERENCE
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -29,10 +30,10 @@ FEW_KNOTS: Final = 6  # knots where curves over all coordinates are fitted at on
 FLIPS: Final = 199  # random sign flips, so that the smallest p-value is 0.005
 RIDGE: Final = 1e-3  # ridge parameter, relative to the mean energy of a column
 RIDGES: Final = (1e-3, 1e-2, 0.1, 1.0)  # ridge parameters of which the best is taken for all curves at once
-SLOWEST: Final = 1e-4  # m/s: below this speed the table counts as at rest
-PITCHES: Final = (3e-3, 7e-2)  # m: the range in which a period of the force over position is searched
+SLOWEST: Final = 0.0475  # contacts' lengths a loop time: below this speed the table counts as at rest
+PITCHES: Final = (3e-3, 7e-2)  # m, on the reference table: the range in which a period over position is searched
 SMOOTH: Final = 5  # samples over which an acceleration is averaged
-RESTED: Final = 1.0  # s of rest assumed before a record: longer than any recovery that it could show
+RESTED: Final = 276.0  # loop times of rest assumed before a record: longer than any recovery that it could show
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,17 @@ class Dependence:
     scatter: tuple[Explained, ...]
 
 
+def pitches(samples: Samples) -> tuple[float, float]:
+    """The range [m] in which a period of the force over position is searched on this machine."""
+    contact, way = samples.units.contact / REFERENCE.contact, samples.units.travel / REFERENCE.travel
+    return PITCHES[0] * min(contact, way), PITCHES[1] * way
+
+
+def _slowest(samples: Samples) -> float:
+    """The speed [m/s] below which the table counts as at rest."""
+    return SLOWEST * samples.units.contact / samples.units.loop
+
+
 def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tuple[Coordinate, ...]:
     """The coordinates at all samples of all records [SI], without those that are constant in these records."""
     paths = [one.path for one in fitted.paths]
@@ -101,7 +113,7 @@ def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tup
         Coordinate("dwell", "s", dwell, logarithmic=True),
         Coordinate("position", "m", position),
         Coordinate("velocity", "m/s", speed, logarithmic=True, directional=False),
-        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > SLOWEST), directional=False),
+        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > _slowest(samples)), directional=False),
         Coordinate("acceleration", "m/s2", np.concatenate(acceleration), logarithmic=True, directional=False),
         Coordinate("command", "N", thrust, logarithmic=True, directional=False),
         Coordinate("since_reversal", "m", gone, logarithmic=True),
@@ -118,7 +130,7 @@ def _clock(samples: Samples, part: slice, sample_time: float) -> tuple[Array, Ar
     index = np.arange(n)
     began = np.maximum.accumulate(np.where(first, index, 0))
     ended = np.maximum.accumulate(np.where(last, index, -1))
-    rest = np.where(ended >= 0, index - ended, index + round(RESTED / sample_time))
+    rest = np.where(ended >= 0, index - ended, index + round(RESTED * samples.units.loop / sample_time))
     return np.asarray((index - began) * sample_time), np.asarray(rest[began] * sample_time)
 
 
@@ -200,10 +212,10 @@ def explained(
 
 def explain_pitch(signal: Array, position: Coordinate, samples: Samples, seed: int = 0) -> Explained | None:
     """How much of a signal (n,) is periodic over the position [m], with a period that is estimated on the other
-    motions; None where the travel is too short for any of PITCHES."""
+    motions; None where the travel is too short for any of `pitches`."""
     place, used = position.values, samples.counts
     extent = float(np.ptp(place[used]))
-    if extent < 1.5 * PITCHES[0]:
+    if extent < 1.5 * pitches(samples)[0]:
         return None
     z = centred(signal, samples)
     fold = folds(int(samples.motion.max()) + 1, seed)
@@ -238,15 +250,16 @@ def strongest_period(signal: Array, place: Array, samples: Samples, among: NDArr
 
 
 def periodogram(signal: Array, place: Array, samples: Samples, among: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """(1 / period (F,) [1/m] within PITCHES, reduction of the signal's sum of squares (F,) [its unit squared] by sines
-    of the position (n,) [m]), plain or times the direction, whichever is more; the signal (n,) is centred."""
+    """(1 / period (F,) [1/m] within `pitches`, reduction of the signal's sum of squares (F,) [its unit squared] by
+    sines of the position (n,) [m]), plain or times the direction, whichever is more; the signal (n,) is centred."""
     used = samples.counts & among[samples.motion]
-    extent, width = float(np.ptp(place[used])), PITCHES[0] / 8
+    (shortest, most), extent = pitches(samples), float(np.ptp(place[used]))
+    width = shortest / 8
     bins = np.floor((place[used] - place[used].min()) / width).astype(int)
     middle = place[used].min() + (np.arange(bins.max() + 1) + 0.5) * width
     count = np.bincount(bins).astype(float)
-    longest = min(PITCHES[1], 1.5 * max(extent, PITCHES[0]))
-    inverse = np.arange(1 / longest, 1 / PITCHES[0], 1 / (6 * max(extent, PITCHES[0])))
+    longest = min(most, 1.5 * max(extent, shortest))
+    inverse = np.arange(1 / longest, 1 / shortest, 1 / (6 * max(extent, shortest)))
     angle = 2 * np.pi * inverse[:, None] * middle
     basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)  # (F, 3, bins)
     gram = np.einsum("fib,b,fjb->fij", basis, count, basis) + RIDGE * count.sum() * np.eye(3)
@@ -260,7 +273,7 @@ def periodogram(signal: Array, place: Array, samples: Samples, among: NDArray[np
 
 def parity(signal: Array, speed: Coordinate, samples: Samples, seed: int = 0) -> tuple[Explained, Explained]:
     """How much of a signal (n,) is an even, and how much an odd function of the speed [m/s], while the table moves."""
-    moving = replace(samples, counts=samples.counts & (np.abs(speed.values) > SLOWEST))
+    moving = replace(samples, counts=samples.counts & (np.abs(speed.values) > _slowest(samples)))
     size = replace(speed, name="even", values=np.abs(speed.values), directional=False)
     if np.count_nonzero(moving.counts) < 10 * KNOTS:
         nothing = np.zeros(1)

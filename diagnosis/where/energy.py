@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.motions import MotionKind, Piece
+from models.effects.priors import REFERENCE, Units
 from models.quantity import show
 from models.records.record import Record
 
@@ -24,10 +25,11 @@ Integers = NDArray[np.int64]
 PHASES: Final = ("start", "accelerate", "cruise", "decelerate", "settle", "dwell", "excitation")
 BEGINNING: Final = 0.1  # fraction of a motion that is its start
 EVEN: Final = 0.05  # fraction of a motion's largest acceleration below which its speed counts as constant
-LOOK: Final = 10e-3  # s: the reference moves where it changes within this time by more than STEADY
-STEADY: Final = 2e-8  # m
+LOOK: Final = 2.8  # loop times: the reference moves where it changes within them by more than STEADY
+STEADY: Final = 0.5  # deviations of the reading
 DRAWS: Final = 400  # bootstrap samples
 INTERVAL: Final = (0.025, 0.975)
+# Bands and wavelengths are round numbers for a reader; nothing is decided by them.
 BANDS: Final = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # Hz; the last one ends at half the sampling frequency
 WAVELENGTHS: Final = (1e-5, 1e-4, 1e-3, 1e-2)  # m, between wavelengths
 
@@ -64,7 +66,7 @@ class EnergyShares:
 @dataclass(frozen=True)
 class Samples:
     """Labels of every sample of all records (n,): its motion, its phase (index of PHASES), its kind of motion (index of
-    `kinds`), the sign of the last motion, and whether it counts."""
+    `kinds`), the sign of the last motion, and whether it counts; and the machine's own quantities."""
 
     motion: Integers
     phase: Integers
@@ -72,33 +74,40 @@ class Samples:
     kinds: tuple[MotionKind, ...]
     direction: Array
     counts: NDArray[np.bool_]
+    units: Units = REFERENCE
 
 
 def label_samples(
-    records: Sequence[Record], pieces: Sequence[Piece], motion: Integers, counts: Array, settling: float
+    records: Sequence[Record],
+    pieces: Sequence[Piece],
+    motion: Integers,
+    counts: Array,
+    settling: float,
+    units: Units = REFERENCE,
 ) -> Samples:
     """Labels for the samples of all records; motion (n,): see motions.numbered; counts (n,): weights, 0 for samples
-    that do not count; settling [s]: the time after the reference's halt that is settling, before the dwell."""
+    that do not count; settling [s]: the time after the reference's halt that is settling, before the dwell; units: the
+    machine's."""
     kinds = tuple(dict.fromkeys(piece.kind for piece in pieces))
     of_piece = np.array([kinds.index(piece.kind) for piece in pieces])
     excited = np.array([piece.kind.excited for piece in pieces])
-    parts = [_phases(record, settling) for record in records]
+    parts = [_phases(record, settling, units) for record in records]
     phase = np.concatenate([part[0] for part in parts])
     still = np.isin(phase, [PHASES.index("settle"), PHASES.index("dwell")])
     phase[excited[motion] & still] = PHASES.index("excitation")
     direction = np.concatenate([part[1] for part in parts])
-    return Samples(motion, phase, of_piece[motion], kinds, direction, counts > 0)
+    return Samples(motion, phase, of_piece[motion], kinds, direction, counts > 0, units)
 
 
-def _phases(record: Record, settling: float) -> tuple[Integers, Array]:
+def _phases(record: Record, settling: float, units: Units) -> tuple[Integers, Array]:
     """(phase (n,), sign of the last motion (n,)) of one record from its reference, else from its position."""
     ts, course, n = record.sample_time, record.reference, record.position.size
     if np.ptp(course) == 0:
         course = record.position
-    wide = max(round(LOOK / ts / 2), 1)
+    wide = max(round(LOOK * units.loop / ts / 2), 1)
     padded = np.pad(course, wide, mode="edge")
     gone = padded[2 * wide :] - padded[: -2 * wide]
-    moves = np.abs(gone) > max(STEADY, _steps(record, course))
+    moves = np.abs(gone) > max(STEADY * units.reading, _steps(record, course))
     phase, speed = np.full(n, PHASES.index("dwell")), np.gradient(course, ts)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
     for first, last in edges.reshape(-1, 2):  # LOOK widens a motion at both ends

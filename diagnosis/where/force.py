@@ -17,18 +17,20 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from diagnosis.model.fit import Fit
-from diagnosis.model.kalman import SUBSTEPS, WHITE_FORCE, Predictor, discretised, innovations, smoothed
+from diagnosis.model.kalman import SUBSTEPS, Predictor, discretised, innovations, smoothed, smoother_gain
 from diagnosis.model.motions import Piece, repeated, rms, scatter
-from diagnosis.model.residual import AGAIN, STARTING, Candidate, modal, noise, unweighted_predictor
+from diagnosis.model.residual import AGAIN, STARTING, Candidate, modal, unweighted_predictor
+from diagnosis.model.units import noise
 from diagnosis.where.energy import Samples, centred
 from models.plant import Plant
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-SLOW: Final = 4e-3  # N per sample, of the unknown force's random walk
-FAST: Final = 0.3  # N per sample
-WALKS: Final = tuple(np.geomspace(2e-3, 2.0, 13))  # N per sample: the likeliest of them is taken
+# Random walks of the unknown force, in the machine's usual white force a sample.
+SLOW: Final = 0.05
+FAST: Final = 3.75
+WALKS: Final = tuple(np.geomspace(0.025, 25.0, 13))  # the likeliest of them is taken
 REACH: Final = 4000  # samples to either side over which the smoother's response to one reading is computed
 DOUBLINGS: Final = 40  # of the horizon in the smoother's covariance recursion: 2^40 samples are as good as infinite
 
@@ -97,15 +99,16 @@ def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
 
 
 def smoothed_force(fitted: Fit, records: Sequence[Record], walk: float) -> Force:
-    """The unknown force for a random walk [N per sample], in newtons of thrust."""
+    """The unknown force [N of thrust] for a random walk [usual white forces per sample]."""
     machine, model = fitted.candidate.machine, unweighted_predictor(fitted.candidate, records[0].sample_time, walk)
     place, values = 2 * len(machine.plant.modes), []  # the force's index among the states
     for i, record in enumerate(records):
         reading = explained_reading(fitted, record, i)
         values.append(smoothed(model, fitted.residuals[i].force, reading, _start(model, reading))[:, place])
-    deviation = steady_deviation(machine.plant, records[0].sample_time, walk=walk, noise=noise(machine))
+    white, ts = fitted.candidate.usual_white_force, records[0].sample_time
+    deviation = steady_deviation(machine.plant, ts, walk=walk * white, noise=noise(machine), white_force=white)
     part = noise(machine) * float(np.linalg.norm(smoother_response(fitted.candidate, records[0].sample_time, walk)[0]))
-    return Force(walk, tuple(values), deviation, part)
+    return Force(walk * white, tuple(values), deviation, part)
 
 
 def smoother_response(candidate: Candidate, sample_time: float, walk: float) -> tuple[Array, Array]:
@@ -119,7 +122,7 @@ def smoother_response(candidate: Candidate, sample_time: float, walk: float) -> 
 
 
 def likeliest_walk(fitted: Fit, records: Sequence[Record]) -> float:
-    """The random walk [N per sample] of WALKS with the largest likelihood of the readings."""
+    """The random walk [usual white forces per sample] of WALKS with the largest likelihood of the readings."""
     likelihoods = [sum(_log_likelihoods(fitted, records, walk)) for walk in WALKS]
     return float(WALKS[int(np.argmax(likelihoods))])
 
@@ -139,7 +142,7 @@ def _start(model: Predictor, reading: Array) -> Array:
     return start
 
 
-def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float) -> float:
+def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float, white_force: float) -> float:
     """Posterior standard deviation [N] of the smoothed force far from a record's ends.
 
     Steady state of the Rauch-Tung-Striebel smoother, P = P+ + G (P - P-) G', with P- and P+ the covariances before and
@@ -148,12 +151,12 @@ def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: fl
     a, _, c = discretised(plant, sample_time)
     held = a[:, -1].copy()
     held[-1] = 0.0
-    q = WHITE_FORCE**2 * np.outer(held, held)
+    q = white_force**2 * np.outer(held, held)
     q[-1, -1] += walk**2
     before = solve_discrete_are(a.T, c[:, None], q / noise**2, np.eye(1)) * noise**2
     gain = before @ c / (float(c @ before @ c) + noise**2)
     after = before - np.outer(gain, c @ before)
-    back = np.linalg.lstsq(before.T, (after @ a.T).T, rcond=1e-14)[0].T
+    back = smoother_gain(a, before, after)
     smooth = after - back @ before @ back.T
     for _ in range(DOUBLINGS):  # P = sum of G^k (P+ - G P- G') G'^k
         smooth, back = smooth + back @ smooth @ back.T, back @ back
@@ -164,13 +167,13 @@ def noise_deviation(candidate: Candidate, sample_time: float, force: Force) -> f
     """Standard deviation [N] of d where the model is complete: from the scale's noise directly, and from the error that
     it leaves in the position at which the friction is evaluated, with all contacts sticking."""
     machine = candidate.machine
-    position = noise(machine) * np.linalg.norm(smoother_response(candidate, sample_time, AGAIN[-1])[1])
+    position = noise(machine) * np.linalg.norm(smoother_response(candidate, sample_time, AGAIN)[1])
     return float(np.hypot(force.noise, sum(machine.friction.stiffness) * position))
 
 
 def noise_floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece], force: Force) -> Floor:
     """The noise floor from the scatter between equal motions or, where none are equal, from the innovations."""
-    groups = repeated(pieces, records)
+    groups = repeated(pieces, records, noise(fitted.candidate.nominal))
     if not groups:
         return _from_innovations(fitted, records)
     position = [record.position - record.reference for record in records]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, Largest, largest, weights
 from diagnosis.model.motions import Piece, numbered
-from diagnosis.model.residual import noise
+from diagnosis.model.units import noise
 from diagnosis.refit import FOLLOWED, RATED
 from diagnosis.where.controller import Replayed, replayed
 from diagnosis.where.coordinates import (
@@ -103,7 +103,7 @@ def locate(
     nominal = fitted.candidate.nominal
     motion = numbered(pieces, records)
     settling_time = fitted.candidate.machine.specification.settling_time
-    samples = label_samples(records, pieces, motion, weights(records), settling_time)
+    samples = label_samples(records, pieces, motion, weights(records), settling_time, nominal.priors.units)
     known = coordinates(fitted, records, samples)
     unknown = unknown_force(fitted, records, pieces)
     dependence = _dependence(fitted, records, unknown.centred(samples), known, samples, seed)

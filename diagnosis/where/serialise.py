@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from diagnosis.model.motions import MotionKind, Piece, repeated
-from diagnosis.model.residual import Candidate, noise
+from diagnosis.model.residual import Candidate
+from diagnosis.model.units import noise
 from diagnosis.where.controller import Replayed
-from diagnosis.where.coordinates import PITCHES, Explained, periodogram
+from diagnosis.where.coordinates import Explained, periodogram, pitches
 from diagnosis.where.energy import PHASES, WAVELENGTHS, Shares, bands
 from diagnosis.where.force import FAST, smoother_response
 from diagnosis.where.locate import Where
@@ -169,7 +170,7 @@ def pictures(where: Where, candidate: Candidate, records: Sequence[Record], piec
     energy, and its spectra; SI."""
     return {
         "force": [_over_time(where, record, i) for i, record in enumerate(records)],
-        "courses": _courses(where, records, pieces),
+        "courses": _courses(where, records, pieces, noise(candidate.nominal)),
         "spectrum": _spectrum(where, candidate, records),
         "periods": _periods(where),
     }
@@ -191,9 +192,9 @@ def _over_time(where: Where, record: Record, index: int) -> dict[str, Any]:
     }
 
 
-def _courses(where: Where, records: Sequence[Record], pieces: Sequence[Piece]) -> list[dict[str, Any]]:
+def _courses(where: Where, records: Sequence[Record], pieces: Sequence[Piece], reading: float) -> list[dict[str, Any]]:
     """The likeliest force over the kinds of motion with the largest energy: mean and deviation over equal motions."""
-    groups = list(repeated(pieces, records)) or [(i,) for i in range(len(pieces))]
+    groups = list(repeated(pieces, records, reading)) or [(i,) for i in range(len(pieces))]
     energy = []
     for group in groups:
         members = [_part(where.unknown.likely.values, pieces[i]) for i in group]
@@ -250,7 +251,7 @@ def _spectrum(where: Where, candidate: Candidate, records: Sequence[Record]) -> 
 def _periods(where: Where) -> dict[str, Any] | None:
     """Share of the force's variance that sines of the position explain, over their period; None without travel."""
     place = next((one for one in where.coordinates if one.name == "position"), None)
-    if place is None or float(np.ptp(place.values[where.samples.counts])) < 1.5 * PITCHES[0]:
+    if place is None or float(np.ptp(place.values[where.samples.counts])) < 1.5 * pitches(where.samples)[0]:
         return None
     every = np.ones(int(where.samples.motion.max()) + 1, bool)
     inverse, gain = periodogram(where.force, place.values, where.samples, every)

@@ -16,19 +16,22 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.kalman import Predictor, adjoint, responses
+from diagnosis.model.kalman import adjoint, responses
 from diagnosis.model.parameters import initial_state
 from diagnosis.model.residual import shifted
 from diagnosis.where.coordinates import Coordinate, by_motion, folds, hat_functions, held_out
 from diagnosis.where.energy import Samples
-from diagnosis.which.scan import NuisanceProjection
+from diagnosis.which.scan import BINS, NuisanceProjection
+from models.effects.priors import REFERENCE, Units
 from models.records.record import Record
 from models.simulation.effect_kernel import replay
 
 Array = NDArray[np.float64]
 
-PROBE: Final = 2e-8  # m: step of the finite difference with respect to a reading, friction included
-FINE: Final = (3e-6, 5e-5)  # m: the range in which a period of the scale's error is searched
+PROBE: Final = (
+    0.5  # deviations of the reading: step of the finite difference with respect to a reading, friction included
+)
+FINE: Final = (3e-6, 5e-5)  # m, on the reference table: the range in which a period of the scale's error is searched
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,14 @@ def sides(
         turned = np.hstack([basis, basis * samples.direction[:, None]]) if coordinate.directional else basis
         force = _gain(_as_force(fitted, records, turned), projection, records, samples, seed)
         may = coordinate.name in {"time", "position"}
-        reading = _gain(_as_reading(fitted, records, basis), projection, records, samples, seed) if may else 0.0
+        reading = (
+            _gain(_as_reading(fitted, records, basis, samples.units), projection, records, samples, seed)
+            if may
+            else 0.0
+        )
         found.append(Side(coordinate.name, force, reading))
     place = next((one for one in chosen if one.name == "position"), None)
-    if place is not None and float(np.ptp(place.values)) > 2 * FINE[1]:
+    if place is not None and float(np.ptp(place.values)) > 2 * _fine_range(samples)[1]:
         found.append(_fine(fitted, records, projection, place, samples, seed))
     return tuple(found)
 
@@ -85,31 +92,25 @@ def _gain(
     return max(float(gains.sum()), 0.0)
 
 
-def _model(fitted: Fit, records: Sequence[Record]) -> Predictor:
-    return fitted.candidate.predictor(records[0].sample_time, fitted.walk)
-
-
 def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
     """Change of the whitened innovations (n, k) by forces of 1 N times the basis (n, k)."""
-    model = _model(fitted, records)
     parts, begin = [], 0
     for i, record in enumerate(records):
         here = basis[begin : begin + record.position.size]
         begin += record.position.size
         force = np.repeat(here.T[:, :, None], fitted.residuals[i].force.shape[1], axis=2)
-        parts.append(responses(model, force))
+        parts.append(responses(fitted.candidate.predictor(record.sample_time, fitted.walk, i), force))
     return np.concatenate(parts)
 
 
-def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
+def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array, units: Units) -> Array:
     """Change of the whitened innovations (n, k) by additions of PROBE times the basis (n, k) to the reading."""
-    model = _model(fitted, records)
     parts, begin = [], 0
     for i, record in enumerate(records):
-        here = PROBE * basis[begin : begin + record.position.size]
+        here = PROBE * units.reading * basis[begin : begin + record.position.size]
         begin += record.position.size
         force = np.stack([_friction_change(fitted, record, i, added) for added in here.T])
-        parts.append(responses(model, force, -here.T))
+        parts.append(responses(fitted.candidate.predictor(record.sample_time, fitted.walk, i), force, -here.T))
     return np.concatenate(parts)
 
 
@@ -139,28 +140,36 @@ def _fine(
 ) -> Side:
     """Sines of the position at the period that agrees best with an error of the reading, as a force and as a reading;
     less what a search over so many periods gains by chance."""
-    pitch, tried = _fine_pitch(fitted, records, projection)
+    pitch, tried = _fine_pitch(fitted, records, projection, _fine_range(samples))
     angle = 2 * np.pi * place.values / pitch
     basis = np.column_stack([np.cos(angle), np.sin(angle)])
     chance = 2 * float(np.log(tried))
     force = _gain(_as_force(fitted, records, basis), projection, records, samples, seed)
-    reading = _gain(_as_reading(fitted, records, basis), projection, records, samples, seed)
+    reading = _gain(_as_reading(fitted, records, basis, samples.units), projection, records, samples, seed)
     return Side("fine period", max(force - chance, 0.0), max(reading - chance, 0.0), pitch)
 
 
-def _fine_pitch(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> tuple[float, int]:
-    """(the period [m] within FINE that agrees best with an error of the reading, number of periods searched)."""
-    width, begin = FINE[0] / 6, 0
-    model = _model(fitted, records)
-    extent = max(float(np.ptp(record.position)) for record in records)
-    count = int(2 ** np.ceil(np.log2(2 * max(extent, 2 * FINE[1]) / width)))
+def _fine_range(samples: Samples) -> tuple[float, float]:
+    """The range [m] in which a period of the scale's error is searched on this machine."""
+    sizes = (samples.units.contact / REFERENCE.contact, samples.units.reading / REFERENCE.reading)
+    return FINE[0] * min(sizes), FINE[1] * max(sizes)
+
+
+def _fine_pitch(
+    fitted: Fit, records: Sequence[Record], projection: NuisanceProjection, within: tuple[float, float]
+) -> tuple[float, int]:
+    """(the period [m] within a range that agrees best with an error of the reading, number of periods searched)."""
+    extent, begin = max(float(np.ptp(record.position)) for record in records), 0
+    width = max(within[0] / 6, 2 * max(extent, 2 * within[1]) / BINS)
+    count = int(2 ** np.ceil(np.log2(2 * max(extent, 2 * within[1]) / width)))
     power = np.zeros(count // 2 + 1)
-    for record in records:
+    for i, record in enumerate(records):
+        model = fitted.candidate.predictor(record.sample_time, fitted.walk, i)
         reading = adjoint(model, projection.e[begin : begin + record.position.size])[1]
         begin += record.position.size
         bins = np.floor((record.position - record.position.min()) / width).astype(int)
         power += np.abs(np.fft.rfft(np.bincount(bins, reading, count))) ** 2
     frequency = np.fft.rfftfreq(count, width)
-    inside = np.flatnonzero((frequency >= 1 / FINE[1]) & (frequency <= 1 / FINE[0]))
+    inside = np.flatnonzero((frequency >= 1 / within[1]) & (frequency <= 1 / within[0]))
     best = inside[int(np.argmax(power[inside]))]
     return float(1 / frequency[best]), int(inside.size)

@@ -24,6 +24,7 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import SUBSTEPS, Predictor, responses
 from diagnosis.model.motions import Piece, pieces, repeated
 from diagnosis.model.residual import STARTING
+from diagnosis.model.units import loop_time, noise
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -58,11 +59,12 @@ class _Met:
 
 def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     """How much the commands' lateness varies; 0 without repeated motions, which alone can show that it does."""
-    ts = records[0].sample_time
-    model = fitted.candidate.predictor(ts, fitted.walk)
-    left, found = mark(model), pieces(records)
+    ts, machine = records[0].sample_time, fitted.candidate.nominal
+    left, found = mark(_predictor(fitted, records)), pieces(records, loop_time(machine))
     signals = [_signals(fitted, i, record) for i, record in enumerate(records)]
-    groups = [[found[i] for i in group if found[i].start >= STARTING] for group in repeated(found, records)]
+    groups = [
+        [found[i] for i in group if found[i].start >= STARTING] for group in repeated(found, records, noise(machine))
+    ]
     alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
     if sum(one.step.size for one in alike) < FEW:
         return Lateness(0.0, 0.0, float("inf"))
@@ -70,6 +72,12 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
     size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
     return Lateness(ts * float(np.sqrt(size)), max(slope / spread, 0.0) ** 2, ts**2 * spread)
+
+
+def _predictor(fitted: Fit, records: Sequence[Record]) -> Predictor:
+    """Of the smoothest record, as one mark serves all."""
+    smoothest = min(range(len(records)), key=fitted.candidate.roughness_of)
+    return fitted.candidate.predictor(records[0].sample_time, fitted.walk, smoothest)
 
 
 def mark(model: Predictor) -> Array:

@@ -17,6 +17,7 @@ from scipy.signal import butter, sosfiltfilt
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.motions import repeated, scatter
+from diagnosis.model.units import noise
 from diagnosis.which.command_jitter import lateness
 from diagnosis.which.kinds import with_free_forms
 from diagnosis.which.random_force import NEAR, strongest_random_force
@@ -98,7 +99,7 @@ def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:
     """Whether what is left about a frequency [Hz] repeats with equal motions and is not there at rest: then it is a law
     of the motion, whatever its line in the spectrum."""
     records, criteria = baseline.records, baseline.criteria
-    groups = repeated(baseline.pieces, records)
+    groups = repeated(baseline.pieces, records, noise(fitted.candidate.nominal))
     if sum(map(len, groups)) < criteria.min_equal_motions:
         return False
     near = butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / records[0].sample_time, output="sos")
@@ -113,13 +114,15 @@ def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:
 
 def command_jitter(seen: View) -> Detected:
     """Commands that act late now and then: what differs among equal motions grows with the commands' steps."""
-    name, threshold = TimingJitter.name, seen.baseline.criteria.late_commands_min_gain
+    name, thresholds = TimingJitter.name, seen.baseline.thresholds
+    threshold = max(seen.baseline.criteria.late_commands_min_gain, thresholds.get(name, 0.0))
     if name in seen.disabled:
         return Detected()
     found = lateness(seen.fitted, seen.baseline.records)
     if found.gain > threshold and seen.fitted.candidate.added_effects:
         found = lateness(_with_free_forms_out(seen), seen.baseline.records)  # a drift in another form differs, too
-    if found.gain <= threshold:
+    least = seen.baseline.criteria.late_commands_min_size * seen.baseline.records[0].sample_time
+    if found.gain <= threshold or found.size < least:
         return Detected()
     part = (found.size / seen.baseline.records[0].sample_time) ** 2
     simulated = TimingJitter(max(part, SIMULATED_PART))

@@ -18,10 +18,11 @@ from scipy.signal import butter, sosfiltfilt
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.residual import STARTING, Candidate, Residual, evaluate
+from diagnosis.model.units import friction_force, loop_time, white_force
 from diagnosis.which.scan import NuisanceProjection, adjoints
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
-from models.effects.priors import USUAL
+from models.effects.priors import REFERENCE, Priors
 from models.effects.structure import FloorVibration
 from models.records.record import Record
 
@@ -32,12 +33,13 @@ ASIDE: Final = (
     0.7,
     1.4,
 )  # frequencies, relative, at which the same force must gain less: else it only follows slow ones
-LEVELS: Final = (0.01, 0.03, 0.1, 0.3)  # N, that shake SHAKEN
-SHAKEN: Final = 45.0  # kg: the mass for which the usual sizes of a floor's force are meant
+LEAST: Final = 0.125  # of the white force: the smallest level that is tried
+MOST: Final = 0.02  # of the friction: the largest, unless FEWEST reach further
+FEWEST: Final = 4  # levels, half a decade apart
 NEAR: Final = (0.8, 1.25)  # frequencies, relative, between which a force counts as being about one
 WITHIN: Final = 0.9  # of half the sampling rate: up to there forces about a frequency are looked for
 TRIED: Final = 3  # frequencies
-BLOCK: Final = 1.5  # s, over which power is averaged
+BLOCK: Final = 415.0  # loop times over which power is averaged
 
 
 @dataclass(frozen=True)
@@ -65,32 +67,52 @@ def strongest_random_force(
     before = _likelihood(fitted.residuals)
     for frequency in _frequencies(fitted, records, projection):
         for bandwidth in BANDWIDTHS:
-            for level in levels(fitted.candidate.nominal.plant.mass):
-                found = _tried(fitted, records, Resonance(frequency, bandwidth, level), before)
-                if best is None or found.gain > best.gain:
-                    best = found
+            found = _strongest(fitted, records, frequency, bandwidth, before)
+            if best is None or found.gain > best.gain:
+                best = found
     if best is None:
         return None
     line = best.resonance
     aside = max(_tried(fitted, records, replace(line, frequency=line.frequency * f), before).gain for f in ASIDE)
     innovations = [seen.innovations for seen in fitted.residuals]
-    steady = steadiness(innovations, line.frequency, records[0].sample_time)
+    loop = loop_time(fitted.candidate.nominal)
+    steady = steadiness(innovations, line.frequency, records[0].sample_time, loop)
     return replace(best, gain=best.gain - max(aside, 0.0), steady=steady)
 
 
-def levels(mass: float) -> tuple[float, ...]:
-    """LEVELS [N] for the mass [kg] that the floor shakes: shifted by whole half decades, as they are spaced."""
-    shift = 10.0 ** (math.trunc(2 * math.log10(mass / SHAKEN)) / 2)
-    return tuple(shift * level for level in LEVELS)
+def levels(white: float, friction: float) -> tuple[float, ...]:
+    """The levels [N] that are tried, half a decade apart: from what the usual white force [N] hides to a part of the
+    friction [N]."""
+    least = LEAST * white
+    count = math.floor(2 * math.log10(max(MOST * friction / least, 1.0))) + 1
+    return tuple(least * 10 ** (0.5 * i) for i in range(max(count, FEWEST)))
 
 
-def steadiness(innovations: Sequence[Array], frequency: float, sample_time: float) -> float:
-    """Median over mean [1] of the power of innovations (n,) about a frequency [Hz]: a floor shakes at rest, too."""
+def _strongest(
+    fitted: Fit, records: Sequence[Record], frequency: float, bandwidth: float, before: float
+) -> RandomForce:
+    """The random force about a frequency [Hz] at the level from which on a larger one gains less."""
+    nominal = fitted.candidate.nominal
+    best: RandomForce | None = None
+    for level in levels(white_force(nominal), friction_force(nominal)):
+        found = _tried(fitted, records, Resonance(frequency, bandwidth, level), before)
+        if best is not None and found.gain < best.gain:
+            break
+        best = found
+    assert best is not None
+    return best
+
+
+def steadiness(
+    innovations: Sequence[Array], frequency: float, sample_time: float, loop: float = REFERENCE.loop
+) -> float:
+    """Median over mean [1] of the power of innovations (n,) about a frequency [Hz]: a floor shakes at rest, too. loop
+    [s]: the machine's `units.loop_time`."""
     near = butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / sample_time, output="sos")
     power = []
     for one in innovations:
         band = sosfiltfilt(near, one)
-        parts = max(round(band.size * sample_time / BLOCK), 1)
+        parts = max(round(band.size * sample_time / (BLOCK * loop)), 1)
         power += [float(np.mean(part**2)) for part in np.array_split(band, parts)]
     return float(np.median(power) / np.mean(power))
 
@@ -111,10 +133,9 @@ def _likelihood(residuals: Sequence[Residual]) -> float:
 
 def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[float]:
     """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
-    known = (USUAL, fitted.candidate.nominal.priors)
-    usual, stated = (
-        next(item for item in parameters(FloorVibration, priors) if item.role == "period") for priors in known
-    )
+    priors = fitted.candidate.nominal.priors
+    known = (Priors(units=priors.units), priors)
+    usual, stated = (next(item for item in parameters(FloorVibration, one) if item.role == "period") for one in known)
     highest = WITHIN / NEAR[1] / 2 / records[0].sample_time
     low, high = min(usual.low, stated.low), min(max(usual.high, stated.high), highest)
     if low >= high:

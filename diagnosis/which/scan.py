@@ -278,9 +278,9 @@ def adjoints(
 ) -> Iterator[tuple[Record, Array, Array]]:
     """For each record the gradient of half of chi-square with respect to a force (n,) [1/N] and to an error of the
     reading (n,) [1/m] at each sample."""
-    model = fitted.candidate.predictor(records[0].sample_time, fitted.walk)
     begin = 0
-    for record in records:
+    for i, record in enumerate(records):
+        model = fitted.candidate.predictor(record.sample_time, fitted.walk, i)
         force, reading = adjoint(model, projection.e[begin : begin + record.position.size])
         begin += record.position.size
         yield record, force.sum(axis=1), reading

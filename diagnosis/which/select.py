@@ -106,7 +106,7 @@ class RecordSearch:
         if before.fitted.cost - fitted.cost > self.criteria.restart_gain:
             fitted = started(fitted, records)
         if fitted.candidate.rough:
-            fitted = weighed(fitted, records, self.criteria)
+            fitted = weighed(fitted, records, self.criteria, self.baseline.null.usual)
         return replace(trial, fitted=fitted)
 
 

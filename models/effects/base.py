@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.compiled import compiled
-from models.effects.priors import USUAL, Priors
+from models.effects.priors import REFERENCE, USUAL, Powers, Priors, Units
 from models.plant import Mode
 from models.quantity import value
 
@@ -52,6 +52,23 @@ ROLES: Final = ("amplitude", "shape", "period", "phase", "width", "switch")
 POSITIVE: Final = ("shape", "period", "width")  # roles of sizes that are above 0 and differ by factors: see Parameter
 COORDINATES: Final = {"position": "m", "reading": "m", "command": "N", "time": "s"}
 """What a law can be periodic in, with its unit: the table's position, the scale's reading, the command, the time."""
+BY_UNIT: Final[Mapping[str, Powers]] = {
+    "N": (("force", 1),),
+    "m": (("contact", 1),),
+    "s": (("loop", 1),),
+    "Hz": (("loop", -1),),
+    "1/s": (("loop", -1),),
+    "1/m": (("contact", -1),),
+    "1/N": (("force", -1),),
+    "m/s": (("contact", 1), ("loop", -1)),
+    "N/m": (("force", 1), ("contact", -1)),
+    "N s/m": (("force", 1), ("loop", 1), ("contact", -1)),
+    "kg": (("mass", 1),),
+    "1/kg": (("mass", -1),),
+}
+"""What sizes of a unit are counted in, where their declaration does not say; those of other units stay as they are."""
+MOST_OF_NYQUIST: Final = 0.8  # up to which a frequency is looked for
+DENSEST: Final = 3  # times the points of a grid over the reference's travel, up to which a longer one has a grid
 SHOWN: Final = ("force", "reading")  # where an effect can add something that a record of position and command shows
 
 
@@ -90,7 +107,7 @@ class Parameter:
     0 for a period: so many periods lie in a record that no grid does, only a spectrum. points_per_decade: the same for
     each decade. linear_within: the relative change [1] to which the law's response is linear, where it is far below the
     size as there are very many periods in a record; 0: some per cent. stated: a machine states the range in place of
-    the usual one.
+    the usual one. counted_in: the machine's quantities that the usual range is in proportion to; else by BY_UNIT.
     """
 
     name: str
@@ -105,6 +122,7 @@ class Parameter:
     points_per_decade: int = 0
     linear_within: float = 0.0
     stated: bool = False
+    counted_in: Powers | None = None
 
     @property
     def is_frequency(self) -> bool:
@@ -124,7 +142,8 @@ def parameter(
     points_per_decade: int = 0,
     **limits: Any,
 ) -> Any:
-    """A field of an effect with typical sizes from low to high (SI in `unit`); signed: of either sign.
+    """A field of an effect with typical sizes from low to high (SI in `unit`) in the reference table; signed: of either
+    sign.
 
     points, points_per_decade: see `Parameter`. limits: what the value must keep to in a machine file, as of
     models.quantity.value, and the default of a field that a file may leave out. Raises ValueError for a role that does
@@ -137,6 +156,12 @@ def parameter(
     typical = 1.0 if role == "phase" else math.sqrt(low * high)
     prior = Parameter("", unit, meaning, role, -high if signed else low, high, typical)
     return _field(replace(prior, points=points, points_per_decade=points_per_decade), **limits)
+
+
+def counted(size: Any, **powers: int) -> Any:
+    """A `parameter` whose usual range is in proportion to a product of powers of `Units` [1], whatever its unit."""
+    prior = replace(size.metadata["prior"], counted_in=tuple(powers.items()))
+    return dataclasses.field(default=size.default, metadata={**size.metadata, "prior": prior})
 
 
 def period(
@@ -290,9 +315,55 @@ class Effect(ABC):
 def parameters(kind: type[Effect], priors: Priors = USUAL) -> tuple[Parameter, ...]:
     """The parameters of a class of effects, in the order of its fields, with their ranges in a machine of these priors
     [SI]."""
+    usual = _usual(kind)
+    if priors.units != REFERENCE:
+        usual = tuple(_counted(item, priors.units) for item in usual)
     if not any(effect == kind.name for effect, _ in priors):
-        return _usual(kind)
-    return tuple(_ranged(item, priors.get((kind.name, item.name))) for item in _usual(kind))
+        return usual
+    return tuple(_ranged(item, priors.get((kind.name, item.name))) for item in usual)
+
+
+def _counted(item: Parameter, units: Units) -> Parameter:
+    """The parameter with the sizes that are usual in a machine of these units."""
+    if item.role in {"phase", "switch"}:
+        return item
+    if item.role == "period" and item.periodic_in in {"position", "reading"}:
+        return _along(item, units)
+    factor = units.over(REFERENCE, BY_UNIT.get(item.unit, ()) if item.counted_in is None else item.counted_in)
+    low, high = item.low * factor, item.high * factor
+    if item.unit == "m/s" and item.role == "shape":  # contacts are of one length and the ways of another
+        way = units.over(REFERENCE, (("travel", 1), ("loop", -1)))
+        low, high = min(low, item.low * way), max(high, item.high * way)
+        return replace(item, low=low, high=high, typical=math.sqrt(low * high))
+    if item.unit != "Hz":
+        return replace(item, low=low, high=high, typical=item.typical * factor)
+    low, high = _below_nyquist(low, high, units)
+    return replace(item, low=low, high=high, typical=math.sqrt(low * high))
+
+
+def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]:
+    """A range of frequencies [Hz], moved to where a record shows them."""
+    most = MOST_OF_NYQUIST / 2 / units.sample
+    return min(low, most * low / high), min(high, most)
+
+
+def _along(item: Parameter, units: Units) -> Parameter:
+    """A period along the way or the scale: from what the shorter of two lengths would make the least to what the longer
+    would make the most, as magnets and scales go by neither; none beyond the travel, where it would draw any curve."""
+    contact, way = units.contact / REFERENCE.contact, units.travel / REFERENCE.travel
+    reading = units.reading / REFERENCE.reading
+    longest, shortest = (max(contact, reading), reading) if item.periodic_in == "reading" else (way, way)
+    low, high = item.low * min(contact, shortest), item.high * longest
+    denser = way * (1 / low - 1 / high) / (1 / item.low - 1 / item.high)
+    points = max(round(item.points * denser), 2) if item.points and denser <= DENSEST else 0
+    return replace(
+        item,
+        low=low,
+        high=high,
+        typical=math.sqrt(low * high),
+        points=points,
+        linear_within=item.linear_within * high / item.high / way,
+    )
 
 
 def _ranged(item: Parameter, ends: tuple[float, ...] | None) -> Parameter:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import Effect, H, Numbers, Place, X, hook, parameter, period, phase, switch
+from models.effects.base import Effect, H, Numbers, Place, X, counted, hook, parameter, period, phase, switch
 
 RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
 FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated
@@ -91,7 +91,7 @@ class ThrustSaturation(Effect):
     equation: ClassVar = r"K_t\left(1-a\,(u/100\,\mathrm{N})^2\right)u"
     source: ClassVar = "assumed: the first term of iron that saturates alike both ways"
     hooks: ClassVar = {Place.THRUST: _saturating}
-    loss: float = parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0, below=0.3)
+    loss: float = counted(parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0), thrust=-2)
 
 
 @hook
@@ -117,7 +117,7 @@ class CurrentLoopLag(Effect):
     equation: ClassVar = r"\tau\dot u_i+u_i=u"
     source: ClassVar = "assumed: a current control of first order; 0.2 ms is a bandwidth of 800 Hz"
     hooks: ClassVar = {Place.THRUST: _lagging}
-    time: float = parameter("s", "time constant tau", 1e-4, 5e-4, "width", at_least=0)
+    time: float = counted(parameter("s", "time constant tau", 1e-4, 5e-4, "width", at_least=0), sample=1)
 
     def memory(self, elements: int) -> int:
         """The current at the end of the last substep, in newtons, and whether there was one."""

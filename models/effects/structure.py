@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, Place, T, X, hook, parameter, period, phase
+from models.effects.base import Effect, Numbers, Place, T, X, counted, hook, parameter, period, phase
 from models.plant import Mode
 
 
@@ -95,4 +95,6 @@ class CableSpring(Effect):
     equation: ClassVar = r"d=-k\,x"
     source: ClassVar = "assumed: a linear spring; sizes assumed"
     hooks: ClassVar = {Place.FORCE: _pulling}
-    stiffness: float = parameter("N/m", "stiffness k", 50.0, 500.0, "amplitude", at_least=0)
+    stiffness: float = counted(
+        parameter("N/m", "stiffness k", 50.0, 500.0, "amplitude", at_least=0), force=1, travel=-1
+    )

@@ -12,6 +12,7 @@ from studies.wording import effect, fitted
 Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
+FAR: Final = 2.0  # times its expectation, from which on chi-square per sample is said to be far from it
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
 
@@ -81,16 +82,16 @@ def _which(results: Results) -> str:
                 f". In part it resembles {listed(shown)}, with which the unknown force falls from "
                 f"{show(before, 'N', 3)} to {show(after, 'N', 3)} (rms)"
             )
-        told += _rough(results["white_force_N"])
+        told += _rough(results)
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return f"{told}."
         return f"{told}. Correct the log or the controller first, because the rest may be due to it."
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_another_form(verdict, name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
-        alike = f"{_others(verdict)}{_rough(results['white_force_N'])}"
+        alike = f"{_others(verdict)}{_rough(results)}"
         return f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
-    return f"It is {listed(shown)}{_rough(results['white_force_N'])}.{_said_beside(verdict)}"
+    return f"It is {listed(shown)}{_rough(results)}.{_said_beside(verdict)}"
 
 
 def _another_form(verdict: Results, name: str) -> str:
@@ -114,13 +115,24 @@ def _said_beside(verdict: Results) -> str:
     return told
 
 
-def _rough(force: Results) -> str:
-    if force["taken"] <= force["usual"]:
-        return ""
-    return (
-        f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample to "
-        "sample, which no effect of the catalogue describes"
-    )
+def _rough(results: Results) -> str:
+    """How rough the drive is, and whether the weights hold: what is left of each record, as a variance in that which
+    they promise."""
+    force, told = results["white_force_N"], ""
+    if force["taken"] > force["usual"]:
+        told += (
+            f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample "
+            "to sample, which no effect of the catalogue describes"
+        )
+    left = results["chi_square_per_sample"]["with_effects"]
+    far = [(number, one) for number, one in enumerate(left, 1) if not 1 / FAR < one < FAR]
+    if far:
+        each = listed(f"{one:.2g} in record {number}" if len(left) > 1 else f"{one:.2g}" for number, one in far)
+        told += (
+            f". Chi-square per sample is {each} where 1 was expected, so that the stated deviations are too "
+            f"{'small' if far[0][1] > 1 else 'large'}"
+        )
+    return told
 
 
 def _others(verdict: Results) -> str:

@@ -18,8 +18,8 @@ from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import suite, to_csv
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
-from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.motions import Piece
+from diagnosis.model.roughness import variance_by_record
 from diagnosis.where.controller import replayed
 from diagnosis.where.serialise import pictures
 from models.effects.base import parameters
@@ -162,7 +162,11 @@ def _results(
             {"name": name, "value": value, "unit": unit, "meaning": meaning, "chosen": chosen}
             for name, value, unit, meaning, chosen in found.baseline.criteria.listed()
         ],
-        "white_force_N": {"usual": WHITE_FORCE, "taken": found.baseline.nominal.candidate.white_force},
+        "white_force_N": _white_force(found),
+        "chi_square_per_sample": {
+            "re_fitted": variance_by_record(found.baseline.nominal).tolist(),
+            "with_effects": variance_by_record(found.final).tolist(),
+        },
         "not_looked_for": [name for name in every() if name not in given.machine.kinds],
         "catalogue": {name: _entry(name) for name in given.machine.kinds},
         "pictures": pictures(
@@ -197,6 +201,13 @@ def _entry(name: str) -> dict[str, Any]:
     kind = every()[name]
     doc = (kind.__doc__ or "").strip().splitlines()[0]
     return {"family": kind.family, "equation": kind.equation, "meaning": doc, "shown_in": kind.shown_in()}
+
+
+def _white_force(found: Diagnosis) -> dict[str, Any]:
+    """Of a drive as smooth as its model, of the roughest record, and of each [N]."""
+    candidate, usual = found.baseline.nominal.candidate, found.baseline.nominal.candidate.usual_white_force
+    by_record = [usual * candidate.roughness_of(i) for i in range(len(found.baseline.records))]
+    return {"usual": usual, "taken": candidate.white_force, "by_record": by_record}
 
 
 def _next(beside: Evidence, machine: Machine) -> dict[str, Any] | None:

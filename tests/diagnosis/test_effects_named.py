@@ -51,8 +51,8 @@ def _sized(law: str, factor: float) -> Effect:
 
 def _scanned(records: tuple[Record, ...], machine: Machine = MACHINE, left_out: Collection[str] = ()) -> list[Finding]:
     layout = parameters(machine, 1)
-    start = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=3, walk=1e-2)
-    fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=4e-3)
+    start = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=3, walk=0.125)
+    fitted = fit(search(start, records), records, paths=start.paths, iterations=5, walk=0.05)
     return scan(fitted, records, partial_out(fitted, numbered(pieces(records), records)), left_out)[0]
 
 

@@ -87,7 +87,7 @@ def cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     monkeypatch.setattr(null, "_drawn", simulates)
     layout = parameters(MACHINE, len(RECORDS))
-    null._keep(KEPT, tmp_path / "kept" / f"{null._key(layout.machine, RECORDS, 2)}.json")
+    null._keep(KEPT, tmp_path / "kept" / f"{null._key(layout.machine, RECORDS, 2, ())}.json")
     return tmp_path / "kept"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -19,9 +19,10 @@ from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import amplitude_ladder, repeated_strokes, sequence
 from diagnosis.how_far import errors_of
 from diagnosis.model.fit import Fit, unrepeated
-from diagnosis.model.kalman import WHITE_FORCE
 from diagnosis.model.motions import MotionKind, Piece, pieces, rms, scatter
 from diagnosis.model.parameters import applied, parameters
+from diagnosis.model.roughness import WhiteForce, steady_variance, variance_by_record
+from diagnosis.model.units import white_force
 from diagnosis.refit import refit_within, weighed
 from diagnosis.verdict import Outcome
 from models.effects.base import Effect, Numbers, Place, T, hook, parameter
@@ -57,6 +58,7 @@ class Knocks(Effect):
 
 
 KNOCKS = Knocks(SIZE, MACHINE.sample_time)
+WHITE_FORCE = white_force(MACHINE)
 
 
 def _off() -> Machine:
@@ -135,18 +137,66 @@ def test_a_reading_that_drops_out_is_no_force() -> None:
     assert found.candidate.white_force == WHITE_FORCE
 
 
-def test_without_repeated_motions_no_drive_is_called_rough() -> None:
-    (record,) = recorded(MACHINE, PLAN[:1], [KNOCKS], seed=SEED, wrong=0.0)
-    once = (record.part(0, record.position.size // 2),)
+def test_a_rough_drive_shows_in_one_pass_of_motions_too(rough: tuple[Record, ...]) -> None:
+    """Where nothing repeats, what is steadily left at all times tells; a strong effect leaves it at times only."""
+    once = (rough[0].part(0, rough[0].position.size // 2),)
     found = refit_within(MACHINE, once)
     assert np.isnan(unrepeated(found, once, pieces(once), Criteria().min_equal_motions)).all()
-    assert found.candidate.white_force == WHITE_FORCE
+    assert found.candidate.white_force == pytest.approx(SIZE, rel=0.25)
+    assert variance_by_record(found) == pytest.approx([1.0], abs=0.25)
+
+
+def test_a_strong_effect_in_one_pass_of_motions_makes_it_no_rough_one() -> None:
+    (record,) = recorded(MACHINE, PLAN[:1], [ViscousFriction(400.0)], seed=SEED, wrong=0.0)
+    once = (record.part(0, record.position.size // 2),)
+    assert refit_within(MACHINE, once).candidate.white_force == WHITE_FORCE
+
+
+def test_each_record_has_the_white_force_that_it_needs() -> None:
+    """A smooth and a rough one of the same table."""
+    smooth, shaken = (recorded(MACHINE, PLAN[1:], effects, seed=SEED, wrong=0.0)[0] for effects in ([], [KNOCKS]))
+    found = refit_within(MACHINE, (smooth, shaken))
+    assert found.candidate.roughness_of(0) == 1.0
+    assert found.candidate.roughness_of(1) * WHITE_FORCE == pytest.approx(SIZE, rel=0.2)
+    assert variance_by_record(found) == pytest.approx([1.0, 1.0], abs=0.25)
+
+
+@pytest.mark.parametrize(("size", "seed"), [(0.1, 1), (1.0, 2), (10.0, 3)])
+def test_lines_and_bursts_do_not_count_as_steady(size: float, seed: int) -> None:
+    """Beside white noise: what a law of the position leaves at one speed, and what one leaves at halts."""
+    rng, n, loop = np.random.default_rng(seed), 20_000, 3.6e-3
+    still = np.zeros(n)
+    record = Record(5e-4, still, still, still, still, still)
+    noise, t = rng.standard_normal(n), 5e-4 * np.arange(n)
+    line = 3.0 * np.sin(2 * np.pi * 90.0 * t)
+    burst = 30.0 * rng.standard_normal(n) * (t % 1.0 < 0.05)
+    assert steady_variance(size * noise, record, loop) == pytest.approx(size**2, rel=0.1)
+    assert steady_variance(noise + line + burst, record, loop) < 3.0
+
+
+@pytest.mark.parametrize("first", [0.0, 10_000.0, 9e8])
+def test_the_white_force_of_a_simulated_drive_is_white(first: float) -> None:
+    ts, n = MACHINE.sample_time, 4000
+    law = WhiteForce(SIZE, ts, first)
+    now: Any = np.zeros(8)
+    nothing: Any = np.zeros((3, 1))
+    p: Any = law.values()
+    drawn = np.empty(n)
+    for k in range(n):
+        now[T] = (k + 0.5) * ts
+        drawn[k] = law.hooks[Place.FORCE](0.0, p, now, nothing[0], nothing)
+    assert np.std(drawn) == pytest.approx(SIZE, rel=0.05)
+    assert abs(np.mean(drawn)) < 0.1 * SIZE
+    for late in (1, 2, 7):
+        assert abs(np.corrcoef(drawn[late:], drawn[:-late])[0, 1]) < 0.06
 
 
 def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) -> None:
     assert (found.outcome, found.effects, found.partly) == (Outcome.NONE, (), ())
     assert found.how_far.source == "repeats"
-    assert found.baseline.floors == pytest.approx(sum(record.position.size - 60 for record in found.baseline.records))
+    whole = sum(record.position.size - 60 for record in found.baseline.records)
+    assert np.min(found.baseline.floors) >= whole
+    assert found.baseline.floors == pytest.approx(whole, rel=0.1)  # of simulated tables as rough as this one
 
 
 def test_an_effect_on_a_rough_drive_is_named(null_cache: Path) -> None:
@@ -171,10 +221,7 @@ def test_a_strong_effect_on_a_smooth_table_makes_it_no_rough_one(null_cache: Pat
 def test_an_experiment_shows_less_of_a_rough_drive() -> None:
     """The linearisation that experiments are compared by takes the white force that the records showed."""
     planned = amplitude_ladder(MACHINE, (10e-6,))
-    sizes = [
-        np.linalg.norm(virtual(MACHINE, planned, white_force=white_force)[0].slopes)
-        for white_force in (WHITE_FORCE, SIZE)
-    ]
+    sizes = [np.linalg.norm(virtual(MACHINE, planned, white_force=size)[0].slopes) for size in (WHITE_FORCE, SIZE)]
     assert sizes[1] < 0.5 * sizes[0]
 
 

@@ -29,7 +29,7 @@ TS = MACHINE.sample_time
 
 
 def _model(**options: object) -> Predictor:
-    return predictor(MACHINE.plant, TS, walk=4e-3, noise=4e-8, **options)
+    return predictor(MACHINE.plant, TS, walk=4e-3, noise=4e-8, **{"white_force": 0.08, **options})
 
 
 def test_the_discrete_plant_is_the_exact_one() -> None:

@@ -53,8 +53,8 @@ def run(machine: Machine, effects: Sequence[Effect], given: Sequence[Schedule], 
 def fitted(machine: Machine, records: Sequence[Record]) -> Fit:
     """The nominal parameters fitted in two rounds from the truth: a quick stand-in for the whole re-fit."""
     layout = parameters(machine, len(records))
-    found = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=2, walk=1e-2)
-    return fit(found.candidate, records, paths=found.paths, iterations=1, walk=4e-3)
+    found = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=2, walk=0.125)
+    return fit(found.candidate, records, paths=found.paths, iterations=1, walk=0.05)
 
 
 @cache

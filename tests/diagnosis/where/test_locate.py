@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.experiments.schedules import Move, multisine, schedule
-from diagnosis.model.kalman import SUBSTEPS, WHITE_FORCE, discretised, predictor, smoothed
+from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
 from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
 from diagnosis.where.coordinates import Coordinate, explain
@@ -25,6 +25,7 @@ from studies.command import to_text
 from tests.diagnosis.where.cases import case, fitted, run, schedules, table
 
 Array = NDArray[np.float64]
+WHITE_FORCE = 0.08  # N
 NOISE = 4e-8
 
 
@@ -51,7 +52,7 @@ def samples(motions: int, length: int) -> Samples:
     )
 
 
-@pytest.mark.parametrize("walk", [SLOW, 0.05])
+@pytest.mark.parametrize("walk", [SLOW * WHITE_FORCE, 0.05])
 def test_the_band_holds_a_force_that_walks_as_assumed(walk: float) -> None:
     """The reading of a force that walks by exactly `walk`, through the linear table: 95 % within 1.96 deviations."""
     machine, n = table(), 20000
@@ -62,18 +63,18 @@ def test_the_band_holds_a_force_that_walks_as_assumed(walk: float) -> None:
         force[k], reading[k] = state[-1], c @ state + NOISE * draw.standard_normal()
         state = a @ state + b.sum(axis=1) * WHITE_FORCE * draw.standard_normal()
         state[-1] += walk * draw.standard_normal()
-    model = predictor(machine.plant, machine.sample_time, walk=walk, noise=NOISE)
+    model = predictor(machine.plant, machine.sample_time, walk=walk, noise=NOISE, white_force=WHITE_FORCE)
     found = smoothed(model, np.zeros((n, SUBSTEPS)), reading, np.zeros(c.size))[:, -1]
-    band = steady_deviation(machine.plant, machine.sample_time, walk=walk, noise=NOISE)
+    band = steady_deviation(machine.plant, machine.sample_time, walk=walk, noise=NOISE, white_force=WHITE_FORCE)
     error = (found - force)[1000:-1000] / band
     assert np.mean(np.abs(error) < 1.96) == pytest.approx(0.95, abs=0.03)
 
 
-@pytest.mark.parametrize("walk", [SLOW, FAST])
+@pytest.mark.parametrize("walk", [SLOW * WHITE_FORCE, FAST * WHITE_FORCE])
 def test_the_steady_deviation_is_the_sum_of_what_each_noise_does(walk: float) -> None:
     """By the smoother's answers to one reading, one push and one step of the force, far from the ends."""
     plant, ts = table().plant, table().sample_time
-    model = predictor(plant, ts, walk=walk, noise=NOISE)
+    model = predictor(plant, ts, walk=walk, noise=NOISE, white_force=WHITE_FORCE)
     n, still = 2 * REACH + 1, np.zeros(model.C.size)
     reading, push, step = np.zeros(n), np.zeros((n, SUBSTEPS)), np.zeros((n, SUBSTEPS))
     reading[REACH], push[REACH], step[REACH:] = 1.0, 1.0, 1.0
@@ -81,7 +82,9 @@ def test_the_steady_deviation_is_the_sum_of_what_each_noise_does(walk: float) ->
     pushed = smoothed(model, push, 0 * reading, still)[:, -1]
     left = smoothed(model, step, 0 * reading, still)[:, -1] + (np.arange(n) >= REACH)
     total = np.sqrt(NOISE**2 * read @ read + WHITE_FORCE**2 * pushed @ pushed + walk**2 * left @ left)
-    assert steady_deviation(plant, ts, walk=walk, noise=NOISE) == pytest.approx(total, rel=0.01)
+    assert steady_deviation(plant, ts, walk=walk, noise=NOISE, white_force=WHITE_FORCE) == pytest.approx(
+        total, rel=0.01
+    )
 
 
 def test_nothing_wrong_leaves_no_more_than_noise() -> None:

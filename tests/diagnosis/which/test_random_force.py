@@ -9,7 +9,7 @@ from diagnosis.model.fit import fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.which.random_force import LEVELS, levels, steadiness, strongest_random_force
+from diagnosis.which.random_force import levels, steadiness, strongest_random_force
 from diagnosis.which.scan import partial_out
 from tests.diagnosis.slow import leg, moved
 
@@ -26,11 +26,12 @@ def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
     assert steadiness([slosh + noise], 8.0, ts) < 0.2
 
 
-@pytest.mark.parametrize(("mass", "least"), [(44.7, 0.01), (95.0, 0.01), (450.0, 0.1), (0.5, 10**-3.5)])
-def test_levels_go_with_the_mass_that_the_floor_shakes(mass: float, least: float) -> None:
-    found = levels(mass)
-    assert found[0] == pytest.approx(least)
-    assert np.array(found) / found[0] == pytest.approx(np.array(LEVELS) / LEVELS[0])
+@pytest.mark.parametrize("size", [1.0, 0.025, 40.0])
+def test_levels_go_with_what_the_white_force_hides_and_the_friction_holds(size: float) -> None:
+    found = np.array(levels(0.08 * size, 16.5 * size)) / size
+    assert found == pytest.approx([0.01, 0.0316, 0.1, 0.316], rel=1e-2)
+    assert levels(0.08e-2, 16.5)[-1] == pytest.approx(0.316, rel=1e-2)
+    assert len(levels(16.5, 16.5)) == len(found)
 
 
 @pytest.mark.parametrize("rate", [62.5, 4.0])

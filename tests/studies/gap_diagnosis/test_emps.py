@@ -73,13 +73,13 @@ def test_friction_that_differs_by_direction_is_named(results: dict[str, Any]) ->
     """The published gain, of 4.08 to 3.11 % of the force, leaves more than half of the gap open: it is not alone."""
     verdict = results["verdict"]
     assert verdict["outcome"] == "attributed"
-    assert verdict["effects"] == ["velocity_strengthening", DIRECTIONAL, "cogging"]
-    assert results["answer"]["outcome"].startswith("Attributed to velocity strengthening, directional friction and")
+    assert verdict["effects"] == [DIRECTIONAL, "cogging", "velocity_strengthening"]
+    assert results["answer"]["outcome"].startswith("Attributed to directional friction, cogging and")
     assert verdict["equivalent"] == []
     assert 0.2 < verdict["unexplained_fraction"] < 0.4
     low, high = results["how_far"]["closure_interval"]
-    nameless = f"{100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap remain unexplained"
-    assert nameless in results["answer"]["how_far"]
+    assert 1 - high < 0.1 < 1 - low  # what may be less than a tenth is not said to remain unexplained
+    assert "remain unexplained" not in results["answer"]["how_far"]
 
 
 def test_the_screw_cogs_at_a_period_and_at_half_of_it(results: dict[str, Any], record: Record) -> None:
@@ -165,27 +165,34 @@ def test_its_offset_is_that_of_least_squares(folder: Path) -> None:
     assert machine.drive.offset + law.asymmetry * contacts == pytest.approx(-0.25, abs=0.8)
 
 
-def test_the_machine_without_its_priors_is_not_explained(data: Path, tmp_path: Path) -> None:
-    """A linear motor's ranges do not suit a screw, yet directional friction still comes first."""
+def test_without_its_priors_the_machine_is_explained_in_part(data: Path, tmp_path: Path) -> None:
+    """A linear motor's ranges hold no screw's cogging, nor is a law over speed looked for; directional friction still
+    comes first, alone, in another form than the catalogue's and with much left."""
     text, plain = MACHINE.read_text(encoding="utf-8"), tmp_path / "plain.toml"
     plain.write_text(re.sub(r"\[priors\..*?(?=\n\[control\])", "", text, flags=re.DOTALL), encoding="utf-8")
     assert not load(plain).priors
     output = tmp_path / "out"
     assert main(STUDY, [str(data), "--machine", str(plain), "--no-report", "--output", str(output)]) == DONE
-    verdict = json.loads((output / "results.json").read_text(encoding="utf-8"))["results"]["verdict"]
-    assert (verdict["outcome"], verdict["effects"], verdict["partly"]) == ("none_of_these", [], [DIRECTIONAL])
+    told = json.loads((output / "results.json").read_text(encoding="utf-8"))["results"]
+    verdict, far = told["verdict"], told["how_far"]
+    assert (verdict["outcome"], verdict["effects"], verdict["partly"]) == ("attributed", [DIRECTIONAL], [])
+    assert verdict["form"] == {DIRECTIONAL: "other"}
+    assert 0.4 < far["closure_interval"][0] < far["closure"] < 0.7
 
 
-def test_friction_that_differs_by_direction_is_the_first_effect_to_go_into_the_model(results: dict[str, Any]) -> None:
-    """After the machine file's viscous friction, which is re-fitted and does not count as a finding."""
-    delivered, refitted, first, *_ = results["how_far"]["stages"]
-    assert [delivered["added"], refitted["added"], first["added"]] == ["as delivered", "re-fitted", DIRECTIONAL]
-    assert first["force_N"] < 0.75 * refitted["force_N"]
-    assert first["position_m"] < 0.85 * refitted["position_m"]
+def test_friction_that_differs_by_direction_takes_off_the_most(results: dict[str, Any]) -> None:
+    """Beside the machine file's viscous friction, which is re-fitted and does not count as a finding. Over the whole
+    travel of the record, which is how far friction along the guide is looked for, that gains something, too."""
+    stages = results["how_far"]["stages"]
+    assert [one["added"] for one in stages[:2]] == ["as delivered", "re-fitted"]
+    (place,) = (i for i, one in enumerate(stages) if one["added"] == DIRECTIONAL)
+    before, first = stages[place - 1], stages[place]
+    assert first["force_N"] < 0.75 * before["force_N"]
+    assert first["position_m"] < 0.85 * before["position_m"]
     best, *others = results["which"]
     assert best["effect"] == DIRECTIONAL
     unnamed = [row["held_out_gain"] for row in others if row["effect"] not in results["verdict"]["effects"]]
-    assert best["held_out_gain"] > 5 * max(gain for gain in unnamed if gain is not None)
+    assert best["held_out_gain"] > 3 * max(gain for gain in unnamed if gain is not None)
 
 
 def test_friction_differs_by_direction_as_its_authors_method_says(results: dict[str, Any], record: Record) -> None:
@@ -220,9 +227,11 @@ def test_the_input_delay_is_told_with_the_hold(results: dict[str, Any]) -> None:
 
 def test_weighed_as_this_drive_needs_it_nothing_runs_to_its_bound(results: dict[str, Any]) -> None:
     force = results["white_force_N"]
-    assert force["taken"] == pytest.approx(4.0, rel=0.1)
+    assert force["taken"] == pytest.approx(3.5, rel=0.1)
     assert not [row["name"] for row in results["shifts"] if abs(row["moved"]) > 2.0]
-    assert 1e-6 < next(row["parameters"]["distance"]["value"] for row in results["which"]) < 1e-4
+    distance = next(row["parameters"]["distance"] for row in results["which"])
+    assert max(distance["value"], distance["std"]) > 1e-6  # far from determined, so that the bound says nothing
+    assert distance["value"] < 1e-4
     assert "The drive is rougher than its model" in results["answer"]["which"]
 
 

@@ -1,0 +1,86 @@
+"""What the sizes of a diagnosis are counted in: a machine's own quantities, so that no setting fits one machine only.
+
+A setting that stood in newtons, metres or seconds would be another one on a machine of another size. Here forces are
+counted in the friction or in the white force that the scale's noise makes of it, lengths in what the contacts yield
+before they slip, in the travel or in the scale's noise, times in samples or in the time of the control loop. The same
+machine in other units of mass, length and time then gets the same answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from models.effects.priors import Units
+from models.machine import Machine
+from models.records.record import Record
+
+WHITE_SHARE: Final = 0.89
+"""Of the force that the scale's noise makes of the stiffest friction: the white process noise [1]. It stands for the
+error of the friction, which is evaluated at a smoothed position; chosen so that complete models of simulated tables
+leave white innovations."""
+WITHOUT_FRICTION: Final = (
+    0.02  # the same, of the force that the noise makes of the loop's stiffness; the least there is
+)
+READABLE: Final = 1.3e-5  # of the contacts' length: noise of a reading that is said to have none
+SHORTEST_TRAVEL: Final = 1280.0  # contacts' lengths: what happens along the way does not happen within less
+
+
+def contact_length(machine: Machine) -> float:
+    """By how much the friction's contacts yield before they slip [m]: friction over stiffness. Of a machine without
+    friction its tolerance."""
+    friction = machine.friction
+    stiffness, force = sum(friction.stiffness), friction_force(machine)
+    return force / stiffness if stiffness > 0 and force > 0 else machine.specification.tolerance
+
+
+def loop_time(machine: Machine) -> float:
+    """1 over the frequency [rad/s] to which the feedback controls the rigid body: where |kp + i w kd| = m w^2."""
+    mass, pid = machine.plant.mass, machine.control.pid
+    damped, stiff = (pid.kd / mass) ** 2, (pid.kp / mass) ** 2
+    squared = (damped + math.sqrt(damped**2 + 4 * stiff)) / 2
+    return 1 / math.sqrt(squared) if squared > 0 else machine.specification.settling_time
+
+
+def noise(machine: Machine) -> float:
+    """Deviation [m] of the reading: the scale's noise and its rounding."""
+    scale = machine.scale
+    return max(float(np.hypot(scale.deviation, scale.resolution / np.sqrt(12))), READABLE * contact_length(machine))
+
+
+def white_force(machine: Machine) -> float:
+    """The white force [N] that a machine's model leaves where nothing is missing."""
+    reading = noise(machine)
+    by_contacts = min(sum(machine.friction.stiffness) * reading, friction_force(machine))
+    by_loop = machine.plant.mass / loop_time(machine) ** 2 * reading
+    return max(WHITE_SHARE * by_contacts, WITHOUT_FRICTION * by_loop)
+
+
+def units(machine: Machine, records: Sequence[Record] = ()) -> Units:
+    """The quantities that the usual sizes of effects are counted in; the travel is what the records show."""
+    contact = contact_length(machine)
+    travels = [np.ptp(one.reference) or np.ptp(one.position) for one in records]
+    return Units(
+        force=friction_force(machine) or machine.drive.rated_thrust,
+        thrust=machine.drive.rated_thrust,
+        mass=machine.plant.mass,
+        contact=contact,
+        travel=max(float(max(travels, default=0.0)), SHORTEST_TRAVEL * contact),
+        reading=noise(machine),
+        loop=loop_time(machine),
+        sample=machine.sample_time,
+    )
+
+
+def with_units(machine: Machine, records: Sequence[Record]) -> Machine:
+    """The machine with the usual sizes of effects as they are in it and along these records' ways [SI]."""
+    return replace(machine, priors=replace(machine.priors, units=units(machine, records)))
+
+
+def friction_force(machine: Machine) -> float:
+    """The friction [N] where every contact slips."""
+    return float(np.dot(machine.friction.stiffness, machine.friction.limit))

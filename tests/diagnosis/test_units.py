@@ -1,0 +1,163 @@
+"""A machine told in other units of mass, length and time is the same machine: it gets the same names and the same gap.
+
+What follows from the records is compared, and not the null, which takes most of the time and is simulated from the same
+quantities: of both it is the same here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diagnosis.answer import Answer, largest_adequate
+from diagnosis.baseline import Baseline
+from diagnosis.criteria import Criteria
+from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
+from diagnosis.model.kalman import predictor
+from diagnosis.model.motions import pieces
+from diagnosis.model.units import loop_time, noise, units, white_force, with_units
+from diagnosis.null import Null
+from diagnosis.refit import refit_within
+from diagnosis.verdict import Outcome
+from diagnosis.where.force import steady_deviation
+from diagnosis.which.prune import prune
+from diagnosis.which.random_force import levels
+from diagnosis.which.select import select
+from models.effects.base import parameters
+from models.effects.catalogue import every
+from models.effects.friction_laws import ViscousFriction
+from models.effects.priors import REFERENCE, Priors
+from models.friction import elements
+from tests.diagnosis.slow import leg
+from tests.diagnosis.tables import recorded, table
+from tests.diagnosis.units import Change
+
+MACHINE = table()
+PLAN = (together("short", [amplitude_ladder(MACHINE, (5e-6, 20e-6, 100e-6)), strokes(MACHINE, 45e-3, (0.2,))]),)
+ALL = Change(force=1 / 40, length=3.0, time=0.5)
+CHANGES = (Change(force=1 / 40), Change(length=3.0), Change(time=0.5), ALL)
+
+
+def _answer(change: Change, effects: list[Any]) -> tuple[Answer, dict[str, float]]:
+    """What the search says of a short record in other units, and what effects gain that are worth a look."""
+    records = tuple(map(change.record, recorded(MACHINE, PLAN, effects, seed=3)))
+    machine = with_units(change.machine(MACHINE), records)
+    chance = Null({}, ((0.9,),), (4.0,))
+    found = Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), chance)
+    stages = select(found)
+    gains = {one.name: one.gain for one in stages[0].proposals if one.gain > Criteria().min_gain}
+    return largest_adequate(prune(stages, found).stages, found, seed=0), gains
+
+
+@pytest.mark.parametrize(
+    ("effects", "names", "outcome"),
+    [([ViscousFriction(60.0)], ("viscous_friction",), Outcome.ATTRIBUTED), ([], (), Outcome.PARAMETERS)],
+)
+def test_the_same_machine_in_other_units_gets_the_same_answer(
+    effects: list[Any], names: tuple[str, ...], outcome: Outcome
+) -> None:
+    """To what rounding makes of it, in all three units at once; with an effect and with none."""
+    (here, gains), (there, other) = _answer(Change(), effects), _answer(ALL, effects)
+    assert (here.outcome, here.names) == (there.outcome, there.names) == (outcome, names)
+    assert there.closure.closure == pytest.approx(here.closure.closure, abs=1e-4)
+    assert there.closure.interval == pytest.approx(here.closure.interval, abs=1e-3)
+    assert other == pytest.approx(gains, rel=1e-3)
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_sizes_are_counted_in_changes_with_the_units(change: Change) -> None:
+    (record,) = recorded(MACHINE, PLAN, seed=3)
+    other = change.machine(MACHINE)
+    before, after = units(MACHINE, [record]), units(other, [change.record(record)])
+    told = {"force": "N", "thrust": "N", "mass": "kg", "contact": "m", "travel": "m", "reading": "m"}
+    told |= {"loop": "s", "sample": "s"}
+    assert vars(after) == pytest.approx({name: change.factor(told[name]) * size for name, size in vars(before).items()})
+    assert white_force(other) == pytest.approx(change.force * white_force(MACHINE))
+    assert levels(change.force * 0.08, change.force * 16.5) == pytest.approx(
+        [change.force * one for one in levels(0.08, 16.5)]
+    )
+
+
+@pytest.mark.parametrize("name", sorted(every()))
+def test_every_usual_size_is_counted_in_what_changes_with_the_units(name: str) -> None:
+    """But for the saturation, whose loss is stated at 100 N on any machine."""
+    (record,) = recorded(MACHINE, PLAN[:1], seed=3)
+    here, there = (
+        parameters(every()[name], Priors(units=units(change.machine(MACHINE), [change.record(record)])))
+        for change in (Change(), ALL)
+    )
+    for one, other in zip(here, there, strict=True):
+        factor = ALL.force**-2 if one.name == "loss" else ALL.factor(one.unit)
+        assert (other.low, other.high, other.typical) == pytest.approx(
+            (one.low * factor, one.high * factor, one.typical * factor)
+        ), one.name
+        assert other.points == one.points
+        assert other.linear_within == pytest.approx(one.linear_within)
+
+
+def test_the_reference_table_has_the_sizes_of_the_catalogue() -> None:
+    (long,) = recorded(MACHINE, (strokes(MACHINE, 60e-3, (0.2,)),), seed=3)
+    known = units(MACHINE, [long])
+    assert vars(known) == pytest.approx(vars(REFERENCE))
+    for kind in every().values():
+        for one, other in zip(parameters(kind), parameters(kind, Priors(units=known)), strict=True):
+            assert (other.low, other.high, other.points) == pytest.approx((one.low, one.high, one.points))
+
+
+def test_no_period_along_the_way_is_longer_than_the_way() -> None:
+    """It would draw any curve; and none is left out that the magnets of a long axis have."""
+    for travel in (5e-3, 45e-3, 0.5, 2.0):
+        known = replace(REFERENCE, travel=max(travel, 1280 * REFERENCE.contact))
+        for name in ("cogging", "thrust_ripple", "position_dependent_friction"):
+            (item,) = (one for one in parameters(every()[name], Priors(units=known)) if one.role == "period")
+            assert item.high <= known.travel * 1.0001
+            assert item.low <= 20e-3
+
+
+def test_no_frequency_is_looked_for_beyond_what_the_samples_show() -> None:
+    slow = leg(62.5)
+    for item in parameters(every()["additional_mode"], Priors(units=units(slow))):
+        if item.name == "frequency":
+            assert item.low < item.high <= 0.4 * 62.5
+
+
+@given(st.floats(-4, 4), st.floats(-3, 3), st.floats(-1.5, 1.5))
+def test_the_filter_is_the_same_in_any_units(force: float, length: float, time: float) -> None:
+    """Its gains, its deviation and the smoother's band, to rounding."""
+    change = Change(10**force, 10**length, 10**time)
+    here, there = (
+        predictor(
+            machine.plant,
+            machine.sample_time,
+            walk=0.05 * white_force(machine),
+            noise=noise(machine),
+            white_force=white_force(machine),
+        )
+        for machine in (MACHINE, change.machine(MACHINE))
+    )
+    state = [change.length, change.length / change.time] * len(MACHINE.plant.modes) + [change.force]
+    assert there.deviation == pytest.approx(change.length * here.deviation)
+    assert there.gain * change.length == pytest.approx(here.gain * state, rel=1e-5)
+    assert there.back / np.outer(state, 1 / np.array(state)) == pytest.approx(here.back, rel=1e-4, abs=1e-6)
+    bands = [
+        steady_deviation(
+            machine.plant,
+            machine.sample_time,
+            walk=0.05 * white_force(machine),
+            noise=noise(machine),
+            white_force=white_force(machine),
+        )
+        for machine in (MACHINE, change.machine(MACHINE))
+    ]
+    assert bands[1] == pytest.approx(change.force * bands[0], rel=1e-4)
+
+
+def test_a_machine_without_friction_has_a_white_force_and_lengths() -> None:
+    smooth = replace(MACHINE, friction=elements([1.0], [1e-30]))
+    assert white_force(smooth) > 0
+    assert min(vars(units(smooth)).values()) > 0
