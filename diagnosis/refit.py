@@ -92,7 +92,7 @@ def weighed(
         fitted = fit(candidate, records, paths=fitted.paths, walk=fitted.walk)
         after = variance_by_record(fitted)
         moved = np.abs(np.log(roughness / before)) > 1e-6
-        fall = -np.log(after / variance) / np.log(np.where(moved, roughness / before, np.e))
+        fall = -np.log(after / variance) / np.log(np.where(moved, roughness / before, 2.0))
         slope = np.where(moved, np.clip(fall, LEAST_SLOPE, 2.0), slope)
         variance = after
     return started(fitted, records)

@@ -61,7 +61,6 @@ class _Given:
 
 def compute(machine: Machine, options: ExportOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for a controller that cannot be exported."""
-    progress(0.02, "reading the controller")
     given = _given(machine, options)
     known = given.known
     progress(0.1, "computing the vectors")

@@ -433,9 +433,9 @@ def test_no_option_that_reaches_outside_is_among_those_of_a_review() -> None:
         if field.metadata["option"].file and field.metadata["option"].reviewable
     }
     columns = {"column", "mapping", "recipe", "trust_records"}  # of records, which only an option of those below gives
-    assert allowed["blind_trial"] == {"cases", "quick", "seed", "no_report", "controller", *columns}
+    assert allowed["blind_trial"] == {"cases", "machines", "quick", "seed", "no_report", "controller", *columns}
     assert all(
         not names & {"machine", "output", "overwrite", "pack", "key", "inject", "scheduler"}
         for names in allowed.values()
     )
-    assert files == {"controller", "record", "hold_out", "mapping", "ensemble"}
+    assert files == {"controller", "controller_json", "record", "hold_out", "mapping", "ensemble"}

@@ -32,7 +32,12 @@ NAMES = sorted(every())
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 # A text of these keys is never compared with anything, so that it can be anything.
 FREE = {"detail", "record", "note", "meaning", "source", "section", "findings", "statements", "remark", "one_line"}
-OURS = {"all members"}  # a name that a report looks up, as it is no text of a user's
+OURS = {
+    "all members",
+    "as delivered",
+    "even steps",
+    "end of Region 1 (about)",
+}  # names that reports look up: no user writes them
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="1" height="1"/>'
 VOID = {"img", "meta", "br", "hr", "col", "input", "link"}
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from models.records.settling import JUMP, settling_margin, settling_time
@@ -40,6 +40,7 @@ def test_an_error_that_just_leaves_the_band_says_by_how_much() -> None:
     part=st.floats(0.01, 0.99),
 )
 def test_within_the_margin_the_settling_time_is_the_same(error: list[float], tolerance: float, part: float) -> None:
+    assume(all(abs(abs(one) - tolerance) > 1e-12 for one in error))  # at the band's edge itself, rounding decides
     found = settling_margin(error, tolerance, TS)
     for change, margin in ((1, found.less), (-1, found.more)):
         if math.isfinite(margin):
