@@ -63,7 +63,8 @@ def settling_margin(error: ArrayLike, tolerance: float, sample_time: float) -> M
     step = max(math.ceil(JUMP * settled), 1)
     less, earlier, more, later = math.inf, 0.0, math.inf, math.inf
     if settled > 0:
-        band = left[max(settled - step, 0)]
+        back = step if settled < count else 1  # from never, any time is another one
+        band = left[max(settled - back, 0)]
         less, earlier = float(band) - tolerance, int(np.sum(left > band)) * sample_time
     if settled + step <= count:
         reached = left[settled + step - 1]
