@@ -88,7 +88,7 @@ def pitches(samples: Samples) -> tuple[float, float]:
     return PITCHES[0] * min(contact, way), PITCHES[1] * way
 
 
-def _slowest(samples: Samples) -> float:
+def slowest(samples: Samples) -> float:
     """The speed [m/s] below which the table counts as at rest."""
     return SLOWEST * samples.units.contact / samples.units.loop
 
@@ -113,7 +113,7 @@ def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tup
         Coordinate("dwell", "s", dwell, logarithmic=True),
         Coordinate("position", "m", position),
         Coordinate("velocity", "m/s", speed, logarithmic=True, directional=False),
-        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > _slowest(samples)), directional=False),
+        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > slowest(samples)), directional=False),
         Coordinate("acceleration", "m/s2", np.concatenate(acceleration), logarithmic=True, directional=False),
         Coordinate("command", "N", thrust, logarithmic=True, directional=False),
         Coordinate("since_reversal", "m", gone, logarithmic=True),
@@ -140,22 +140,27 @@ def _since_reversal(position: Array, direction: Array) -> Array:
     return np.abs(position - position[np.maximum.accumulate(np.where(turned, np.arange(position.size), 0))])
 
 
-def hat_functions(coordinate: Coordinate, used: NDArray[np.bool_], most: int = KNOTS) -> tuple[Array, Array]:
+def hat_functions(
+    coordinate: Coordinate, used: NDArray[np.bool_], most: int = KNOTS, *, straight: bool = False
+) -> tuple[Array, Array]:
     """(hat functions (n, K) [1], their knots (K,) in the coordinate's unit) over the range of the samples used; K is at
-    most `most`."""
+    most `most`. Between knots that are spaced logarithmically they are linear in that scale or, if straight, in the
+    coordinate itself, as a reader of a table interpolates."""
     values = coordinate.values
     small = np.abs(values[used & (values != 0)])
     scale = float(np.quantile(small, 0.1)) if coordinate.logarithmic and small.size else 0.0
     warped = np.arcsinh(values / scale) if scale > 0 else values
     levels = np.unique(warped[used])
     knots = levels if levels.size <= most else np.linspace(levels[0], levels[-1], most)
-    place = np.clip(np.interp(warped, knots, np.arange(knots.size)), 0, knots.size - 1)
+    spaced = np.sinh(knots) * scale if scale > 0 else knots
+    over, among = (values, spaced) if straight else (warped, knots)
+    place = np.clip(np.interp(over, among, np.arange(knots.size)), 0, knots.size - 1)
     low = np.minimum(place.astype(int), max(knots.size - 2, 0))
     basis = np.zeros((values.size, knots.size))
     rows = np.arange(values.size)
     basis[rows, low] = 1 - (place - low)
     basis[rows, np.minimum(low + 1, knots.size - 1)] += place - low
-    return basis, np.sinh(knots) * scale if scale > 0 else knots
+    return basis, spaced
 
 
 def explain(signal: Array, coordinate: Coordinate, samples: Samples, seed: int = 0) -> Explained:
@@ -273,7 +278,7 @@ def periodogram(signal: Array, place: Array, samples: Samples, among: NDArray[np
 
 def parity(signal: Array, speed: Coordinate, samples: Samples, seed: int = 0) -> tuple[Explained, Explained]:
     """How much of a signal (n,) is an even, and how much an odd function of the speed [m/s], while the table moves."""
-    moving = replace(samples, counts=samples.counts & (np.abs(speed.values) > _slowest(samples)))
+    moving = replace(samples, counts=samples.counts & (np.abs(speed.values) > slowest(samples)))
     size = replace(speed, name="even", values=np.abs(speed.values), directional=False)
     if np.count_nonzero(moving.counts) < 10 * KNOTS:
         nothing = np.zeros(1)

@@ -19,7 +19,7 @@ from diagnosis.how_far import unknown_force
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.motions import Piece, numbered
 from diagnosis.model.residual import evaluate
-from diagnosis.where.coordinates import by_motion, coordinates, hat_functions
+from diagnosis.where.coordinates import by_motion, coordinates, hat_functions, slowest
 from diagnosis.where.energy import INTERVAL, bootstrap_counts, label_samples
 from models.effects.base import Kind
 from models.effects.catalogue import in_order
@@ -72,7 +72,8 @@ def law_curve(
 ) -> LawCurve | None:
     """The measured curve of the law of this name in a fit (SI); None where it has no coordinate that records show."""
     settling = fitted.candidate.machine.specification.settling_time
-    samples = label_samples(records, pieces, numbered(pieces, records), weights(records), settling)
+    units = fitted.candidate.nominal.priors.units
+    samples = label_samples(records, pieces, numbered(pieces, records), weights(records), settling, units)
     known = {one.name: one for one in coordinates(fitted, records, samples)}
     coordinate = known.get(CALLED.get(kind.coordinate, ""))
     if coordinate is None or kind.side != "force":
@@ -84,7 +85,11 @@ def law_curve(
     if turning:
         force = force * samples.direction
     used = samples.counts & ~np.isnan(force) & (samples.direction != 0)
-    basis, knots = hat_functions(coordinate, used)
+    if coordinate.name == "velocity":  # at rest the speed is the smoother's error
+        used &= coordinate.values > slowest(samples)
+    if not used.any():
+        return None
+    basis, knots = hat_functions(coordinate, used, straight=True)
     grams, slopes = by_motion(basis * used[:, None], np.where(used, force, 0.0), samples.motion)
     drawn = bootstrap_counts(grams.shape[0], 0)
     curves = [_solved(np.tensordot(count, grams, 1), count @ slopes) for count in drawn]
