@@ -217,25 +217,50 @@ def _check(path: str, number: float, kind: type) -> None:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _effects_to_json(effects: tuple[Effect, ...]) -> dict[str, dict[str, float]]:
+def _effects_to_json(effects: tuple[Effect, ...]) -> dict[str, dict[str, Any]]:
     """Each effect's parameters by name, as results.json has them in `machine.effects`."""
-    return {
-        name: {json_name(item.name, item.unit): getattr(effect, item.name) for item in parameters(type(effect))}
-        for name, effect in catalogue.named(effects).items()
-    }
+    return {name: _effect_to_json(effect) for name, effect in catalogue.named(effects).items()}
 
 
-def _effects_from_json(content: Mapping[str, Mapping[str, float]]) -> tuple[Effect, ...]:
-    known, found = catalogue.every(), list[Effect]()
+def _effect_to_json(effect: Effect) -> dict[str, Any]:
+    """Its parameters, or the table of a measured one, with the units in the names."""
+    if not effect.tabulated:
+        return {json_name(item.name, item.unit): getattr(effect, item.name) for item in parameters(type(effect))}
+    units = {field.name: declared.unit for field in fields(effect) if (declared := declaration(field, effect))}
+    return {json_name(name, unit): getattr(effect, name) for name, unit in units.items()}
+
+
+def _effects_from_json(content: Mapping[str, Mapping[str, Any]]) -> tuple[Effect, ...]:
+    known, found = catalogue.readable(), list[Effect]()
     for path, values in content.items():
         name = path.partition(".")[0]
         if name not in known:
             raise ValueError(f"effect_compensation.effects: no effect is named {name!r}")
+        if known[name].tabulated:
+            found.append(_table_from_json(known[name], values, f"effect_compensation.effects.{path}"))
+            continue
         numbers = {item.name: float(values[json_name(item.name, item.unit)]) for item in parameters(known[name])}
         if not all(math.isfinite(number) for number in numbers.values()):
             raise ValueError(f"effect_compensation.effects.{path}: a number is not finite")
         found.append(known[name](**numbers))
     return catalogue.in_order(found)
+
+
+def _table_from_json(kind: type[Effect], content: Mapping[str, Any], where: str) -> Effect:
+    """A measured effect; every number in the range that the class declares [SI]."""
+    given: dict[str, Any] = {}
+    for field in fields(kind):
+        declared = declaration(field, content)
+        assert declared is not None
+        item = content[json_name(field.name, declared.unit)]
+        numbers = item if isinstance(item, list) else [] if isinstance(item, str) else [item]
+        for number in numbers:
+            _check(f"{where}.{field.name}", float(number), kind)
+        given[field.name] = tuple(map(float, item)) if isinstance(item, list) else item
+    try:
+        return kind(**given)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
 
 
 @dataclass(frozen=True)

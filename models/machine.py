@@ -151,7 +151,7 @@ class Machine:
             field = next(field for field in dataclasses.fields(part) if field.name == last)
         except (AttributeError, StopIteration, TypeError) as error:
             raise MachineError(f"{name}: the machine has no such value; name one of its parameters") from error
-        declared = declaration(field)
+        declared = declaration(field, part)
         if declared is None:
             raise MachineError(f"{name}: must be a single value; give a part of the machine to with_part")
         try:

@@ -43,7 +43,7 @@ def _table(
     yield from ("", head or f"[{where}]")
     inner: list[str] = []
     for field in dataclasses.fields(part):
-        item, declared, path = getattr(part, field.name), declaration(field), f"{where}.{field.name}"
+        item, declared, path = getattr(part, field.name), declaration(field, part), f"{where}.{field.name}"
         if left_out(part, field, where, sources):
             continue
         if declared is not None:

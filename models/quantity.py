@@ -14,7 +14,7 @@ import dataclasses
 import math
 import re
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from decimal import Decimal, InvalidOperation
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
@@ -50,7 +50,7 @@ class Declaration:
     """What a physical field is: its SI unit, what it means, and the range it must lie in (SI, ends as named).
 
     because: why the range ends where it does, to stand behind "must be at most 100 m: "; may be empty. most: how many
-    numbers a list may hold.
+    numbers a list may hold. unit_by: another field of the same part, and by what stands there the unit [-].
     """
 
     unit: str
@@ -61,9 +61,10 @@ class Declaration:
     at_most: float | None = None
     because: str = ""
     most: int | None = None
+    unit_by: tuple[str, Mapping[str, str]] | None = None
 
 
-def value(
+def value(  # noqa: PLR0913  # every limit that a quantity may have
     unit: str,
     meaning: str,
     *,
@@ -73,20 +74,29 @@ def value(
     at_most: float | None = None,
     because: str = "",
     most: int | None = None,
+    unit_by: tuple[str, Mapping[str, str]] | None = None,
     **field_options: Any,
 ) -> Any:
     """A dataclass field (a float, or a tuple of them) in the SI unit `unit`; "1" is dimensionless.
 
-    above, at_least, below, at_most, because, most: see `Declaration`.
+    above, at_least, below, at_most, because, most, unit_by: see `Declaration`.
     """
-    declaration = Declaration(unit, meaning, above, at_least, below, at_most, because, most)
+    declaration = Declaration(unit, meaning, above, at_least, below, at_most, because, most, unit_by)
     return dataclasses.field(metadata={"declaration": declaration}, **field_options)
 
 
-def declaration(field: dataclasses.Field[Any]) -> Declaration | None:
-    """The declaration that `value` attached to a field, or None for a field that is no physical quantity."""
+def declaration(field: dataclasses.Field[Any], part: object = None) -> Declaration | None:
+    """The declaration that `value` attached to a field, or None for a field that is no physical quantity.
+
+    part: what has the field, or the table that it is read from, for a unit that another field decides [-].
+    """
     found = field.metadata.get("declaration")
-    return found if isinstance(found, Declaration) else None
+    if not isinstance(found, Declaration) or found.unit_by is None or part is None:
+        return found if isinstance(found, Declaration) else None
+    name, units = found.unit_by
+    decides = part.get(name) if isinstance(part, Mapping) else getattr(part, name)
+    word = decides.get("value") if isinstance(decides, Mapping) else decides
+    return dataclasses.replace(found, unit=units.get(word, found.unit) if isinstance(word, str) else found.unit)
 
 
 def parse(text: object, unit: str) -> float:

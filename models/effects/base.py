@@ -252,7 +252,8 @@ class Effect(ABC):
     positioning table may have it; what is not is considered only in a machine whose file states its sizes. shows_in:
     where it shows in a record of position and command: as a "force", in the scale's "reading", only in the "log" of
     what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`. coordinate,
-    parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its own.
+    parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its own. tabulated: its
+    fields are measured values of one machine: a file may hold it, but nothing looks for it, and it has no `parameters`.
     """
 
     name: ClassVar[str]
@@ -266,6 +267,7 @@ class Effect(ABC):
     coordinate: ClassVar[str] = ""
     parity: ClassVar[str] = ""
     remembers: ClassVar[bool] = False
+    tabulated: ClassVar[bool] = False
 
     @classmethod
     def kind(cls) -> Kind:
@@ -377,7 +379,7 @@ def _ranged(item: Parameter, ends: tuple[float, ...] | None) -> Parameter:
 @cache
 def _usual(kind: type[Effect]) -> tuple[Parameter, ...]:
     found = []
-    for field in dataclasses.fields(kind):
+    for field in () if kind.tabulated else dataclasses.fields(kind):
         prior = field.metadata.get("prior")
         if not isinstance(prior, Parameter):
             raise TypeError(f"{kind.__name__}.{field.name}: declare it with models.effects.base.parameter")

@@ -18,7 +18,13 @@ SIZES: Final = ("amplitude", "shape", "period", "width")  # roles whose range a 
 
 
 def every() -> Mapping[str, type[Effect]]:
-    """The effects by name, in the order in which they act: by family, module and place in the module."""
+    """The effects by name that are laws with parameters, in the order in which they act: by family, module and place in
+    the module."""
+    return {name: kind for name, kind in readable().items() if not kind.tabulated}
+
+
+def readable() -> Mapping[str, type[Effect]]:
+    """The effects by name that a file may hold, tables of measured values among them, in the order of `every`."""
     found: dict[str, type[Effect]] = {}
     for kind in _kinds(tuple(models.effects.__path__)):
         if kind.name in found:
@@ -46,7 +52,7 @@ def looked_for(priors: Priors = USUAL) -> Mapping[str, type[Effect]]:
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """The effects in the order in which they act."""
-    order = {name: i for i, name in enumerate(every())}
+    order = {name: i for i, name in enumerate(readable())}
     return tuple(sorted(effects, key=lambda effect: order.get(effect.name, len(order))))
 
 

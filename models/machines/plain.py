@@ -44,7 +44,7 @@ def left_out(part: Any, field: dataclasses.Field[Any], where: str, sources: Mapp
 def rows_of(part: Any, where: str, sources: Mapping[str, Provenance]) -> Iterator[Parameter]:
     """A row [SI] for every value of a part of a machine, in the order of the declarations."""
     for field in dataclasses.fields(part):
-        item, path, declared = getattr(part, field.name), join(where, field.name), declaration(field)
+        item, path, declared = getattr(part, field.name), join(where, field.name), declaration(field, part)
         if left_out(part, field, where, sources):
             continue
         if declared is not None:
@@ -70,7 +70,7 @@ def plain_of(part: Any) -> object:
         return part
     plain: dict[str, object] = {}
     for field in dataclasses.fields(part):
-        item, declared = getattr(part, field.name), declaration(field)
+        item, declared = getattr(part, field.name), declaration(field, part)
         if field.name == "sources" or item is None or (field.name in ("effects", "priors") and not item):
             continue
         if left_out(part, field, "", {}):

@@ -64,7 +64,7 @@ def read(kind: type[Part], table: object, where: str, sources: dict[str, Provena
             continue
         if name not in table:
             raise MissingError(f"{path}: missing; add it{unit_hint(declaration(field))}")
-        arguments[name] = _entry(hints[name], declaration(field), table[name], path, sources)
+        arguments[name] = _entry(hints[name], declaration(field, table), table[name], path, sources)
     try:
         return kind(**arguments)
     except ValueError as error:
@@ -81,7 +81,7 @@ def _entry(
     if isinstance(hint, UnionType):  # an optional part, and here it is
         hint = next(kind for kind in get_args(hint) if kind is not NoneType)
     if hint == tuple[Effect, ...]:
-        tables = _tables(catalogue.every(), entry, where)
+        tables = _tables(catalogue.readable(), entry, where)
         return catalogue.in_order(read(kind, item, path, sources) for kind, path, item in tables)
     if hint is Priors:
         return _priors(entry, where, sources)
@@ -152,6 +152,8 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
     words = _words(hint)
     if isinstance(text, str) and text in words:
         return text
+    if get_origin(hint) is Literal:
+        raise MachineError(f"{where}: {cut(text)} is unknown; {_nearest(str(text), list(words))}")
     try:
         if hint is int or words:
             if not isinstance(text, int) or isinstance(text, bool):
@@ -180,8 +182,8 @@ def _rotary(text: object, std: object, declared: Declaration, where: str) -> boo
 
 
 def _words(hint: Any) -> tuple[str, ...]:
-    """The words that may stand in place of a whole number, as the type of the field says."""
-    kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else ()
+    """The words that may stand in place of a whole number, or alone, as the type of the field says."""
+    kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     return tuple(word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
 
 

@@ -15,6 +15,7 @@ from design.deployment.hooks_in_c import HookError, in_c
 from design.deployment.plant_source import plant_sources
 from models.effects import catalogue
 from models.effects.base import Effect, Numbers, Place
+from models.effects.measured import Measured
 from models.machine import Machine
 from models.simulation.simulator import simulate
 from tests.design.deployment.compiling import NEEDS_CC, compiled, put
@@ -74,6 +75,22 @@ def test_so_it_does_with_the_effects_of_the_catalogue(tmp_path: Path) -> None:
         found = readings(one, record.command, tmp_path / str(group))
         travel = float(np.ptp(record.position))
         assert found == pytest.approx(record.position, abs=1e-12 * travel), [one.name for one in effects]
+
+
+@NEEDS_CC
+def test_so_it_does_with_tables_of_measured_forces(tmp_path: Path) -> None:
+    machine, controller = designed("PID")
+    one = without_noise(
+        machine,
+        [
+            Measured("position", (-1e-5, 0.0, 2e-5), (0.3, 0.6, 0.3), "directional"),
+            Measured("path", (0.0, 1e-5, 5e-5), (0.0, 0.5, 0.2), turn=3e-7),
+            Measured("speed", (0.0, 1e-3, 1e-2), (0.0, -0.2, -0.3), "odd"),
+        ],
+    )
+    record = simulate(one, controller, motions(one, 4)).record
+    found = readings(one, record.command, tmp_path)
+    assert found == pytest.approx(record.position, abs=1e-12 * float(np.ptp(record.position)))
 
 
 def test_effects_of_the_controller_are_left_out_and_named() -> None:
