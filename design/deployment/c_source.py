@@ -8,13 +8,22 @@ from typing import Final
 from design.deployment.templating import filled, hexadecimal
 from design.deployment.vectors import Vectors
 from models.deployment.coefficients import Coefficients
+from models.deployment.learning_steps import SAME, lesson
 
 MISSING: Final = 1e300  # stands for NaN in the vectors, which C cannot write as a constant
 
 
 def law_sources(known: Coefficients, title: str) -> dict[str, str]:
     """The sources of the law by file name; coefficients in SI units. title: what designed it."""
-    given = {"k": known, "title": title, "keep": known.pid.pole(known.sample_time)}
+    taught = lesson(known.learning, known.stroke, len(known.position))
+    given = {
+        "k": known,
+        "title": title,
+        "keep": known.pid.pole(known.sample_time),
+        "early": taught.early.tolist(),
+        "sooner": taught.sooner.tolist(),
+        "same": SAME,
+    }
     return {f"axis_law.{end}": filled(f"axis_law.{end}.j2", hexadecimal, **given) for end in ("h", "c")}
 
 

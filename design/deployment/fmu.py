@@ -36,12 +36,22 @@ VARIABLES: Final = {
         Variable("start_position", "Float64", "parameter", "m", "the reading at rest from which the law starts"),
         Variable("start_thrust", "Float64", "parameter", "N", "the thrust that is on the axis when the law starts"),
         Variable("wipe", "Boolean", "parameter", "", "whether it begins with the motion that makes the friction known"),
+        Variable("learn", "Boolean", "parameter", "", "whether it begins with that motion and then learns from others"),
         Variable("thrust", "Float64", "output", "N", "the command u"),
-        Variable("status", "Int32", "output", "", "1 target missing, 2 reading missing, 4 limited, 8 wiping"),
+        Variable(
+            "status", "Int32", "output", "", "1 target missing, 2 reading missing, 4 limited, 8 wiping, 16 learning"
+        ),
         Variable("feedback", "Float64", "output", "N", "u_fb"),
         Variable("feedforward", "Float64", "output", "N", "u_ff"),
         Variable("compensation", "Float64", "output", "N", "u_rf"),
         Variable("error", "Float64", "output", "m", "x_T* after its delay, less x"),
+        Variable(
+            "learned_force", "Float64", "output", "", "the friction's force that was learned, over the nominal one"
+        ),
+        Variable("learned_length", "Float64", "output", "", "its presliding length, likewise"),
+        Variable("learned_offset", "Float64", "output", "N", "the constant force that was learned"),
+        Variable("learned_mass", "Float64", "output", "", "what the mass is off by, over the nominal one"),
+        Variable("learned_dead_time", "Float64", "output", "s", "what the dead time is off by"),
     ),
     "plant": (
         Variable("command", "Float64", "input", "N", "the command u"),

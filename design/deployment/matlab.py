@@ -18,7 +18,7 @@ def matlab_files(known: Coefficients, title: str) -> dict[str, str]:
 def vectors_csv(vectors: Vectors) -> str:
     """The vectors as CSV for any program: see the head for what is asked and in which unit [m], [N]."""
     head = (
-        "asked (0 step; 1 reset; 2 wipe; 3 plan),target_m (reset: position_m),"
+        "asked (0 step; 1 reset; 2 wipe; 3 plan; 4 learn; 5 init),target_m (reset: position_m),"
         "position_m (reset: thrust_N),thrust_N,status"
     )
     return "\n".join([head, *(",".join(map(repr, row)) for row in vectors.rows())]) + "\n"

@@ -12,6 +12,8 @@ from xml.sax.saxutils import escape
 from design.deployment.templating import filled
 from design.deployment.vectors import Vectors
 from models.deployment.coefficients import Coefficients
+from models.deployment.learning_numbers import Learning
+from models.deployment.learning_steps import SAME, lesson
 from models.deployment.running_law import FAR, RESET
 
 MISSING: Final = 1e300  # stands for NaN in the vectors, as structured text has no way to write it
@@ -25,8 +27,15 @@ NAMES: Final = uuid.UUID("5f2d1f6e-6d0e-4c59-8e5f-0a8e5f3f0c11")
 STATE: Final = (
     *("fR", "fX", "fY", "fQ", "fU", "fBase", "fStep", "fForce", "fCompensation", "fPlan", "fError", "fFeedback"),
     *("fWanted", "fExcess", "fHeld", "fS", "fWay", "fLateWay", "fLastTarget", "fLastReading", "fLastBase"),
-    *("fLastMoved", "fZero", "fIntegral", "fSlope", "fLastError"),
+    *("fGivenPosition", "fGivenThrust", "fLastMoved", "fZero", "fIntegral", "fSlope", "fLastError"),
 )
+LEARNED: Final = ("fLearnedForce", "fLearnedLength", "fLearnedOffset", "fLearnedMass", "fLearnedDeadTime")
+LEARNING: Final = (
+    *("fScale", "fStretch", "fGain", "fHold", "fDirection", "fByMass", "fByLate", "fAllMass", "fAllLate", "fAllThrust"),
+    *("fOut", "fBack", "fAbout", "fRest", "fThere", "fHere", "fSum", "fSquare", "fProduct", "fSpread", "fAlong"),
+    *("fTried", "fMissed", "fFewest", "fCount", "fBeyond", "fOff", "fGone"),
+)
+LEARNING_COUNTERS: Final = ("nRound", "nSince", "nCounted", "nChosen", "nFirst", "nLast", "nTaught", "m", "n")
 COUNTERS: Final = ("i", "j", "nNewest", "nLate", "nSample", "nLateSample", "nShare", "nWiped", "nPlanned")
 
 
@@ -135,7 +144,8 @@ def _variable(one: Variable) -> str:
 
 
 def _law(known: Coefficients) -> Unit:
-    body = filled("law.st.j2", decimal, k=known)
+    start = min(max(known.start, -known.thrust_limit), known.thrust_limit)
+    body = filled("law.st.j2", decimal, k=known, start=start)
     return Unit("FB_AxisLaw", "FUNCTION_BLOCK", (*_interface(), *_constants(known), *_memory(known)), body)
 
 
@@ -167,6 +177,9 @@ def _constants(known: Coefficients) -> Iterator[Variable]:
     if known.wipe is not None:
         numbers |= {"WIPE_DISTANCE": known.wipe.distance, "WIPE_AMPLITUDE": known.wipe.amplitude}
         counts |= {"WIPE_COUNT": known.wipe.count, "WIPE_HALF": known.wipe.count + known.wipe.still}
+    if known.learning is not None:
+        more, few, rows = _of_learning(known, known.learning)
+        numbers, counts, tables = numbers | more, counts | few, tables | rows
     if known.plan:
         tables["PLAN"], counts["PLAN_END"] = known.plan, len(known.plan) - 1
     for name, number in numbers.items():
@@ -177,6 +190,23 @@ def _constants(known: Coefficients) -> Iterator[Variable]:
         yield Variable("VAR CONSTANT", f"K_{name}", "LREAL", len(row), tuple(map(decimal, row)))
 
 
+def _of_learning(
+    known: Coefficients, learning: Learning
+) -> tuple[dict[str, float], dict[str, int], dict[str, tuple[float, ...]]]:
+    """Numbers, counts and tables of the learning."""
+    given = lesson(learning, known.stroke, len(known.position))
+    numbers = {"STROKE": known.stroke, "SAME": SAME, "LEAST_FORCE": learning.least}
+    numbers |= {"FAULTLESS_MASS": learning.faultless[0], "FAULTLESS_LATE": learning.faultless[1]}
+    numbers |= {"MOST_MASS": learning.most[0], "MOST_LATE": learning.most[1]}
+    counts = {"LENGTH_END": len(learning.length) - 1, "NOMINAL": learning.nominal, "WINDOW": learning.window}
+    counts |= {"ROUNDS": learning.rounds, "MOTIONS": learning.motions, "MOTION_REST": learning.rest}
+    counts["LOOK"] = len(learning.mass)
+    tables = {"LENGTH": learning.length, "STRETCH": learning.stretch, "BY_MASS": learning.mass}
+    tables |= {"BY_LATE": learning.dead_time}
+    tables |= {"EARLY": tuple(given.early.tolist()), "SOONER": tuple(given.sooner.tolist())}
+    return numbers, counts, tables
+
+
 def _memory(known: Coefficients) -> Iterator[Variable]:
     """The instance's variables; it begins as after a reset at 0 with the file's start."""
     first = {"fIntegral": known.start} if known.law is None and known.pid.ki > 0 else {}
@@ -184,6 +214,8 @@ def _memory(known: Coefficients) -> Iterator[Variable]:
         yield Variable("VAR", name, "LREAL", None, (decimal(first[name]),) if name in first else ())
     for name in COUNTERS:
         yield Variable("VAR", name, "DINT", None, ("-1",) if name in {"nWiped", "nPlanned"} else ())
+    if known.learning is not None:
+        yield from _memory_of_learning(known, len(known.learning.length))
     yield Variable("VAR", "bWiping", "BOOL")
     yield Variable("VAR", "aTarget", "LREAL", known.memory)
     yield Variable("VAR", "aChange", "LREAL", known.memory)
@@ -193,6 +225,19 @@ def _memory(known: Coefficients) -> Iterator[Variable]:
         begin = tuple(decimal(known.start * one) for one in known.law.hold)
         yield Variable("VAR", "aState", "LREAL", len(begin), begin)
         yield Variable("VAR", "aNext", "LREAL", len(begin))
+
+
+def _memory_of_learning(known: Coefficients, lengths: int) -> Iterator[Variable]:
+    """The instance's variables that learning needs; they begin as designed."""
+    as_designed = {"fLearnedForce", "fLearnedLength", "fScale", "fStretch", "fGain"}
+    for name in (*LEARNED, *LEARNING):
+        yield Variable("VAR", name, "LREAL", None, ("1.0",) if name in as_designed else ())
+    for name in LEARNING_COUNTERS:
+        yield Variable("VAR", name, "DINT", None, ("-1",) if name in {"nRound", "nSince"} else ())
+    yield Variable("VAR", "aPosition", "LREAL", len(known.position), tuple(map(decimal, known.position)))
+    yield Variable("VAR", "aBank", "LREAL", lengths * len(known.stiffness))
+    for name in ("aRestOut", "aRestBack", "aForce", "aSquare", "aProduct"):
+        yield Variable("VAR", name, "LREAL", lengths)
 
 
 def _check(vectors: Vectors) -> Unit:

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.deployment.coefficients import Coefficients, WipeMotion
-from models.deployment.running_law import PLAN, RESET, STEP, WIPE, RunningLaw
+from models.deployment.learning_numbers import Learning
+from models.deployment.running_law import INIT, LEARN, PLAN, RESET, STEP, WIPE, RunningLaw
+from models.feedback.law import REFERENCE
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -119,6 +121,57 @@ def _parts(known: Coefficients, rng: np.random.Generator, most: int) -> Iterator
         given[:, 1] += _way(known.wipe, still.size)
         yield asked, given
         yield _followed(known, rng, ramp[-1] + np.repeat([stroke, 0.0], length), 0.02 * stroke)
+        if known.learning is not None:
+            yield again
+            yield from _learned(known, known.wipe, known.learning, rng, float(ramp[-1]))
+
+
+def _learned(
+    known: Coefficients, wipe: WipeMotion, learning: Learning, rng: np.random.Generator, at: float
+) -> Iterator[tuple[Integers, Array]]:
+    """A whole learning from rest at `at` [m], motions with what it has told, before and after a reset and another wipe,
+    a learning that a reset breaks off, and one that a wipe breaks off; then all is forgotten.
+
+    The readings lag behind as they do with friction, so that the thrust at rest tells something of it.
+    """
+    stroke, rest = known.stroke, learning.rest + 3
+    coulomb = sum(k * x for k, x in zip(known.stiffness, known.limit, strict=True))
+    lag = 0.3 * coulomb / abs(known.pid.kp if known.law is None else known.law.d[REFERENCE])
+    whole = 2 * (wipe.count + wipe.still) + known.delay + 5
+
+    def motions(count: int) -> Array:
+        up = np.where(np.arange(count) % learning.motions < learning.motions / 2, 1.0, -1.0)
+        return np.repeat(stroke * np.cumsum(up), rest)
+
+    def wiped(asked: int, count: int) -> Iterator[tuple[Integers, Array]]:
+        yield np.array([asked]), np.zeros((1, 2))
+        what, given = _followed(known, rng, np.full(count, at), 0.02 * stroke)
+        out = np.arange(count) < wipe.count + wipe.still
+        given[:, 1] += _way(wipe, count) - np.where(out, lag, -lag)
+        yield what, given
+
+    def moved(target: Array) -> tuple[Integers, Array]:
+        led = np.convolve(np.diff([0.0, *known.position, 1.0]), target)[: target.size]
+        late = np.concatenate([np.zeros(known.delay), led])[: target.size]
+        what, given = _followed(known, rng, at + target, 0.02 * stroke)
+        sample, way = np.arange(target.size), np.sign(np.diff(target, prepend=target[0] - stroke))
+        lags = np.where(sample % rest < len(learning.mass), 0.0, lag * way[sample // rest * rest])
+        given[:, 1] = at + late - lags + 1e-3 * stroke * rng.integers(-5, 6, target.size)
+        return what, given
+
+    yield from wiped(LEARN, whole)
+    yield moved(np.repeat([0.5 * stroke, 0.0], 2 * rest))  # which are not over the stroke, and do not count
+    yield moved(motions(learning.rounds * learning.motions + 2))
+    reset = np.array([RESET]), np.array([[at, 0.1 * coulomb]])
+    yield reset
+    yield from wiped(WIPE, whole)
+    yield moved(motions(2))
+    for broken_off in (reset, (np.array([WIPE]), np.zeros((1, 2)))):
+        yield from wiped(LEARN, wipe.count)
+        yield broken_off
+        yield _followed(known, rng, np.full(wipe.still, at), 0.02 * stroke)
+    yield np.array([INIT]), np.zeros((1, 2))
+    yield _followed(known, rng, np.repeat([0.0, stroke], rest), 0.02 * stroke)
 
 
 def _way(wipe: WipeMotion, count: int) -> Array:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.trajectory.compensator import LENGTHS, Learned, learn
+from design.trajectory.compensator import GRID, LEAST, LENGTHS, Learned, learn
 from design.trajectory.schemes import Scheme
 from design.validation import respond, sequence
 from design.wiping import carried_on, wipe, wipe_references
@@ -31,6 +31,7 @@ REST: Final = 0.8  # of the specified settling time: the thrust that holds the t
 ROUNDS: Final = 2  # periods of the sequence to learn from, the second with what the first has told
 MOST: Final = 0.5  # error of the mass, and of the dead time, that is believed at most [1]
 LOOK: Final = 2.0  # specified settling times behind the step over which a motion's error is looked at
+RESTED: Final = 5  # specified settling times behind its step at which a drive takes the thrust of a motion's rest
 NOISE: Final = 1e-3  # of the stroke, by which the errors differ from their linear model
 # The relative error [1] of each that is likely, as a standard deviation; the forces are known from the wipe already.
 LIKELY: Final = {
@@ -189,16 +190,59 @@ def sensitivities(nominal: Machine, scheme: Scheme, stroke: float) -> Sensitivit
     return Sensitivity(faultless, np.array([[causes[0].mass], [causes[1].dead_time]]) * gain[:2])
 
 
-def learning_to_json(known: Sensitivity, nominal: Machine) -> dict[str, Any]:
-    """What controller.json tells of learning, for a drive that does it itself."""
+def length_candidates() -> Array:
+    """The presliding lengths (K,) [1], over the nominal one, that a drive tries; the nominal one is among them."""
+    lengths = np.geomspace(*LENGTHS, GRID)
+    lengths[int(np.argmin(np.abs(lengths - 1)))] = 1.0
+    return lengths
+
+
+def position_by_dead_time(nominal: Machine, scheme: Scheme, stroke: float) -> Array:
+    """What x_T*'s response to a step of the target gains per second, and per second squared, of a longer dead time.
+
+    (2, M) [1/s], [1/s^2], through the responses of schemes that are adapted to a dead time that is off by LIKELY either
+    way; stroke [m]. A reference that waits a sample more for it is a response that begins a sample later. Raises
+    ValueError for a scheme that cannot be adapted.
+    """
+    if scheme.adapted is None:
+        raise ValueError("this scheme is not adapted to a dead time; give a history-aware one")
+    size = sequence(nominal, stroke, periods=1).size
+    step, off = np.full(size, stroke), LIKELY["dead_time"] * nominal.plant.dead_time
+    adapted = [scheme, *(scheme.adapted(varied(nominal, Variation(dead_time=error))) for error in (off, -off))]
+    designed, later, earlier = (_response(one, scheme, step) for one in adapted)
+    if off == 0:
+        return np.zeros((2, 1))
+    rows = np.array([(later - earlier) / (2 * off), (later + earlier - 2 * designed) / (2 * off**2)])
+    count = int(np.max(np.flatnonzero(np.any(rows != 0, axis=0)), initial=0)) + 1
+    return rows[:, :count]
+
+
+def _response(one: Scheme, designed: Scheme, step: Array) -> Array:
+    """x_T* (n,) [m/m] after a step (n,) [m], as the feedback of the scheme as designed has to be given it."""
+    response = one.references(one.known, step).position / step
+    later = one.controller.reference_delay - designed.controller.reference_delay
+    whole = np.concatenate([np.zeros(max(later, 0)), response[max(-later, 0) :], np.ones(max(-later, 0))])
+    return whole[: step.size]
+
+
+def learning_to_json(known: Sensitivity, nominal: Machine, scheme: Scheme, stroke: float) -> dict[str, Any]:
+    """What controller.json tells of learning over a stroke [m], for a drive that does it itself."""
+    wanted, (per_second, per_square) = nominal.specification, position_by_dead_time(nominal, scheme, stroke)
     return {
         "motions": motions_to_learn(nominal),
+        "rounds": ROUNDS,
+        "motions_per_round": 2 * nominal.specification.motions,
+        "rest_s": min(wanted.interval - nominal.sample_time, RESTED * wanted.settling_time),
         "hold_s": REST * nominal.specification.settling_time,
         "length_shares": list(LENGTHS),
+        "length_candidates": length_candidates(),
+        "least_force": LEAST,
         "faultless_error_m": known.faultless,
         "mass_error_per_m": known.gain[0],
         "dead_time_error_s_per_m": known.gain[1],
         "largest_error": MOST,
+        "largest_dead_time_error_s": MOST * nominal.plant.dead_time,
+        "position_by_dead_time": {"per_s": per_second, "per_s2": per_square},
     }
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.controller import PID, Controller, ControllerError, References, load, references
+from models.deployment.learning_numbers import Learning, learning_numbers
 from models.feedback.law import POSITION, REFERENCE, Law
 from models.friction import Friction, follow
 
@@ -53,7 +54,7 @@ class Coefficients:
     position, path [m/m] and thrust [N/m], M each: the responses of x_T*, of the compensator's path and of u_ff to a
     step of the target. tracking [1]: the share of what the limit cuts off the command that a PID's integral gives back
     in a sample; 0 for none, and for a law, which has its own. start [N]: what the integral holds where nothing else is
-    known. plan (k,) [N]: thrust to be added from a motion's first sample on.
+    known. plan (k,) [N]: thrust to be added from a motion's first sample on. learning: how the axis learns, if it does.
     """
 
     sample_time: float
@@ -71,6 +72,7 @@ class Coefficients:
     start: float
     wipe: WipeMotion | None = None
     plan: Row = ()
+    learning: Learning | None = None
 
     @property
     def memory(self) -> int:
@@ -155,11 +157,15 @@ def load_coefficients(path: Path, thrust_limit: float, start: float, anti_windup
     controller = load(path)
     content = json.loads(path.read_text(encoding="utf-8"))
     try:
-        known = _beyond(content, controller)
+        known, learning = _beyond(content, controller), _learning(content, controller)
+        if learning is not None:  # x_T* may then end later
+            led: Row = known.get("path_ff", controller.n_ff)
+            known["path_ff"] = (*led, *(len(learning.early) + 1 - len(led)) * (0.0,))
         limit = _number(content, "thrust_limit_N", thrust_limit, above=0.0)
         held = _number(content.get("start", {}), "thrust_N", start)
         stroke = _number(content, "stroke_m", None, above=0.0)
-        return coefficients(controller, stroke, limit, start=held, anti_windup=anti_windup, **known)
+        found = coefficients(controller, stroke, limit, start=held, anti_windup=anti_windup, **known)
+        return replace(found, learning=learning)
     except KeyError as error:
         raise ControllerError(f"{path}: {error.args[0]!r} is missing; add it") from error
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
@@ -182,6 +188,13 @@ def _beyond(content: Mapping[str, Any], controller: Controller) -> dict[str, Any
         if len(known["plan"]) > LONGEST:
             raise ValueError(f"effect_compensation.plan has more than {LONGEST} samples; plan a shorter sequence")
     return known
+
+
+def _learning(content: Mapping[str, Any], controller: Controller) -> Learning | None:
+    """The learning of a controller.json that has a compensator to teach and a wipe to begin with."""
+    if controller.friction_compensation is None or "wipe" not in content:
+        return None
+    return learning_numbers(content.get("learning", {}), controller.sample_time)
 
 
 def wipe_motion(content: Mapping[str, Any], sample_time: float) -> WipeMotion:

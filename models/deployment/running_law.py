@@ -10,7 +10,8 @@ sample k, with the target r[k] and the reading x[k] (what is not within +-FAR, a
 
 y[k-d] is summed anew over c[k-d-j]. During a wipe its way is added to b - x and q, its thrust takes the place of u_rf,
 and f_0 follows f, so that u_rf sets in without a bump. `reset` starts at a reading, with the thrust that is on the
-axis.
+axis. What the axis has learned (`models.deployment.learning_steps`) outlives a reset: it scales u_ff, the elements'
+steps and f, and takes the place of x_T*'s S_j; as designed these scales are 1.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.compiled import compiled
+from models.deployment import learning_steps as learning
 from models.deployment.coefficients import Coefficients, WipeMotion
+from models.deployment.learning_steps import FACTOR, GAIN, LATE, MASS, OFFSET, ROUND, STRETCH, Lesson, Pupil
 from models.feedback.law import LawArrays, advance, arrays, output
 from models.simulation.kernel import clipped, pid_step
 
@@ -29,8 +32,9 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 FAR: Final = 1e6  # m; no axis is longer, and so no sum overflows
-STEP, RESET, WIPE, PLAN = range(4)  # what is asked of the law at a sample; all but STEP take no time
-TARGET_MISSING, READING_MISSING, LIMITED, WIPING = 1, 2, 4, 8  # bits of the status
+# What is asked of the law at a sample; all but STEP take no time. INIT is a reset at 0 that forgets what was learned.
+STEP, RESET, WIPE, PLAN, LEARN, INIT = range(6)
+TARGET_MISSING, READING_MISSING, LIMITED, WIPING, LEARNING = 1, 2, 4, 8, 16  # bits of the status
 # Entries of `kept`: target and reading of the sample before, b and q of it, f_0, the integral, d and e of the PID,
 TARGET, READING, BASE, MOVED, ZERO, INTEGRAL, SLOPE, ERROR = range(8)
 NEWEST, WIPED, PLANNED = range(
@@ -56,6 +60,7 @@ class Numbers(NamedTuple):
     wipe_count: int  # 0: there is no wipe
     wipe_still: int
     plan: Array
+    start: float
 
 
 class Memory(NamedTuple):
@@ -66,6 +71,13 @@ class Memory(NamedTuple):
     z: Array  # (N,)
     kept: Array
     at: Integers
+
+
+class Answered(NamedTuple):
+    """Thrust (n,) [N] and status (n,) of what is asked."""
+
+    thrust: Array
+    status: Integers
 
 
 @compiled
@@ -98,8 +110,10 @@ def _wipe_thrust(numbers: Numbers, sample: int) -> float:
 
 
 @compiled
-def _reset(numbers: Numbers, law: LawArrays, memory: Memory, position: float, thrust: float) -> None:
-    """At rest on a reading [m], the integral holding the thrust [N]; the elements virgin, u_rf active."""
+def _reset(numbers: Numbers, law: LawArrays, memory: Memory, pupil: Pupil, position: float, thrust: float) -> None:
+    """At rest on a reading [m], the integral holding the thrust [N]; the elements virgin, u_rf active.
+
+    What has been learned stays; learning under way ends."""
     held = thrust if -FAR <= thrust <= FAR else 0.0
     kept = memory.kept
     at = position if -FAR <= position <= FAR else 0.0
@@ -112,6 +126,7 @@ def _reset(numbers: Numbers, law: LawArrays, memory: Memory, position: float, th
     for i in range(law.c.size):
         law.state[i] = law.hold[i] * clipped(held, numbers.thrust_limit)
     memory.at[NEWEST], memory.at[WIPED], memory.at[PLANNED] = 0, -1, -1
+    pupil.at[ROUND] = -1
 
 
 @compiled
@@ -130,16 +145,31 @@ def _wiped(numbers: Numbers, memory: Memory) -> tuple[float, float, float, bool]
 
 
 @compiled
-def _elements(numbers: Numbers, memory: Memory, step: float) -> float:
-    force = 0.0
+def _elements(numbers: Numbers, memory: Memory, pupil: Pupil, step: float) -> float:
+    force, way = 0.0, pupil.told[STRETCH] * step
     for i in range(memory.z.size):
-        memory.z[i] = clipped(memory.z[i] + step, numbers.limit[i])
+        memory.z[i] = clipped(memory.z[i] + way, numbers.limit[i])
         force += numbers.stiffness[i] * memory.z[i]
-    return force
+    return float(pupil.told[FACTOR] * force)
 
 
 @compiled
-def _step(numbers: Numbers, law: LawArrays, memory: Memory, target: float, position: float) -> tuple[float, int]:
+def _taught(
+    numbers: Numbers, lesson: Lesson, memory: Memory, pupil: Pupil, error: float, thrust: float, compensation: float
+) -> None:
+    """Learns from a sample; u_rf [N] goes on from what it was, with the elements of the length that was chosen."""
+    half, change = numbers.wipe_count + numbers.wipe_still, memory.change[memory.at[NEWEST]]
+    if learning.learn(lesson, pupil, numbers.stiffness, numbers.position, half, change, error, thrust):
+        chosen = pupil.at[learning.CHOSEN]
+        memory.z[:] = pupil.bank[chosen]
+        force = pupil.told[FACTOR] * learning.force_of(pupil, numbers.stiffness, chosen)
+        memory.kept[ZERO] = force - compensation
+
+
+@compiled
+def _step(
+    numbers: Numbers, law: LawArrays, lesson: Lesson, memory: Memory, pupil: Pupil, target: float, position: float
+) -> tuple[float, int]:
     """One sample: the thrust [N] and the status."""
     kept, size, status = memory.kept, memory.target.size, 0
     if not (-FAR <= target <= FAR):
@@ -153,13 +183,16 @@ def _step(numbers: Numbers, law: LawArrays, memory: Memory, target: float, posit
     y = q = u = 0.0
     for j in range(numbers.position.size):
         change, late = memory.change[(newest + j) % size], memory.change[(newest + j + numbers.delay) % size]
-        y += numbers.position[j] * late
+        y += pupil.position[j] * late
         q += numbers.path[j] * change
         u += numbers.thrust[j] * change
+    u = pupil.told[GAIN] * u
     way, late_way, push, wiping = _wiped(numbers, memory)
     base = memory.target[(newest + numbers.position.size) % size]
     q = q + way
-    force = _elements(numbers, memory, (base - kept[BASE]) + (q - kept[MOVED]))
+    step = (base - kept[BASE]) + (q - kept[MOVED])
+    force = _elements(numbers, memory, pupil, step)
+    learning.lead(lesson, pupil, numbers.limit, step)
     kept[BASE], kept[MOVED] = base, q
     if wiping:
         kept[ZERO], status = force, status | WIPING
@@ -185,23 +218,59 @@ def _step(numbers: Numbers, law: LawArrays, memory: Memory, target: float, posit
         advance(law, error, 0.0, thrust - wanted)
     else:
         kept[INTEGRAL] = kept[INTEGRAL] + numbers.tracking * (thrust - wanted)
+    if pupil.at[ROUND] >= 0:
+        status |= LEARNING
+        _taught(numbers, lesson, memory, pupil, error, thrust, compensation)
     return thrust, status
 
 
 @compiled
+def _ask(
+    numbers: Numbers, law: LawArrays, lesson: Lesson, memory: Memory, pupil: Pupil, asked: int, one: float, two: float
+) -> None:
+    """What takes no time; one, two: the reading [m] and thrust [N] of a reset, the thrust of an INIT."""
+    if asked == RESET:
+        _reset(numbers, law, memory, pupil, one, two)
+    elif asked == WIPE:
+        memory.at[WIPED], pupil.at[ROUND] = 0 if numbers.wipe_count > 0 else -1, -1
+    elif asked == PLAN:
+        memory.at[PLANNED] = 0 if numbers.plan.size > 0 else -1
+    elif asked == LEARN and lesson.rounds > 0:
+        memory.at[WIPED] = 0
+        learning.begin(lesson, pupil, numbers.position)
+    elif asked == INIT:
+        learning.forget(pupil, numbers.position)
+        _reset(numbers, law, memory, pupil, 0.0, numbers.start)
+
+
+@compiled
 def _run(
-    numbers: Numbers, law: LawArrays, memory: Memory, asked: Integers, given: Array, thrust: Array, status: Integers
+    numbers: Numbers,
+    law: LawArrays,
+    lesson: Lesson,
+    memory: Memory,
+    pupil: Pupil,
+    asked: Integers,
+    given: Array,
+    out: Answered,
 ) -> None:
     for k in range(asked.size):
-        thrust[k], status[k] = 0.0, 0
-        if asked[k] == RESET:
-            _reset(numbers, law, memory, given[k, 0], given[k, 1])
-        elif asked[k] == WIPE:
-            memory.at[WIPED] = 0 if numbers.wipe_count > 0 else -1
-        elif asked[k] == PLAN:
-            memory.at[PLANNED] = 0 if numbers.plan.size > 0 else -1
+        out.thrust[k], out.status[k] = 0.0, 0
+        if asked[k] == STEP:
+            out.thrust[k], out.status[k] = _step(numbers, law, lesson, memory, pupil, given[k, 0], given[k, 1])
         else:
-            thrust[k], status[k] = _step(numbers, law, memory, given[k, 0], given[k, 1])
+            _ask(numbers, law, lesson, memory, pupil, asked[k], given[k, 0], given[k, 1])
+
+
+class Learned(NamedTuple):
+    """The friction's force and presliding length over the nominal ones [1], the constant force [N], and what mass [1]
+    and dead time [s] are off by."""
+
+    force: float
+    length: float
+    offset: float
+    mass: float
+    dead_time: float
 
 
 class RunningLaw:
@@ -231,21 +300,24 @@ class RunningLaw:
             wipe_count=wipe.count,
             wipe_still=wipe.still,
             plan=np.array(known.plan, float),
+            start=known.start,
         )
         size = known.memory
         self._law = arrays(known.law)
         self._memory = Memory(
             np.zeros(size), np.zeros(size), np.zeros(len(known.limit)), np.zeros(8), np.zeros(3, np.int64)
         )
-        self.reset(0.0, known.start)
+        self._lesson = learning.lesson(known.learning, known.stroke, len(known.position))
+        self._pupil = learning.pupil(self._lesson, len(known.limit))
+        self.run([INIT], [[0.0, 0.0]])
 
     def run(self, asked: ArrayLike, given: ArrayLike) -> tuple[Array, Integers]:
         """Thrust (n,) [N] and status (n,) of what is asked (n,): STEP with target and reading (n, 2) [m], RESET with
-        reading and thrust [m, N], WIPE or PLAN. It goes on from the run before."""
+        reading and thrust [m, N], WIPE, PLAN, LEARN or INIT. It goes on from the run before."""
         what, values = np.ascontiguousarray(asked, np.int64), np.ascontiguousarray(given, float)
-        thrust, status = np.empty(what.size), np.empty(what.size, np.int64)
-        _run(self._numbers, self._law, self._memory, what, values, thrust, status)
-        return thrust, status
+        out = Answered(np.empty(what.size), np.empty(what.size, np.int64))
+        _run(self._numbers, self._law, self._lesson, self._memory, self._pupil, what, values, out)
+        return out.thrust, out.status
 
     def reset(self, position: float, thrust: float) -> None:
         """At rest on a reading [m], the integral holding a thrust [N]."""
@@ -254,3 +326,10 @@ class RunningLaw:
     def step(self, target: float, position: float) -> float:
         """The thrust [N] at a target and a reading [m]."""
         return float(self.run([STEP], [[target, position]])[0][0])
+
+    @property
+    def learned(self) -> Learned:
+        """What has been learned so far; as designed before."""
+        told = self._pupil.told
+        length = 1.0 / told[STRETCH]
+        return Learned(*(float(one) for one in (told[FACTOR], length, told[OFFSET], told[MASS], told[LATE])))

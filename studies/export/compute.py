@@ -27,6 +27,7 @@ from design.effect_compensation import with_effects
 from design.validation import sequence
 from models.controller import Controller, ControllerError, References, load, references
 from models.deployment.coefficients import Coefficients, load_coefficients
+from models.deployment.learning_numbers import Learning
 from models.deployment.running_law import RunningLaw
 from models.effects.base import Place
 from models.feedback.forms import described
@@ -191,6 +192,9 @@ def sizes(known: Coefficients, settled: float) -> dict[str, Any]:
     reals = known.memory + 2 * (elements + 1) + (states + 1) + 10
     largest = max(abs(number) for number in known.thrust)
     left = known.thrust_limit - sum(k * x for k, x in zip(known.stiffness, known.limit, strict=True))
+    more = {"memory_double_bytes": 0, "memory_single_bytes": 0}
+    if known.learning is not None:
+        products, more = products + 3, _sizes_of(known, known.learning)
     return {
         "sample_time_s": known.sample_time,
         "settling_time_s": settled,
@@ -201,10 +205,26 @@ def sizes(known: Coefficients, settled: float) -> dict[str, Any]:
         "elements": elements,
         "states": states,
         "products": products,
-        "memory_double_bytes": 8 * (known.memory + 3 + reals) + 48,
-        "memory_single_bytes": 8 * (known.memory + 3) + 4 * reals + 56,
+        "memory_double_bytes": 8 * (known.memory + 3 + reals) + 48 + more["memory_double_bytes"],
+        "memory_single_bytes": 8 * (known.memory + 3) + 4 * reals + 56 + more["memory_single_bytes"],
         "largest_step_m": max(left, 0.0) / largest if largest > 0 else float("inf"),
         "wipe_s": 0.0 if known.wipe is None else 2 * (known.wipe.count + known.wipe.still) * known.sample_time,
+        "learning": None if known.learning is None else _sizes_of(known, known.learning),
+    }
+
+
+def _sizes_of(known: Coefficients, learning: Learning) -> dict[str, Any]:
+    """What learning takes beside the law: motions, memory, and products a sample, at a motion's end and a round's."""
+    lengths, elements, taps = len(learning.length), len(known.stiffness), len(known.position)
+    doubles, reals = 5 * lengths + 15, lengths * elements + taps + 3
+    return {
+        "motions": 2 + learning.rounds * learning.motions,
+        "rest_s": (learning.rest + 1) * known.sample_time,
+        "products": lengths + 2,
+        "products_at_rest": lengths * (elements + 2),
+        "products_of_a_round": 16 * lengths + 2 * taps,
+        "memory_double_bytes": 8 * (doubles + reals) + 16,
+        "memory_single_bytes": 8 * doubles + 4 * reals + 16,
     }
 
 

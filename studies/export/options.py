@@ -22,8 +22,8 @@ class ExportOptions(Options):
         reviewable=True,
     )
     target: str = choice(
-        "what to write: C99, FMI 3.0 FMUs of controller and plant, IEC 61131-3 structured text, MATLAB, or CiA 402 "
-        "profiles for a drive that keeps its own cascade",
+        "what to write: C99, FMI 3.0 (not 2.0) FMUs of controller and plant, IEC 61131-3 structured text, MATLAB, or "
+        "CiA 402 profiles for a drive that keeps its own cascade",
         TARGETS,
     )
     anti_windup: float | None = quantity(

@@ -34,6 +34,7 @@ def readme(text: str, known: Coefficients, results: Mapping[str, Any], names: Se
         rows=_rows(known, json.loads(text), law),
         wipe_time=law["wipe_s"],
         largest=law["largest_step_m"],
+        learning=law["learning"],
         settled=law["settling_time_s"] + known.delay * known.sample_time,
         vectors=results["vectors"]["count"],
         folders=[(name, said) for name, said in FOLDERS.items() if any(one.startswith(name) for one in names)],
@@ -63,6 +64,16 @@ def _rows(known: Coefficients, content: Mapping[str, Any], law: Mapping[str, Any
         rows.insert(1, ("PID in parallel form: kp, ki, kd, derivative filter", ", ".join(gains)))
     else:
         rows.insert(1, ("feedback", f"a law of {law['states']} states, e to thrust; see controller.json"))
+    if law["learning"] is not None:
+        taught = law["learning"]
+        products = taught["products"], taught["products_at_rest"], taught["products_of_a_round"]
+        rows.append(
+            (
+                "of which learning takes; products more while it learns: a sample, a motion's end, a round's",
+                f"{taught['memory_double_bytes']} bytes ({taught['memory_single_bytes']}); "
+                + ", ".join(map(str, products)),
+            )
+        )
     if content.get("scale_resolution_m"):
         rows.append(("one step of the scale", show(content["scale_resolution_m"], "m")))
     return rows

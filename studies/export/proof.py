@@ -21,12 +21,13 @@ from design.deployment.structured_text import structured_text
 from design.deployment.vectors import Vectors, golden, many, steady
 from design.validation import sequence
 from models.deployment.coefficients import Coefficients
-from models.deployment.running_law import RESET
+from models.deployment.running_law import INIT, LEARN, RESET, STEP, WIPE
 from models.machine import Machine
 from models.quantity import show
 from models.records.record import motions
 from models.records.settling import settling_time
 from studies.export.evaluator import Library
+from studies.export.faults import FAULTS
 from studies.export.options import ExportOptions
 from studies.options import BadInputError
 from studies.study import Progress
@@ -40,36 +41,7 @@ SAME: Final = {
 }
 FLAGS: Final = ("-std=c99", "-ffp-contract=off")
 MOST_STEADY: Final = 7_200_000  # samples of motions without a reset, an hour at 2 kHz
-SLOWER: Final = 10  # of the vectors, so many times fewer through the FMU and in structured text
-NAMES: Final = ("init", "reset", "wipe", "plan", "step", "selftest")
-# Right text of axis_law.c, and a fault in its place; those of parts that a law lacks are left out.
-FAULTS: Final = {
-    "the reference does not wait": ("(law->newest + AXIS_DELAY)", "(law->newest + 0 * AXIS_DELAY)"),
-    "the reference waits a sample more": ("(law->newest + AXIS_DELAY)", "(law->newest + AXIS_DELAY + 1)"),
-    "x_T* one sample late": ("y += POSITION[j]", "y += POSITION[j ? j - 1 : 0]"),
-    "one coefficient too few": ("j < AXIS_STEPS", "j < AXIS_STEPS - 1"),
-    "the sign of u_ff": ("u += THRUST", "u -= THRUST"),
-    "the sign of the error": ("((law->target[late] - position) +", "((position - law->target[late]) +"),
-    "another order of the sum": ("((u + compensation) + planned)", "(u + (compensation + planned)) + 1.0e-13"),
-    "u_ff is left out": ("wanted = law->feedback + ((u +", "wanted = law->feedback + ((0 * u +"),
-    "the derivative forgets the last error": ("law->last_error = error;", ""),
-    "the derivative is not filtered": ("keep * law->slope", "0 * law->slope"),
-    "the integral is lost": ("* error + law->integral +", "* error +"),
-    "the limit holds on one side only": ("return least > -limit ? least : -limit;", "return least;"),
-    "elements do not slip": ("law->element[i] = within(law->element[i], LIMIT[i]);", ""),
-    "the elements' state is lost": ("add(&law->element[i], &law->element_low[i], step);", "law->element[i] = step;"),
-    "the elements do not follow the base": ("(axis_real)(base - law->last_base) + (", "("),
-    "a NaN gets through": ("if (!(position >= -FAR && position <= FAR))", "if (position < -FAR || position > FAR)"),
-    "a missing reading becomes 0": ("position = law->last_reading;", "position = 0.0;"),
-    "a reset keeps the elements": ("law->element[i] = law->element_low[i] = (axis_real)0.0;", ";"),
-    "a reset forgets the thrust": ("law->integral = held", "law->integral = 0 * held"),
-    "a reset forgets a law's thrust": ("LAW_HOLD[i] * held", "0 * LAW_HOLD[i] * held"),
-    "a law's state is a sample old": ("law->state[i] = next[i];", "law->state[i] = i ? next[i] : law->state[i];"),
-    "the wipe comes back a sample late": ("sample <= WIPE_HALF)", "sample <= WIPE_HALF + 1)"),
-    "u_rf sets in with a bump": ("law->zero = force;", ";"),
-    "the status hides the limit": ("status |= AXIS_LIMITED;", ";"),
-    "no anti-windup": ("* excess);", "* 0 * excess);"),
-}
+NAMES: Final = ("init", "reset", "wipe", "learn", "learned", "plan", "step", "selftest")
 
 
 def ulps(one: Array, two: Array) -> float:
@@ -98,7 +70,6 @@ def prove(
     if shutil.which("cc") is None:
         raise BadInputError("--proof: there is no C compiler (cc); install one, or leave --proof out")
     vectors = many(known, options.seed + 1, options.samples)
-    few = Vectors(*(part[: max(options.samples // SLOWER, 1)] for part in vars(vectors).values()))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for part in sources.values():
@@ -107,14 +78,15 @@ def prove(
         same = [{"name": name, "ulp": _in_c(folder, vectors, flags)[0]} for name, flags in SAME.items()]
         hours = steady(known, options.seed + 2, min(round(options.duration / known.sample_time), MOST_STEADY))
         same.append({"name": "C at -O2, motions without a reset", "ulp": _in_c(folder, hours, ("-O2",))[0]})
-        progress(0.6, "the FMU and structured text")
-        same.append({"name": "FMU through FMPy", "ulp": _in_fmu(folder, known, sources["law"], few)})
-        same.append({"name": "structured text", "ulp": _in_text(known, few)})
+        progress(0.6, "replaying the vectors through the FMU")
+        same.append({"name": "FMU through FMPy", "ulp": _in_fmu(folder, known, sources["law"], vectors)})
+        progress(0.75, "replaying the vectors in structured text")
+        same.append({"name": "structured text", "ulp": _in_text(known, vectors)})
         fused, fused_N = _in_c(folder, vectors, ("-O3", "-march=native", "-ffp-contract=fast"))
         _, single_N = _in_c(folder, vectors, ("-O2", "-DAXIS_FLOAT"))
-        progress(0.7, "single precision over a long time")
+        progress(0.9, "single precision over a long time")
         day = _long(folder, machine, known, options.duration)
-        progress(0.8, "planted faults")
+        progress(0.95, "planted faults")
         missed, planted = missed_faults(folder, known, options.seed)
         closed = _closed_loop(folder, machine, known)
     return {
@@ -183,7 +155,10 @@ def _in_text(known: Coefficients, vectors: Vectors) -> float:
 
 
 def _in_fmu(folder: Path, known: Coefficients, law: Mapping[str, str], vectors: Vectors) -> float:
-    """Through FMPy, each part from one reset to the next in an instance of its own; parts with a plan end there."""
+    """Through FMPy, each part from one reset to the next in an instance of its own; parts with a plan end there.
+
+    An instance begins as designed: parts in which something has been learned before are not run.
+    """
     from fmpy import extract, read_model_description
     from fmpy.fmi3 import FMU3Slave
 
@@ -211,6 +186,9 @@ def _in_fmu(folder: Path, known: Coefficients, law: Mapping[str, str], vectors: 
     resets = np.flatnonzero(vectors.asked == RESET)
     found, used = np.zeros(vectors.asked.size), np.zeros(vectors.asked.size, bool)
     for begin, end in zip(resets, [*resets[1:].tolist(), vectors.asked.size], strict=True):
+        taught = np.flatnonzero(np.isin(vectors.asked[:begin], (LEARN, INIT)))
+        if taught.size and vectors.asked[taught[-1]] == LEARN:
+            continue
         slave = FMU3Slave(
             guid=description.instantiationToken,
             unzipDirectory=unpacked,
@@ -220,10 +198,10 @@ def _in_fmu(folder: Path, known: Coefficients, law: Mapping[str, str], vectors: 
         slave.instantiate()
         slave.enterInitializationMode()
         slave.setFloat64([place["start_position"], place["start_thrust"]], vectors.given[begin].tolist())
-        wiping = begin + 1 < end and vectors.asked[begin + 1] == 2
-        slave.setBoolean([place["wipe"]], [wiping])
+        asked = vectors.asked[begin + 1] if begin + 1 < end else STEP
+        slave.setBoolean([place["wipe"], place["learn"]], [asked == WIPE, asked == LEARN])
         slave.exitInitializationMode()
-        for k in range(begin + 1 + wiping, end):
+        for k in range(begin + 1 + (asked in {WIPE, LEARN}), end):
             if vectors.asked[k] != 0:
                 break
             slave.setFloat64([place["target"], place["position"]], vectors.given[k].tolist())

@@ -343,7 +343,7 @@ def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory, schem
             "net_thrust_N": motion.net,
             "middle_m": motion.middle,
         },
-        "learning": learning_to_json(sensitivities(machine, scheme, wanted.stroke), machine),
+        "learning": learning_to_json(sensitivities(machine, scheme, wanted.stroke), machine, scheme, wanted.stroke),
     }
 
 

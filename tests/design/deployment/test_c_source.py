@@ -10,6 +10,7 @@ import pytest
 from design.deployment.c_source import law_sources, selftest_sources
 from design.deployment.vectors import golden
 from models.deployment.coefficients import Coefficients, load_coefficients
+from models.deployment.running_law import INIT, LEARN, LEARNING, LIMITED, WIPING
 from tests.design.deployment.compiling import NEEDS_CC, compiled, put, run
 from tests.models.deployment.laws import KINDS, designed, motions, written
 
@@ -38,7 +39,7 @@ def test_the_self_test_of_every_kind_of_law_agrees_to_the_bit(kind: str, tmp_pat
 def test_so_it_does_with_every_optimisation_and_in_single_precision_within_its_tolerance(
     flags: tuple[str, ...], tmp_path: Path
 ) -> None:
-    folder = exported(known_of("PID", tmp_path, anti_windup=5e-3), tmp_path)
+    folder = exported(known_of("learning", tmp_path, anti_windup=5e-3), tmp_path)
     assert run(compiled(folder, SOURCES, ("-DAXIS_MAIN", *flags)))[0] == 0
 
 
@@ -48,5 +49,8 @@ def test_the_vectors_reach_every_branch(tmp_path: Path) -> None:
     found = golden(known, 0)
     assert set(found.status.tolist()) >= {0, 1, 2, 3, 4, 8}
     assert found.asked.size < 4000  # of which most are the wipe
+    taught = golden(known_of("learning", tmp_path), 0)
+    assert set(taught.status.tolist()) >= {LEARNING, LEARNING | LIMITED, LEARNING | WIPING}
+    assert set(taught.asked.tolist()) >= {LEARN, INIT}
     machine, _ = designed("PID")
     assert motions(machine).size > 100

@@ -14,6 +14,7 @@ from design.trajectory.learning import (
     learning_to_json,
     motions_to_learn,
     path_to_learn,
+    position_by_dead_time,
     sensitivities,
     tracking_error,
 )
@@ -136,7 +137,31 @@ def test_the_scheme_for_another_mass_moves_alike_with_more_thrust(machine: Machi
 
 
 def test_controller_json_tells_what_a_drive_needs(machine: Machine, scheme: Scheme) -> None:
-    content = learning_to_json(sensitivities(machine, scheme, STROKE), machine)
+    content = learning_to_json(sensitivities(machine, scheme, STROKE), machine, scheme, STROKE)
     sizes = {len(content[key]) for key in ("faultless_error_m", "mass_error_per_m", "dead_time_error_s_per_m")}
     assert sizes == {100}
     assert content["motions"] == motions_to_learn(machine) == 22
+    assert content["motions"] == 2 + content["rounds"] * content["motions_per_round"]
+    assert 1.0 in content["length_candidates"]
+    assert machine.specification.settling_time < content["rest_s"] < machine.specification.interval
+
+
+@pytest.mark.parametrize("share", [-0.15, -0.05, 0.05, 0.15])
+def test_x_t_star_for_another_dead_time_follows_from_two_rows(machine: Machine, scheme: Scheme, share: float) -> None:
+    """Also where the reference then waits a sample less or more."""
+    per_second, per_square = position_by_dead_time(machine, scheme, STROKE)
+    late, step = share * machine.plant.dead_time, np.full(100, STROKE)
+    assert scheme.adapted is not None
+    other = scheme.adapted(varied(machine, Variation(dead_time=late)))
+    waits = other.controller.reference_delay - scheme.controller.reference_delay
+    wanted = np.append(np.zeros(3 + waits), other.references(other.known, step).position)
+    found = np.append(np.zeros(3), scheme.references(scheme.known, step).position)
+    moved = STROKE * late * (per_second + late * per_square)
+    found[3 : 3 + moved.size] += moved
+    apart = np.max(np.abs(found[:90] - wanted[:90]))
+    assert apart < 1e-3 * STROKE < 5 * np.max(np.abs(moved))
+
+
+def test_a_scheme_that_stays_as_designed_has_no_such_rows(machine: Machine, scheme: Scheme) -> None:
+    with pytest.raises(ValueError, match="give a history-aware one"):
+        position_by_dead_time(machine, replace(scheme, adapted=None), STROKE)

@@ -17,13 +17,28 @@ from models.machine import Machine, load
 from studies.command import to_text
 from tests.models.feedback.axis import CASCADE, FILTERS, axis
 
-KINDS: Final = ("PID", "cascade", "filters and anti-windup", "no compensator", "without an integral")
+KINDS: Final = ("PID", "cascade", "filters and anti-windup", "no compensator", "without an integral", "learning")
+LEARNING: Final = {
+    "rounds": 2,
+    "motions_per_round": 4,
+    "rest_s": 45e-3,
+    "hold_s": 10e-3,
+    "length_candidates": [0.5, 0.8, 1.0, 1.25, 2.0],
+    "least_force": 0.05,
+    "faultless_error_m": [1e-8 * k for k in range(40)],
+    "mass_error_per_m": [2e4 - 1e3 * k for k in range(40)],
+    "dead_time_error_s_per_m": [1 - 0.02 * k for k in range(40)],
+    "largest_error": 0.5,
+    "largest_dead_time_error_s": 5e-4,
+    "position_by_dead_time": {"per_s": [2.0 * k for k in range(43)], "per_s2": [500.0 + k for k in range(43)]},
+}
+"""A `learning` of few motions and lengths for the tests' laws: any numbers of the right size will do."""
 
 
 @cache
 def designed(kind: str) -> tuple[Machine, Controller]:
     """A machine and the controller designed for it."""
-    if kind == "PID":
+    if kind in {"PID", "learning"}:
         table = load()
         return table, assemble(table, design_deadbeat(table))
     if kind == "no compensator":
@@ -43,6 +58,8 @@ def written(kind: str, folder: Path) -> Path:
     machine, controller = designed(kind)
     wanted = machine.specification
     content = controller_to_json(machine, controller, wanted.stroke, wanted.reference_settling_time)
+    if kind == "learning":
+        content["learning"] = LEARNING
     path = folder / "controller.json"
     path.write_text(to_text(content), encoding="utf-8")
     return path

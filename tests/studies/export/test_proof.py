@@ -11,7 +11,8 @@ import pytest
 from design.deployment.c_source import law_sources
 from models.deployment.coefficients import load_coefficients
 from studies.export.compute import sizes
-from studies.export.proof import FAULTS, missed_faults, ulps
+from studies.export.faults import FAULTS
+from studies.export.proof import missed_faults, ulps
 from tests.design.deployment.compiling import NEEDS_CC, compiled, put, run
 from tests.models.deployment.laws import written
 
@@ -26,7 +27,7 @@ def test_the_distance_counts_the_numbers_between_two() -> None:
 
 
 @NEEDS_CC
-@pytest.mark.parametrize("kind", ["PID", "filters and anti-windup"])
+@pytest.mark.parametrize("kind", ["PID", "filters and anti-windup", "learning"])
 def test_the_memory_that_is_stated_is_that_of_the_struct(kind: str, tmp_path: Path) -> None:
     known = load_coefficients(written(kind, tmp_path), math.nan, math.nan)
     main = (
@@ -39,7 +40,7 @@ def test_the_memory_that_is_stated_is_that_of_the_struct(kind: str, tmp_path: Pa
 
 
 @NEEDS_CC
-@pytest.mark.parametrize(("kind", "least"), [("PID", 23), ("filters and anti-windup", 18)])
+@pytest.mark.parametrize(("kind", "least"), [("PID", 23), ("filters and anti-windup", 18), ("learning", 33)])
 def test_every_planted_fault_is_caught(kind: str, least: int, tmp_path: Path) -> None:
     known = load_coefficients(written(kind, tmp_path), math.nan, math.nan, 5e-3 if kind == "PID" else 0.0)
     put(tmp_path, law_sources(known, "a test"))
