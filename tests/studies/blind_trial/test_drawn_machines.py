@@ -33,7 +33,7 @@ from studies.blind_trial.sealer.machines.laws import EFFECTS, LAWS, laws_of
 from studies.blind_trial.sealer.machines.motions import PROFILES, Schedule, profile
 from studies.blind_trial.sealer.machines.simulation import Change, Log, elements, simulate
 from studies.blind_trial.sealer.machines.strangers import STRANGERS
-from studies.blind_trial.sealer.machines.visibility import distance
+from studies.blind_trial.sealer.machines.visibility import distance, missed, predictor
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]
@@ -231,6 +231,15 @@ def test_sizes_reach_their_distance_and_without_an_effect_there_is_none(small: B
         for i, one in enumerate(small.schedules)
     ]
     assert distance(small.known, logs) == pytest.approx(part.distance)
+
+
+def test_distances_are_in_units_of_what_the_friction_at_a_reading_leaves(small: Bench) -> None:
+    """Where the contacts are so stiff that the scale's noise is noise of the friction."""
+    shaky = replace(small.axis, noise=0.02 * small.axis.friction / small.axis.stiffness.sum(), resolution=1e-12)
+    log = simulate(shaky, small.schedules[0], 5)
+    at_readings = np.repeat(log.reading[:, None], log.position.shape[1], axis=1)
+    left = missed(predictor(shaky), replace(log, position=at_readings))[200:]
+    assert 0.5 < np.var(left) < 2.0
 
 
 @pytest.mark.parametrize("form", [*LAWS, *STRANGERS], ids=lambda form: f"{form.effect}: {form.text}")

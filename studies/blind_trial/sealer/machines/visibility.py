@@ -1,6 +1,8 @@
 """How visible an effect is on a drawn machine: its distance, in noise units, from the nearest machine within what is
 known of it. As on the one table (see `distance`): innovations of a predictor of the nominal machine, whitened for the
-scale's noise and a slowly wandering force, less what the nominal parameters explain within their tolerances.
+scale's noise and a slowly wandering force, less what the nominal parameters explain within their tolerances. The
+contacts turn the scale's noise into noise of the friction, as nobody knows the path better than the scale shows it; on
+stiff contacts and coarse scales this is most of the noise.
 """
 
 from __future__ import annotations
@@ -34,12 +36,15 @@ class Predictor:
 
 
 def predictor(axis: Axis) -> Predictor:
-    """The stationary Kalman filter of the nominal machine with a random walk of the force."""
+    """The stationary Kalman filter of the nominal machine, with a random walk of the force and with what the friction
+    is off by where it is looked up at a reading instead of the true position."""
     a, b, c = _with_force(axis)
+    felt = a[:, -1] * np.append(np.ones(b.size - 1), 0.0)  # by a constant force of 1 N over a sample
     s = a.shape[0]
     q = np.zeros((s, s))
     q[-1, -1] = (WANDER * axis.friction) ** 2 * axis.sample_time
     q += 1e-3 * q[-1, -1] * np.outer(np.append(b[:-1], 0), np.append(b[:-1], 0))  # keeps the problem regular
+    q += min(axis.stiffness.sum() * axis.read, axis.friction) ** 2 * np.outer(felt, felt)
     unit = 1.0 / axis.read
     p = solve_discrete_are(a.T, c[:, None] * unit, q, np.array([[1.0]]), balanced=True)
     variance = float(c @ p @ c + axis.read**2)
