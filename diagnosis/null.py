@@ -30,7 +30,7 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, bounded, initial_state
 from diagnosis.model.residual import STARTING, Candidate
 from diagnosis.model.roughness import WhiteForce, variance_by_record
-from diagnosis.model.units import loop_time
+from diagnosis.model.units import loop_time, slow_walk
 from diagnosis.which.command_jitter import lateness
 from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
@@ -220,7 +220,7 @@ def _drawn(layout: Parameters, records: Sequence[Record], roughness: tuple[float
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects), roughness=roughness)
     made = [*parallel_map(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
-    fitted = one_step(truth, made, walk=WALK_OF_SCAN)
+    fitted = one_step(truth, made, walk=slow_walk(layout.machine))
     return fitted, made, partial_out(fitted, numbered(pieces(made, loop_time(layout.machine)), made))
 
 
@@ -234,9 +234,6 @@ def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
 
 def _draw(drawn: Drawn, known: Columns) -> Chance:
     return _gains(drawn, scan(*drawn, known=known)[0])
-
-
-WALK_OF_SCAN: Final = 0.05  # usual white forces a sample, as in the last step of the re-fit
 
 
 def _key(machine: Machine, records: Sequence[Record], draws: int, roughness: Sequence[float]) -> str:

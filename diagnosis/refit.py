@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import Parameters, parameters
-from diagnosis.model.residual import Candidate
+from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.roughness import unmodelled_variance, variance_by_record
 from diagnosis.model.start_states import search, static_equilibrium_start
+from diagnosis.model.units import slow_walk
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, Provenance
@@ -22,7 +23,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-STEPS: Final = ((0.375, 3), (0.125, 3), (0.05, 6))  # walk [usual white forces a sample] and iterations of the re-fit
+FORGIVING: Final = (0.375, 0.125)  # walks [usual white forces a sample] of the first steps of the re-fit
+FIRST_ITERATIONS, LAST_ITERATIONS = 3, 6  # of each of them, and of the last step
 RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
 AGAIN: Final = 2  # times that the starts are searched once more
@@ -39,14 +41,12 @@ CLOSE: Final = 0.05  # relative difference of white forces that are the same
 def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, ...] = ()) -> Fit:
     """The nominal parameters fitted, from a disturbance that forgives much to one that forgives little."""
     candidate = Candidate(layout, static_equilibrium_start(layout, records), effects)
-    fitted: Fit | None = None
-    for walk, iterations in STEPS:
-        paths = fitted.paths if fitted else None
-        fitted = fit(candidate, records, paths=paths, iterations=iterations, walk=walk)
-        if walk != STEPS[-1][0]:
-            candidate = search(fitted, records)
-    assert fitted is not None
-    return started(fitted, records)
+    paths: tuple[SmoothedPath, ...] | None = None
+    for walk in FORGIVING:
+        fitted = fit(candidate, records, paths=paths, iterations=FIRST_ITERATIONS, walk=walk)
+        candidate, paths = search(fitted, records), fitted.paths
+    walk = slow_walk(layout.machine)
+    return started(fit(candidate, records, paths=paths, iterations=LAST_ITERATIONS, walk=walk), records)
 
 
 def refit_within(

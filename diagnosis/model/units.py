@@ -26,6 +26,8 @@ leave white innovations."""
 WITHOUT_FRICTION: Final = (
     0.02  # the same, of the force that the noise makes of the loop's stiffness; the least there is
 )
+WALK: Final = 0.05  # usual white forces a sample, by which the unknown force walks in the last step of a re-fit at most
+WALK_IN_A_LOOP: Final = 0.14  # the same in a loop time: a random walk goes with the square root of time
 READABLE: Final = 1.3e-5  # of the contacts' length: noise of a reading that is said to have none
 SHORTEST_TRAVEL: Final = 1280.0  # contacts' lengths: what happens along the way does not happen within less
 
@@ -58,6 +60,12 @@ def white_force(machine: Machine) -> float:
     by_contacts = min(sum(machine.friction.stiffness) * reading, friction_force(machine))
     by_loop = machine.plant.mass / loop_time(machine) ** 2 * reading
     return max(WHITE_SHARE * by_contacts, WITHOUT_FRICTION * by_loop)
+
+
+def slow_walk(machine: Machine) -> float:
+    """The walk [usual white forces a sample] of the unknown force beside which effects are sought: so slow that it
+    leaves them what changes along the travel or the record, however finely a machine is sampled."""
+    return min(WALK, WALK_IN_A_LOOP * math.sqrt(machine.sample_time / loop_time(machine)))
 
 
 def units(machine: Machine, records: Sequence[Record] = ()) -> Units:

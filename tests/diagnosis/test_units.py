@@ -20,7 +20,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.model.kalman import predictor
 from diagnosis.model.motions import pieces
-from diagnosis.model.units import loop_time, noise, units, white_force, with_units
+from diagnosis.model.units import WALK, loop_time, noise, slow_walk, units, white_force, with_units
 from diagnosis.null import Null
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
@@ -155,6 +155,14 @@ def test_the_filter_is_the_same_in_any_units(force: float, length: float, time: 
         for machine in (MACHINE, change.machine(MACHINE))
     ]
     assert bands[1] == pytest.approx(change.force * bands[0], rel=1e-4)
+
+
+def test_the_unknown_force_walks_as_far_in_a_time_however_fine_the_samples() -> None:
+    coarse, fine = (
+        replace(MACHINE, control=replace(MACHINE.control, sample_time=MACHINE.sample_time / n)) for n in (4, 64)
+    )
+    assert slow_walk(coarse) / slow_walk(fine) == pytest.approx(4.0)
+    assert slow_walk(MACHINE) == WALK > slow_walk(coarse)
 
 
 def test_a_machine_without_friction_has_a_white_force_and_lengths() -> None:
