@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from diagnosis.answer import Answer, largest_adequate, rivalling, with_forms, with_the_log
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
-from diagnosis.handover.hand_over import HowFar, how_far
+from diagnosis.handover.hand_over import MEASURED, HowFar, how_far
+from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.fit import Fit
 from diagnosis.refit import wrong_parameters
 from diagnosis.verdict import Outcome
@@ -35,6 +36,7 @@ from diagnosis.which.table import EffectRow, table
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
+from models.quantity import listed
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -51,6 +53,7 @@ class Diagnosis:
     and threshold. how_far: the gap before and after, in [N], [m] and [s]. shares [1]: each effect's part of what was
     closed, over all orders of addition. stages: the models of the search; baseline: what it began with. forms: by name
     whether the law is the catalogue's, or one of its kind in another form; curves: the measured ones of such laws.
+    learned: the law without a name, where no effect explains the records.
 
     >>> diagnosis
     Diagnosis(attributed: viscous_friction; ... % of the gap closes where nothing was fitted)
@@ -68,6 +71,7 @@ class Diagnosis:
     baseline: Baseline
     forms: Mapping[str, Form] = field(default_factory=lambda: MappingProxyType({}))
     curves: Mapping[str, LawCurve] = field(default_factory=lambda: MappingProxyType({}))
+    learned: Learned | None = None
 
     def __repr__(self) -> str:
         names = f": {', '.join(self.effects)}" if self.effects else ""
@@ -139,7 +143,9 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     rivals = rivalling(stages, criteria) if outcome is Outcome.ATTRIBUTED else ()
     if rivals:
         outcome = Outcome.AMBIGUOUS
-    far = how_far(stages, outcome, closure.floor, baseline)
+    unknown = learned(pruned.stages[0].fitted, closure.floor, baseline) if outcome is Outcome.NONE else None
+    law = unknown.fitted if unknown is not None and not unknown.reason else None
+    far = how_far(stages, outcome, closure.floor, baseline, law)
     handed = far.handover.named("with effects")  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
@@ -157,7 +163,9 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))
     found = {name: answer.forms.get(name, Form.CATALOGUE) for name in names if outcome in NAMED}
     curves = _curves([name for name, form in found.items() if form is Form.OTHER], stages[-1].fitted, baseline)
-    return Diagnosis(outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline, found, curves)
+    return Diagnosis(
+        outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline, found, curves, unknown
+    )
 
 
 def _curves(names: Sequence[str], fitted: Fit, baseline: Baseline) -> dict[str, LawCurve]:
@@ -184,7 +192,19 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
         },
         "which": [{**_row(row), "measured": _measured(found, row.name)} for row in found.which],
         "how_far": found.how_far.to_json() | {"shares": dict(found.shares)},
+        "learned": _unknown_law(found),
     }
+
+
+def _unknown_law(found: Diagnosis) -> dict[str, Any] | None:
+    """The learned law, and whether the file with it was handed over; None where there was nothing to learn."""
+    if found.learned is None:
+        return None
+    handover, worse = found.how_far.handover, ""
+    if handover.adopted.name != MEASURED:
+        measures = dict.fromkeys(harm.measure for harm in handover.harms if harm.file == MEASURED)
+        worse = f"on motions left out of the fit the machine with it is worse in {listed(measures)}"
+    return found.learned.to_json(worse)
 
 
 def _kind(name: str, machine: Machine) -> dict[str, Any] | None:

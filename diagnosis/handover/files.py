@@ -115,6 +115,9 @@ def provenance_of_effects(
     known = {id(effect): std for effect, std in zip(fitted, deviations, strict=True)}
     for path, effect in named(effects).items():
         std = known.get(id(effect), {})
+        for field in fields(effect) if effect.tabulated else ():
+            if getattr(effect, field.name) != field.default:
+                yield f"effects.{path}.{field.name}", Provenance("identified", source)
         for item in parameters_of(type(effect)):
             if item.role == "switch" and effect.name in given:
                 continue

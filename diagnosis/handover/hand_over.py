@@ -26,6 +26,7 @@ from diagnosis.handover.gate import (
 )
 from diagnosis.handover.transfer import Transfer, transferred
 from diagnosis.how_far import Gap, errors_of
+from diagnosis.model.fit import Fit
 from diagnosis.model.motions import rms
 from diagnosis.verdict import Outcome
 from diagnosis.which.stage import Stage
@@ -33,6 +34,7 @@ from diagnosis.which.stage import Stage
 Array = NDArray[np.float64]
 
 ADOPTED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes whose effects may go into the machine
+MEASURED: Final = "measured law"  # the file with a law that was learned
 BETWEEN: Final = 4  # iterations of the fits of stages between the first and the last
 FORMULA: Final = "(refitted^2 - after^2 + random^2) / (refitted^2 - floor^2)"
 UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
@@ -142,8 +144,11 @@ def _bound(one: AtBound) -> dict[str, Any]:
     return {"part": one.part, "name": one.name, "value": one.value, "unit": one.unit}
 
 
-def how_far(stages: Sequence[Stage], outcome: Outcome, floor: NoiseFloor, baseline: Baseline) -> HowFar:
-    """The files of the machine as delivered, re-fitted and with the effects of the stages; which is handed over."""
+def how_far(
+    stages: Sequence[Stage], outcome: Outcome, floor: NoiseFloor, baseline: Baseline, law: Fit | None = None
+) -> HowFar:
+    """The files of the machine as delivered, re-fitted and with the effects of the stages; which is handed over. law: a
+    fit with a measured law, which is then handed over in place of effects if it does no harm [SI]."""
     delivered, records = as_delivered(baseline), baseline.records
     fits = [finished(stages[0].fitted, records)]
     if len(stages) > 1:
@@ -156,9 +161,10 @@ def how_far(stages: Sequence[Stage], outcome: Outcome, floor: NoiseFloor, baseli
     if outcome is Outcome.NOTHING:
         handover = Handover(delivered, (delivered, *files))
     else:
-        tried = files if outcome in ADOPTED else files[:1]
+        count = len(files) if outcome in ADOPTED else 1
+        tried = [*files[:count], *([] if law is None else [with_fit(MEASURED, finished(law, records), baseline)])]
         handover = chosen((delivered, *tried), lambda: offset_alone(baseline, delivered))
-        handover = replace(handover, files=(*handover.files, *files[len(tried) :]))
+        handover = replace(handover, files=(*handover.files, *files[count:]))
     named = [("as delivered", delivered.gap), ("re-fitted", files[0].gap), *_between(stages, baseline)]
     if len(files) > 1:
         named.append((f"{stages[-1].added}", files[-1].gap))

@@ -166,7 +166,9 @@ def covariance_of(fitted: Fit, segment: NDArray[np.int64] | None = None) -> Arra
 
 
 def _spread_of(effect: Effect, here: Array, covariance: Array, priors: Priors) -> dict[str, float]:
-    """By differences of the parameters along each coordinate."""
+    """By differences of the parameters along each coordinate; none of what has no parameters."""
+    if not here.size:
+        return {}
     steps = 0.3 * np.sqrt(np.diag(covariance))
     base = effect.values()
     slopes = np.stack(

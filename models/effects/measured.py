@@ -160,7 +160,7 @@ class Measured(Effect):
             raise ValueError("period must be the distance of the last knot from the first; correct one of them")
 
     def _check_symmetry(self) -> None:
-        allowed = ("plain", "even", "odd") if self.coordinate in SIGNED else ("plain", "directional")
+        allowed = SYMMETRIES if self.coordinate in SIGNED else ("plain", "directional")
         if self.symmetry not in allowed:
             raise ValueError(
                 f"symmetry {self.symmetry!r} does not go with {self.coordinate}; give one of {', '.join(allowed)}"

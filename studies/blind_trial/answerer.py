@@ -36,7 +36,7 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
     if task["diagnosis"] == "diagnosis.diagnose" and task.get("evidence", True):
         whole = _with_evidence(found, whole, task["disabled"])
     taken = {"seconds": time.perf_counter() - begin, "cpu_seconds": time.process_time() - worked}
-    answered = {part: whole.get(part) for part in ("verdict", "where", "which", "how_far")} | taken
+    answered = {part: whole.get(part) for part in ("verdict", "where", "which", "how_far", "learned")} | taken
     if task.get("baselines"):
         answered["baselines"] = _beside(found, task["disabled"])
     return answered

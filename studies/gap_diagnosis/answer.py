@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
+from studies.gap_diagnosis import unknown_law
 from studies.wording import effect, fitted
 
 Results = Mapping[str, Any]
@@ -82,10 +83,10 @@ def _which(results: Results) -> str:
                 f". In part it resembles {listed(shown)}, with which the unknown force falls from "
                 f"{show(before, 'N', 3)} to {show(after, 'N', 3)} (rms)"
             )
-        told += _rough(results)
+        told += f"{_rough(results)}.{unknown_law.told(results.get('learned'))}"
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
-            return f"{told}."
-        return f"{told}. Correct the log or the controller first, because the rest may be due to it."
+            return told
+        return f"{told} Correct the log or the controller first, because the rest may be due to it."
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_another_form(verdict, name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
@@ -158,7 +159,8 @@ def _values(parameters: Results) -> str:
 
 
 def _how_far(results: Results) -> str:
-    return " ".join([_gap_closed(results), *_handed_over(results["how_far"])])
+    far = results["how_far"]
+    return " ".join([_gap_closed(results), *unknown_law.left(far), *_handed_over(far)])
 
 
 def _gap_closed(results: Results) -> str:
@@ -263,6 +265,7 @@ FILES: Final = {
     "offset alone": "So improved.toml is the machine as delivered with another offset.",
     "re-fitted": "So improved.toml has the re-fitted values alone.",
     "with effects": "So improved.toml has the effects.",
+    unknown_law.FILE: "So improved.toml has the measured law.",
 }
 MEASURES: Final = {"force": "unknown force", "position": "position error", "settling": "error of the settling times"}
 CANDIDATES: Final = {
@@ -270,6 +273,7 @@ CANDIDATES: Final = {
     "offset alone": "the machine with its offset fitted",
     "re-fitted": "the re-fitted machine",
     "with effects": "the machine with effects",
+    unknown_law.FILE: "the machine with the measured law",
 }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from reports.markup import Markdown
 from reports.report import Figure, Report
-from studies.gap_diagnosis import figures
+from studies.gap_diagnosis import figures, unknown_law
 from studies.gap_diagnosis.answer import bounds_told, effects_listed, harm_told
 from studies.wording import filters, fitted
 
@@ -29,6 +29,8 @@ def tell(whole: Results) -> Report:
         Figure("gains", GAINS, ("results.which", "results.verdict"), figures.gains),
         Figure("confusable", CONFUSABLE, ("results.confusability",), figures.confusable),
     ]
+    if unknown_law.has_curve(results.get("learned")):
+        shown.append(Figure("learned", LEARNED, ("results.learned",), unknown_law.curve))
     if results["next"] is not None:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
     extra: dict[str, Callable[..., Any]] = {
@@ -37,6 +39,7 @@ def tell(whole: Results) -> Report:
         "bounds": partial(bounds_told, verb=False),
         "share": _share,
         "sized": partial(fitted, digits=4),
+        "over": unknown_law.OVER.__getitem__,
     }
     title = f"Diagnosis: {whole['machine']['name']}"
     question = (
@@ -47,6 +50,7 @@ def tell(whole: Results) -> Report:
         "transfer": results["how_far"]["transfer"] is not None,
         "byrecord": results["how_far"]["transfer"] is not None,
         "holdout": results["how_far"]["hold_out"] is not None,
+        "bytype": unknown_law.has_curve(results.get("learned")),
     }
     tables = {name: keys for name, keys in TABLES.items() if there.get(name, True)}
     return Report(title, question, Path(__file__).parent / "report.md", tuple(shown), {**filters(), **extra}, tables)
@@ -58,6 +62,7 @@ TABLES = {
     "transfer": ("results.how_far", "results.records"),
     "byrecord": ("results.how_far", "results.records"),
     "holdout": ("results.how_far",),
+    "bytype": ("results.learned",),
     "parts": ("results.where",),
     "values": ("results.which", "results.verdict"),
     "shifts": ("results.shifts",),
@@ -86,6 +91,10 @@ COORDINATES = (
     "motions. Right: the curve over the best coordinate."
 )
 SPECTRA = "Power spectral density of the force, with the part due to the scale's noise, and its periods over position."
+LEARNED = (
+    "The force without a name over its coordinate, linear between the knots, and its band by drawing motions. Beyond "
+    "its ends it stays what it is there."
+)
 GAINS = "Held-out gain of the catalogue's effects over the re-fitted model, and the thresholds for chance."
 CONFUSABLE = (
     "Which effects these records can distinguish, from their paths alone: the chi-square by which the row's effect, at "

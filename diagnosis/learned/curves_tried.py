@@ -1,0 +1,163 @@
+"""The curves that a law without a name may be: a coordinate, how the force turns with it, and knots.
+
+The coordinates are those of `models.effects.measured`, and their values are what the effect itself sees along the
+smoothed path, so that what is learned is what a file then does. Knots are spaced evenly over time and position, and
+elsewhere by asinh, from a size of the machine's own upwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.how_far import unknown_force
+from diagnosis.model.fit import Fit, weights
+from diagnosis.model.residual import initial_command
+from diagnosis.model.units import units
+from diagnosis.where.coordinates import SLOWEST, by_motion, held_out
+from models.effects.measured import SIGNED, UNITS, Measured
+from models.effects.priors import Units
+from models.records.record import Record
+from models.simulation.effect_kernel import replay
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+KNOTS: Final = 12
+FINE: Final = 36  # knots over position, where a law may be narrow, and over time
+TURN: Final = (6.0, 0.05)  # deviations of the reading, and contacts' lengths: the way back that makes a reversal
+FIRST: Final = 0.1  # of the friction, of the contacts' length: where knots over the command and the path begin
+SHORTLIST: Final = 4  # curves that are fitted to the innovations
+FAR: Final = 1e4  # SI: beyond any coordinate of an axis in motion, but the command's
+SYMMETRIES: Final[Mapping[str, tuple[str, ...]]] = {
+    "time": ("plain", "directional"),
+    "position": ("plain", "directional"),
+    "speed": ("plain", "odd", "directional"),
+    "acceleration": ("plain", "odd"),
+    "command": ("plain", "odd", "directional"),
+    "rest": ("plain", "directional"),
+    "path": ("directional",),
+}
+"""What is tried over each coordinate; an even curve is a plain one over both signs."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve that is tried: the table without forces, and its hat functions (n, K) [1] at all samples. Of an odd one
+    the first knot, at 0, has no force and no hat function."""
+
+    law: Measured
+    hats: Array
+
+    @property
+    def named(self) -> tuple[str, str]:
+        """Its coordinate and its symmetry [-]."""
+        return self.law.coordinate, self.law.symmetry
+
+    def with_force(self, force: Array) -> Measured:
+        """The table with forces (K,) [N] for its hat functions."""
+        first = (0.0,) * (len(self.law.knots) - self.hats.shape[1])
+        return _table(self.law, (*first, *map(float, force)))
+
+    def units_of_force(self) -> tuple[Measured, ...]:
+        """For each hat function the table that has 1 N at its knot."""
+        return tuple(self.with_force(row) for row in np.eye(self.hats.shape[1]))
+
+    def bends(self) -> Array:
+        """The second differences of the forces: (K' - 2, K) [1]."""
+        count = len(self.law.knots)
+        whole = np.diff(np.eye(count), 2, axis=0)
+        return np.asarray(whole[:, count - self.hats.shape[1] :])
+
+
+def _table(law: Measured, force: tuple[float, ...]) -> Measured:
+    return Measured(law.coordinate, law.knots, force, law.symmetry, slow=law.slow, turn=law.turn)
+
+
+def curves(fitted: Fit, records: Sequence[Record]) -> Iterator[Curve]:
+    """Every curve that the records can show: over each coordinate that varies, in each symmetry (SI)."""
+    known, used = units(fitted.candidate.nominal, records), weights(records) > 0
+    slow, turn = slow_and_turn(known)
+    for coordinate in UNITS:
+        sizes = {"rest": {"slow": slow}, "path": {"turn": turn}}.get(coordinate, {})
+        values = coordinate_values(coordinate, fitted, records, known)
+        for symmetry in SYMMETRIES[coordinate] if np.ptp(values[used]) > 0 else ():
+            size = np.abs(values) if symmetry in {"even", "odd"} else values
+            knots = _knots(coordinate, symmetry, size[used], known)
+            if len(knots) > 2:
+                hats = np.column_stack([np.interp(size, knots, row) for row in np.eye(len(knots))])
+                hats = hats[:, 1:] * np.sign(values)[:, None] if symmetry == "odd" else hats
+                law = Measured(coordinate, tuple(knots), (0.0,) * len(knots), symmetry, **sizes)  # type: ignore[arg-type]
+                yield Curve(law, hats)
+
+
+def slow_and_turn(known: Units) -> tuple[float, float]:
+    """The speed [m/s] below which a table of these units rests, and the way back [m] that makes a reversal."""
+    return SLOWEST * known.contact / known.loop, max(TURN[0] * known.reading, TURN[1] * known.contact)
+
+
+def coordinate_values(coordinate: str, fitted: Fit, records: Sequence[Record], known: Units) -> Array:
+    """What the effect sees as this coordinate at all samples (n,), one record after another, in its unit [SI]."""
+    machine = fitted.candidate.machine
+    slow, turn = slow_and_turn(known)
+    far = max(FAR, 10 * known.thrust) if coordinate == "command" else FAR
+    line = Measured(coordinate, (-far, far), (-far, far), slow=slow, turn=turn)  # type: ignore[arg-type]
+    seen = [
+        replay(
+            machine.friction,
+            [line],
+            one.path,
+            machine.plant.dead_time,
+            thrust_limit=machine.drive.rated_thrust,
+            start=initial_command(record),
+        ).force[:, -1]
+        for one, record in zip(fitted.residuals, records, strict=True)
+    ]
+    return np.concatenate(seen)
+
+
+def _knots(coordinate: str, symmetry: str, values: Array, known: Units) -> list[float]:
+    """Knots over the values of a coordinate (n,) [SI]; those of an odd law begin at 0."""
+    low, high = (0.0 if symmetry == "odd" else float(values.min())), float(values.max())
+    count = FINE if coordinate in {"time", "position"} else KNOTS * (1 + (coordinate in SIGNED and low < 0))
+    slow, _ = slow_and_turn(known)
+    size = {
+        "speed": slow,
+        "acceleration": slow / known.loop,
+        "command": FIRST * known.force,
+        "rest": known.loop,
+        "path": FIRST * known.contact,
+    }.get(coordinate)
+    if size is None:
+        return [float(knot) for knot in np.linspace(low, high, count)]
+    even = np.linspace(np.arcsinh(low / size), np.arcsinh(high / size), count)
+    return [float(knot) for knot in np.unique(size * np.sinh(even))]
+
+
+def shortlisted(fitted: Fit, records: Sequence[Record], motion: Integers, kind: Integers) -> list[Curve]:
+    """The curves that explain the most of the smoothed unknown force on kinds of motion left out, best first.
+
+    motion (n,): of each sample; kind: of each motion [-]. It is a shortlist: the smoother rounds what is quick off.
+    """
+    force = np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
+    used = (weights(records) > 0) & ~np.isnan(force)
+    force = np.where(used, force - np.mean(force[used]), 0.0)
+    turning = directions(fitted)
+    found: list[tuple[float, Curve]] = []
+    for one in curves(fitted, records):
+        columns = one.hats * turning[:, None] if one.law.symmetry == "directional" else one.hats
+        grams, slopes = by_motion(columns * used[:, None], force, motion)
+        found.append((float(held_out(grams, slopes, kind)[0].sum()), one))
+    found.sort(key=lambda pair: -pair[0])
+    return [one for gain, one in found[:SHORTLIST] if gain > 0]
+
+
+def directions(fitted: Fit) -> Array:
+    """What the friction's contacts hold over what they can hold (n,) [1]: the direction, continuous at a reversal."""
+    friction = fitted.candidate.machine.friction
+    most = float(np.dot(friction.stiffness, friction.limit))
+    return np.concatenate([one.acts.friction[:, -1] for one in fitted.residuals]) / most

@@ -1,0 +1,181 @@
+"""The unknown law: learned where no kind of the catalogue fits, and adopted where motions that were not used agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.baseline import Baseline
+from diagnosis.closure import NoiseFloor
+from diagnosis.learned.curves_tried import Curve, shortlisted
+from diagnosis.learned.left_out import Choice, Judgement, chosen, judgement, solved, tested
+from diagnosis.model.fit import Fit, fit, weights
+from diagnosis.model.units import noise
+from diagnosis.where.energy import INTERVAL, bootstrap_counts
+from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out
+from models.effects.catalogue import in_order
+from models.effects.measured import UNITS, Measured
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+FEWEST_TYPES: Final = 3  # of motion: one is left out, and of the others one is, to choose
+MIN_CLOSURE: Final = 0.7  # of the gap on types of motion that were not used
+MIN_JUDGED: Final = 0.3  # of the whole gap that types of motion show to each other
+ITERATIONS: Final = 4  # of a fit with the law in it
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A law without a name: its table, the low and the high end of its band at the knots (K,) [N], how it does on types
+    of motion that were not used, and the model with it. reason: why it may not go into a machine; empty if it may."""
+
+    law: Measured | None
+    low: Array
+    high: Array
+    judgement: Judgement | None
+    fitted: Fit | None
+    reason: str = ""
+
+    def to_json(self, adopted: str) -> dict[str, Any]:
+        """As results.json has it; adopted: why the file with it was not handed over, empty if it was [-]."""
+        reason = self.reason or adopted
+        plain: dict[str, Any] = {"adopted": not reason, "reason": reason or None}
+        if self.law is not None and self.judgement is not None:
+            judged = self.judgement
+            plain |= {
+                "coordinate": self.law.coordinate,
+                "unit": UNITS[self.law.coordinate],
+                "symmetry": self.law.symmetry,
+                "knots": list(self.law.knots),
+                "values": list(self.law.force),
+                "values_unit": "N",
+                "band": np.column_stack([self.low, self.high]).tolist(),
+                "slow_m_per_s": self.law.slow,
+                "turn_m": self.law.turn,
+                "closure": judged.closure,
+                "closure_interval": list(judged.interval),
+                "judged_share": judged.share,
+                "by_type": [
+                    {"motions": one.motions, "closure": one.closure, "share": one.share, "coordinate": one.coordinate}
+                    for one in judged.by_type
+                ],
+            }
+        return plain
+
+
+NOTHING: Final = np.zeros(0)
+
+
+def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
+    """The curve that explains the most of what a fit leaves, and whether other types of motion confirm it (SI)."""
+    kinds = list(dict.fromkeys(piece.kind for piece in baseline.pieces))
+    kind = np.array([kinds.index(piece.kind) for piece in baseline.pieces])
+    names = ["" if one.rests else str(one) for one in kinds]
+    types = [number for number, name in enumerate(names) if name]
+    if len(types) < FEWEST_TYPES:
+        return _refused(
+            f"the records hold {len(types)} type{'s' * (len(types) != 1)} of motion, and a law is judged on one that "
+            f"was not used, which takes {FEWEST_TYPES}; record motions of other strokes and speeds"
+        )
+    found = shortlisted(begin, baseline.records, baseline.segment, kind)
+    if not found:
+        return _refused("no curve over time, position, speed, acceleration, command, rest or path explains any of it")
+    projection = partial_out(begin, baseline.segment)
+    tests = [
+        tested(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind) for one in found
+    ]
+    judged = judgement(tests, projection.e, _whitened(floor, begin, baseline), baseline.segment, kind, names)
+    choice = chosen(tests, kind, types)
+    low, high = _band(choice, kind.size)
+    reason, fitted = _objection(judged), None
+    if reason:
+        law = _law(choice.test.curve, _of_all(choice), baseline)
+    else:
+        fitted, law = _in_the_model(choice, begin, baseline)
+    force = np.array(law.force)
+    return Learned(law, force + low, force + high, judged, fitted, reason)
+
+
+def _refused(reason: str) -> Learned:
+    return Learned(None, NOTHING, NOTHING, None, None, reason)
+
+
+def _objection(judged: Judgement) -> str:
+    """Why a law that does so on motions that were not used is not to be taken; empty if it is."""
+    if judged.share < MIN_JUDGED:
+        return (
+            f"only {100 * max(judged.share, 0.0):.0f} % of the gap lies where another type of motion shows the law; "
+            "record motions of other strokes and speeds over the same range"
+        )
+    if judged.closure < MIN_CLOSURE:
+        return (
+            f"on types of motion that were not used it closes {100 * judged.closure:.0f} % of the gap, less than the "
+            f"{100 * MIN_CLOSURE:.0f} % asked for"
+        )
+    return ""
+
+
+def columns_of(curve: Curve, fitted: Fit, baseline: Baseline, projection: NuisanceProjection) -> Array:
+    """What 1 N at each knot of a curve does to the innovations after the projection (n, K) [1/N]."""
+    hats = curve.units_of_force()
+    given = [linear_columns(hats[i : i + BATCH], fitted, baseline.records) for i in range(0, len(hats), BATCH)]
+    return projection(np.hstack([column for batch in given for column in batch]))
+
+
+def _whitened(floor: NoiseFloor, fitted: Fit, baseline: Baseline) -> Array:
+    """Squares (n,) [1] of what a complete model leaves, in the units of a fit's innovations."""
+    size = np.concatenate([np.full(one.innovations.size, one.deviation) for one in fitted.residuals])
+    square = np.mean([one**2 for one in floor.innovations], axis=0) / (size * noise(fitted.candidate.machine)) ** 2
+    counts = weights(baseline.records)
+    usual = float(np.nanmean(square[counts > 0]))
+    return np.where(np.isnan(square), usual, square) * counts
+
+
+def _in_the_model(choice: Choice, begin: Fit, baseline: Baseline) -> tuple[Fit, Measured]:
+    """The model with the law in it, both fitted in turn, as nominal values had taken up a part of the law."""
+    curve = choice.test.curve
+    force = _of_all(choice)
+    fitted = _with_law(curve, force, begin, baseline)
+    projection = partial_out(fitted, baseline.segment)
+    columns = columns_of(curve, fitted, baseline, projection)
+    gram = columns.T @ columns
+    force = solved(curve, gram, columns.T @ projection.e - gram @ force, choice.smoothness)
+    law = _law(curve, force, baseline)
+    return _with_law(curve, force, begin, baseline), law
+
+
+def _of_all(choice: Choice) -> Array:
+    """The forces (K,) [N] of the chosen curve fitted to all motions."""
+    return choice.test.trained(np.ones(choice.test.slopes.shape[0], bool), choice.smoothness)
+
+
+def _with_law(curve: Curve, force: Array, begin: Fit, baseline: Baseline) -> Fit:
+    law = _law(curve, force, baseline)
+    candidate = replace(begin.candidate, effects=in_order((*begin.candidate.effects, law)))
+    return fit(candidate, baseline.records, paths=begin.paths, iterations=ITERATIONS, walk=begin.walk)
+
+
+def _law(curve: Curve, force: Array, baseline: Baseline) -> Measured:
+    """The table of these forces (K,) [N]; a plain one less its median over the samples, which is the offset's."""
+    if curve.law.symmetry == "plain":
+        force = force - float(np.median((curve.hats @ force)[weights(baseline.records) > 0]))
+    return curve.with_force(force)
+
+
+def _band(choice: Choice, motions: int) -> tuple[Array, Array]:
+    """By how much the ends of the 95 % interval differ from the curve at its knots (K,) [N], by drawing motions."""
+    test, curve, best = choice.test, choice.test.curve, _of_all(choice)
+    drawn = [
+        solved(curve, np.tensordot(count, test.grams, 1), count @ test.slopes, choice.smoothness) - best
+        for count in bootstrap_counts(motions, 0)
+    ]
+    if curve.law.symmetry == "plain":  # whose level is the offset's
+        level = np.mean(curve.hats, axis=0)
+        drawn = [one - float(level @ one) for one in drawn]
+    low, high = np.quantile(drawn, INTERVAL, axis=0)
+    none = np.zeros(len(curve.law.knots) - low.size)
+    return np.concatenate([none, np.minimum(low, 0.0)]), np.concatenate([none, np.maximum(high, 0.0)])

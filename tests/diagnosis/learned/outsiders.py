@@ -1,0 +1,32 @@
+"""Laws that nobody put into the catalogue, for the tests of what is learned."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from models.effects.base import Effect, Numbers, Place, X, hook, parameter
+
+
+@hook
+def _bumping(value: float, p: Numbers, now: Numbers, _: Numbers, __: Numbers) -> float:
+    return value - p[0] * math.exp(-(((now[X] - p[1]) / p[2]) ** 2))
+
+
+@dataclass(frozen=True)
+class Bump(Effect):
+    """A force at one place of the track, the same both ways."""
+
+    name: ClassVar = "bump"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"-F e^{-((x-x_0)/w)^2}"
+    source: ClassVar = "assumed: for a test"
+    hooks: ClassVar = {Place.FORCE: _bumping}
+    size: float = parameter("N", "size F", 1.0, 10.0, "amplitude")
+    place: float = parameter("m", "place x_0", 1e-3, 1e-1, "shape")
+    width: float = parameter("m", "width w", 1e-3, 1e-2, "shape")
+
+    def force(self, x: float) -> float:
+        """The force on the table [N] at a position [m]."""
+        return -self.size * math.exp(-(((x - self.place) / self.width) ** 2))

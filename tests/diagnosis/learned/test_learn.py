@@ -1,0 +1,128 @@
+"""A law without a name: learned, judged on types of motion that were not used, handed over or refused."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.baseline import Baseline
+from diagnosis.closure import NoiseFloor, held_out_closure
+from diagnosis.diagnose import Diagnosis, diagnosed, to_json
+from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
+from diagnosis.how_far import errors_of
+from diagnosis.improved import improved_machine
+from diagnosis.learned.learn import MIN_CLOSURE, learned
+from diagnosis.model.motions import MotionKind, pieces
+from diagnosis.model.units import loop_time, with_units
+from diagnosis.null import Null
+from diagnosis.refit import refit_within
+from diagnosis.verdict import Outcome
+from models.effects.catalogue import looked_for
+from models.effects.measured import Measured
+from models.machine import from_table
+from models.machine_file import to_toml
+from tests.diagnosis.learned.outsiders import Bump
+from tests.diagnosis.tables import recorded, table
+
+MACHINE = table()
+BUMP = Bump(3.0, 9e-3, 2.5e-3)
+PLAN = together(
+    "places",
+    [
+        amplitude_ladder(MACHINE, (20e-6, 100e-6)),
+        strokes(MACHINE, 20e-3, (0.2,)),
+        strokes(MACHINE, 14e-3, (0.06,)),
+        strokes(MACHINE, 30e-3, (0.1,)),
+    ],
+)
+
+
+@pytest.fixture(scope="module")
+def baseline() -> Baseline:
+    """Records of a table with the bump, without the simulation of what chance gains, as no effect is tried."""
+    records = recorded(MACHINE, (PLAN,), [BUMP], seed=5)
+    machine = with_units(MACHINE, records)
+    null = Null(dict.fromkeys(looked_for(), (0.0,)), ((1.0,),), (5.0,))
+    return Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), null)
+
+
+@pytest.fixture(scope="module")
+def found(baseline: Baseline) -> Diagnosis:
+    return diagnosed(baseline, disabled=list(looked_for()))
+
+
+@pytest.fixture(scope="module")
+def floor(found: Diagnosis, baseline: Baseline) -> NoiseFloor:
+    return held_out_closure(found.stages, baseline, 0).floor
+
+
+@pytest.fixture(scope="module")
+def shown(found: Diagnosis) -> Mapping[str, Any]:
+    content: Mapping[str, Any] = to_json(found)["learned"]
+    return content
+
+
+def test_where_no_effect_fits_the_law_is_learned_with_its_coordinate(
+    found: Diagnosis, shown: Mapping[str, Any]
+) -> None:
+    assert found.outcome is Outcome.NONE
+    assert (shown["coordinate"], shown["unit"], shown["symmetry"]) == ("position", "m", "plain")
+    knots, low, high = np.array(shown["knots"]), *np.array(shown["band"]).T
+    truth = np.array([BUMP.force(knot) for knot in knots])
+    assert np.array(shown["values"]) == pytest.approx(truth, abs=0.1 * BUMP.size)
+    assert np.all((low <= shown["values"]) & (high >= shown["values"]))
+    assert np.max(high - low) < 0.2 * BUMP.size
+
+
+def test_it_closes_the_gap_on_types_of_motion_that_were_not_used(shown: Mapping[str, Any]) -> None:
+    assert shown["closure"] > 0.9
+    assert MIN_CLOSURE < shown["closure_interval"][0] <= shown["closure"]
+    strokes_only = [one for one in shown["by_type"] if one["motions"].startswith("moves of about 30 mm")]
+    assert len(strokes_only) > 1
+    assert all(one["closure"] > 0.8 and one["coordinate"] == "position" for one in strokes_only)
+    assert shown["adopted"]
+    assert shown["reason"] is None
+
+
+def test_the_file_with_it_improves_the_closed_loop(found: Diagnosis) -> None:
+    better = improved_machine(found, "a test")
+    (law,) = better.effects
+    assert isinstance(law, Measured)
+    assert better.sources["effects.measured.force"].kind == "identified"
+    assert from_table(tomllib.loads(to_toml(better)), Path("improved.toml")).effects == better.effects
+    files = {file.name: file.held_out.gap() for file in found.how_far.handover.files}
+    assert files["measured law"].force < 0.2 * files["re-fitted"].force
+    assert files["measured law"].position < 0.6 * files["re-fitted"].position
+
+
+def test_a_machine_that_has_it_has_no_gap_left(found: Diagnosis, baseline: Baseline) -> None:
+    """The file is diagnosed as any: the law stays as it is, and all other values may move."""
+    again = with_units(improved_machine(found, "a test"), baseline.records)
+    fitted = refit_within(again, baseline.records)
+    left = errors_of(fitted.candidate, baseline.records, fitted.paths).gap()
+    assert left.force < 2 * found.how_far.floor.force
+
+
+def test_a_law_that_one_type_of_motion_alone_shows_is_refused(baseline: Baseline, floor: NoiseFloor) -> None:
+    """All long strokes counted as one type: no other one goes to the bump."""
+    far = MotionKind(3e-2, 0.1)
+    alike = [replace(one, kind=far) if one.kind.stroke > 1e-3 else one for one in baseline.pieces]
+    alone = learned(baseline.nominal, floor, replace(baseline, pieces=tuple(alike)))
+    assert alone.reason.startswith("only ")
+    assert "record motions of other strokes and speeds over the same range" in alone.reason
+    assert alone.judgement is not None
+    assert alone.judgement.share < 0.3
+
+
+def test_too_few_types_of_motion_are_refused_at_once(baseline: Baseline, floor: NoiseFloor) -> None:
+    alike = [replace(one, kind=MotionKind(1e-2, 0.1)) for one in baseline.pieces]
+    none = learned(baseline.nominal, floor, replace(baseline, pieces=tuple(alike)))
+    assert none.law is None
+    assert none.reason.startswith("the records hold 1 type of motion")
+    assert none.to_json("")["adopted"] is False

@@ -1,0 +1,62 @@
+"""What is said of a learned law, from plain results."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from studies.gap_diagnosis import unknown_law
+
+LEARNED: dict[str, Any] = {
+    "adopted": True,
+    "reason": None,
+    "coordinate": "position",
+    "unit": "m",
+    "symmetry": "plain",
+    "knots": [0.0, 1e-3, 2e-3],
+    "values": [0.0, -3.0, 0.0],
+    "band": [[-0.1, 0.1], [-3.1, -2.9], [-0.1, 0.2]],
+    "closure": 0.97,
+    "closure_interval": [0.91, 0.99],
+}
+
+
+def test_an_adopted_law_is_told_with_its_judgement() -> None:
+    assert unknown_law.told(LEARNED) == (
+        " Learned from the records, it is a force over the position, the same in both directions, of up to 3 N. "
+        "On types of motion that were not used it closes 97 % (91 to 99 %) of the gap, and improved.toml has it as "
+        "[effects.measured]."
+    )
+
+
+def test_a_refused_law_is_told_with_the_reason() -> None:
+    refused = {**LEARNED, "adopted": False, "reason": "on types of motion that were not used it closes 40 %"}
+    assert unknown_law.told(refused).endswith(
+        "up to 3 N; but on types of motion that were not used it closes 40 %, so that improved.toml does not have it."
+    )
+
+
+@pytest.mark.parametrize(
+    ("learned", "text"),
+    [(None, ""), ({"adopted": False, "reason": "too few"}, " No law was learned in its place: too few.")],
+)
+def test_without_a_curve_there_is_a_reason_or_nothing(learned: dict[str, Any] | None, text: str) -> None:
+    assert unknown_law.told(learned) == text
+    assert not unknown_law.has_curve(learned)
+
+
+def test_what_the_file_with_the_law_leaves_is_told() -> None:
+    file = {"file": unknown_law.FILE, "held_out": {"force_N": 0.023, "position_m": 44e-9}}
+    assert unknown_law.left({"files": [file]}) == [
+        "With the measured law 0.023 N and 44 nm of position are left on motions held out."
+    ]
+    assert unknown_law.left({"files": [{**file, "file": "re-fitted"}]}) == []
+
+
+def test_the_figure_shows_the_curve_and_its_band() -> None:
+    (axes,) = unknown_law.curve({"results": {"learned": LEARNED}}).axes
+    (line,) = axes.lines
+    assert list(line.get_ydata()) == LEARNED["values"]  # type: ignore[arg-type]
+    assert len(axes.collections) == 1
+    assert axes.get_xlabel() == "the position [m]"
