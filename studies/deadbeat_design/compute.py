@@ -29,11 +29,11 @@ from design.deployment.drive_file import controller_to_json
 from design.judging.known_range import excess, excess_to_json
 from design.judging.long_moves import moves_to_json
 from design.linear_response import linear_response
-from design.validation import LONGER, PERIODS, Validation, agreement, sequence, validate
+from design.validation import LONGER, PERIODS, Validation, sequence, validate
 from design.wiping import wipe, wipe_to_json
 from models.controller import Controller, references
 from models.friction import Friction, branch
-from models.machine import Machine, Specification, load
+from models.machine import Machine
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from models.variation import Variation, at_mode, varied_plant
@@ -42,23 +42,21 @@ from studies.compensator import with_elements
 from studies.deadbeat_design.effects import compensate
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
+from studies.deadbeat_design.outcomes import beside_the_paper, checks_of, validation_results
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.scattered import rows_of, scattered
 from studies.starts import cost_of_starts
-from studies.study import Answer, Check, Progress
-from studies.wording import beyond_records, cited
+from studies.study import Answer, Progress
+from studies.wording import beyond_records
 
 Array = NDArray[np.float64]
 
-SHOWN: Final = 4.0  # Settling times of each motion that results.json keeps, for the figures.
 VIBRATION_WINDOW: Final = 0.1  # [s] Window after the settling time in which the residual vibration is evaluated.
 BISECTIONS: Final = 25  # linear programs that two searches for the shortest settling time solve, about
-AGREEMENT: Final = 0.03  # The largest relative difference at which a result agrees with the published one.
 STARTS: Final = 30  # states of the friction from which the controller is started,
 FEW_STARTS: Final = 4  # in a quick run, with effects, and where the motions take long:
 START_SAMPLES: Final = 400_000  # samples that all of them have together, about
-RESIDUAL_LIMIT: Final = 1e-9  # The largest residual after a deadbeat's settling time, relative to the stroke.
 
 
 def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> Answer:
@@ -104,9 +102,9 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         "trade_off": trade_off,
         "sensitivity": sensitivity,
         "friction": _friction(machine, controller),
-        "without": _validation(machine.specification, without),
-        "with": _validation(machine.specification, with_rfm),
-        "paper": _beside_the_paper(machine, without, with_rfm),
+        "without": validation_results(machine.specification, without),
+        "with": validation_results(machine.specification, with_rfm),
+        "paper": beside_the_paper(machine, without, with_rfm),
         **counted.results,
     }
     judged, deadbeat = with_rfm, plain
@@ -115,7 +113,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         judged, deadbeat, proof = known.validation, known.deadbeat, _proof(known.plant, known.deadbeat)
     progress(0.75, "repeating the motions with a dither and from other pasts of the friction")
     results["settling"] = _settling(machine, controller, without, judged, options)
-    checks = _checks(machine, wanted, deadbeat, proof, without, judged, results["settling"]["with"])
+    checks = checks_of(machine, wanted, deadbeat, proof, without, judged, results["settling"]["with"])
     progress(0.85, "longer moves")
     moved = long_moves(machine, controller, options)
     results["long_moves"], checks = moved.results, (*checks, *moved.checks)
@@ -344,135 +342,3 @@ def _friction(machine: Machine, controller: Controller) -> dict[str, Any]:
         "elements": len(machine.friction.limit),
         "rfm": {"stiffness_N_per_m": rfm.stiffness, "limit_m": rfm.limit},
     }
-
-
-def _validation(wanted: Specification, validation: Validation) -> dict[str, Any]:
-    """Every motion's outcome, and the signals of each motion's first SHOWN settling times."""
-    response = validation.response
-    ts = response.record.sample_time
-    shown = round(min(SHOWN * wanted.settling_time, wanted.interval) / ts)
-    motions = []
-    for one in validation.achieved:
-        part = slice(one.motion.start, min(one.motion.stop, one.motion.start + shown))
-        motions.append(
-            {
-                "origin_m": one.motion.origin,
-                "target_m": one.motion.target,
-                "reversal": one.motion.reversal,
-                "positive": one.motion.direction > 0,
-                "settling_s": one.settling_time,
-                "overshoot_m": one.overshoot,
-                "peak_thrust_N": one.peak_thrust,
-                "position_m": response.position[part],
-                "reference_m": response.record.reference[part],
-                "friction_N": response.friction[part],
-            }
-        )
-    return {
-        "time_s": np.arange(shown) * ts,
-        "motions": motions,
-        "dispersion_m": validation.dispersion[:shown],
-        "worst_dispersion_m": validation.worst_dispersion,
-        "repeats": validation.periods,
-        "repeat_error_m": validation.repeat_error,
-    }
-
-
-def _beside_the_paper(machine: Machine, without: Validation, with_rfm: Validation) -> list[dict[str, Any]]:
-    """The published outcomes beside those here; empty for a machine of which none are published."""
-    published = machine.published
-    if published is None:
-        return []
-    target = machine.specification.settling_time
-    rows = (
-        (
-            "settling of the reversal, without compensation",
-            "published.reversal_settling_time",
-            "s",
-            without.reversal.settling_time,
-        ),
-        (
-            "settling of the reversal, with compensation, at most",
-            "specification.settling_time",
-            "s",
-            with_rfm.reversal.settling_time,
-        ),
-        (
-            "3 sigma after the settling time, without compensation",
-            "published.dispersion_without",
-            "m",
-            without.worst_dispersion,
-        ),
-        (
-            "3 sigma after the settling time, with compensation",
-            "published.dispersion_with",
-            "m",
-            with_rfm.worst_dispersion,
-        ),
-    )
-    listed = []
-    for name, key, unit, here in rows:
-        part, field = key.split(".")
-        printed, source = getattr(getattr(machine, part), field), machine.sources[key]
-        difference = here / printed - 1
-        agrees = here <= target if part == "specification" else abs(difference) <= AGREEMENT
-        said = {"paper": printed, "here": here, "difference": difference, "agrees": bool(agrees)}
-        listed.append({"name": name, "unit": unit, **said, "source": f"{source.kind}: {source.detail}"})
-    return listed
-
-
-def _checks(
-    machine: Machine,
-    wanted: Mapping[str, Any],
-    deadbeat: Deadbeat,
-    proof: Mapping[str, Any],
-    without: Validation,
-    with_rfm: Validation,
-    over_runs: Mapping[str, Any],
-) -> tuple[Check, ...]:
-    specification, drive = machine.specification, machine.drive
-    in_time, source = specification.settling_time, cited(machine, "specification.settling_time")
-    peak = float(np.max(np.abs(deadbeat.thrust)))
-    largest = with_rfm.peak_thrust
-    checks = [
-        Check("remains after the settling time, of the stroke", proof["residual"], "1", RESIDUAL_LIMIT, "deadbeat"),
-        Check("peak of u_ff", peak, "N", wanted["thrust_limit_N"] * (1 + 1e-6), "rated thrust less friction's share"),
-        Check("peak of u_M with compensation", largest, "N", drive.rated_thrust, "drive.rated_thrust"),
-        *(
-            Check(f"settling with compensation, {name}", max(one.settling_time for one in group), "s", in_time, source)
-            for name, group in (
-                ("positive motions", with_rfm.positive),
-                ("all motions", with_rfm.achieved),
-            )
-        ),
-        Check(
-            "settling with compensation, 95 % of the runs with a dither",
-            over_runs["slowest"]["quantile_s"],
-            "s",
-            in_time,
-            source,
-        ),
-        Check(
-            "difference to the period before", with_rfm.repeat_error, "m", agreement(machine), "simulation is periodic"
-        ),
-    ]
-    published = machine.published
-    if published is not None:
-        line, reversal = published.dispersion_with, without.reversal.settling_time
-        late, spread = (cited(machine, f"published.{name}") for name in ("reversal_settling_time", "dispersion_with"))
-        if _is_the_published_table(machine):  # any other machine may well be better without compensation
-            checks += [
-                Check("settling of the reversal without compensation", reversal, "s", in_time, late, ">="),
-                Check("3 sigma without compensation", without.worst_dispersion, "m", line, spread, ">="),
-            ]
-        checks.append(Check("3 sigma with compensation", with_rfm.worst_dispersion, "m", line, spread))
-    return tuple(checks)
-
-
-def _is_the_published_table(machine: Machine) -> bool:
-    """Whether the machine is the paper's table and not a copy of its file with other values."""
-    table = load()
-    return all(
-        getattr(machine, part) == getattr(table, part)
-        for part in ("drive", "scale", "plant", "friction", "control", "specification", "effects", "published")
-    )
