@@ -223,7 +223,7 @@ def smoothed(model: Predictor, force: Array, reading: Array, start: Array) -> Ar
 
 @compiled
 def _predict(closed: Array, enter: Array, C: Array, given: Array, reading: Array, start: Array, e: Array) -> None:
-    size = start.size
+    size, columns = start.size, closed.T.copy()
     now, ahead = start.copy(), np.empty(size)
     for k in range(reading.size):
         y = 0.0
@@ -231,10 +231,10 @@ def _predict(closed: Array, enter: Array, C: Array, given: Array, reading: Array
             y += C[i] * now[i]
         e[k] = reading[k] - y
         for i in range(size):
-            total = given[k, i] + enter[i] * reading[k]
-            for j in range(size):
-                total += closed[i, j] * now[j]
-            ahead[i] = total
+            ahead[i] = given[k, i] + enter[i] * reading[k]
+        for j in range(size):  # the inner loop's sums are independent of each other, so that several run at once
+            for i in range(size):
+                ahead[i] += columns[j, i] * now[j]
         for i in range(size):
             now[i] = ahead[i]
 

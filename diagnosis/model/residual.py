@@ -29,6 +29,7 @@ from diagnosis.model.kalman import (
 )
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, applied, initial_state
+from diagnosis.model.path import path_through
 from diagnosis.model.units import friction_force, noise, white_force
 from models.compiled import compiled
 from models.effects.base import Effect
@@ -191,24 +192,11 @@ def _pass(
     start[0], start[2 * len(machine.plant.modes)] = reading[0], -force[0, 0]
     states = smoothed(model, force, reading, start)
     return SmoothedPath(
-        _path(states, 2 * len(machine.plant.modes), record, record.position - added - reading),
+        path_through(states, 2 * len(machine.plant.modes), record, record.position - added - reading),
         added,
         model,
         2 * len(machine.plant.modes),
     )
-
-
-def _path(states: Array, count: int, record: Record, vibration: Array) -> Path:
-    """The path through the smoothed states, of which `count` are the plant's: cubic Hermite between the samples."""
-    ts = record.sample_time
-    x, v = states[:, 0:count:2].sum(axis=1) + vibration, states[:, 1:count:2].sum(axis=1)
-    ahead, faster = np.append(x[1:], x[-1]), np.append(v[1:], v[-1])
-    t = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
-    x, v, ahead, faster = x[:, None], v[:, None], ahead[:, None], faster[:, None]
-    position = (2 * t**3 - 3 * t**2 + 1) * x + (t**3 - 2 * t**2 + t) * ts * v
-    position += (3 * t**2 - 2 * t**3) * ahead + (t**3 - t**2) * ts * faster
-    speed = 6 * (t**2 - t) / ts * (x - ahead) + (3 * t**2 - 4 * t + 1) * v + (3 * t**2 - 2 * t) * faster
-    return Path(ts, position, speed, x[:, 0], record.command)
 
 
 def evaluate(
@@ -245,7 +233,7 @@ def shifted(smoothed_path: SmoothedPath, differs: Array) -> Path:
     model, path = smoothed_path.model, smoothed_path.path
     states = smoothed(model, np.zeros_like(path.position), -differs, np.zeros(model.C.size))
     still = Record(path.sample_time, *(np.zeros(differs.size) for _ in range(5)))
-    moved = _path(states, smoothed_path.count, still, np.zeros(differs.size))
+    moved = path_through(states, smoothed_path.count, still, np.zeros(differs.size))
     return path._replace(
         position=path.position + moved.position,
         speed=path.speed + moved.speed,

@@ -148,7 +148,17 @@ def _sent(taken: Array, course: Path, dead_time: float, thrust_limit: float, bef
     delay, rest = delay_split(dead_time, course.sample_time)
     late = np.clip(np.concatenate([np.full(delay + 1, before), taken])[: n + 1], -thrust_limit, thrust_limit)
     share = np.clip(rest * parts / course.sample_time - np.arange(parts), 0.0, 1.0)  # of a substep before the change
-    return np.asarray(share * late[:-1, None] + (1.0 - share) * late[1:, None])
+    sent = np.empty((n, parts))
+    _mixed(late, share, sent)
+    return sent
+
+
+@compiled
+def _mixed(late: Array, share: Array, sent: Array) -> None:
+    """sent (n, M): of each signal in `late` (n + 1,) the share (M,) [1] of its substep, and of the next the rest."""
+    for k in range(sent.shape[0]):
+        for j in range(sent.shape[1]):
+            sent[k, j] = share[j] * late[k] + (1.0 - share[j]) * late[k + 1]
 
 
 @compiled
