@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -144,13 +144,20 @@ def rate_of(flags: Sequence[bool]) -> Rate:
 
 def confusion(scores: Sequence[Score]) -> dict[str, Any]:
     """The confusion matrix: counts of cases by their true content (rows) and the answer (columns)."""
+    ordered = sorted(scores, key=lambda one: (KINDS.index(one.label.kind), one.label.names))
+    return counted(
+        [(one.label.names[0] if one.label.kind == "single" else one.label.kind, _said(one)) for one in ordered], LAST
+    )
+
+
+def counted(pairs: Iterable[tuple[str, str]], last: Collection[str]) -> dict[str, Any]:
+    """Counts of cases by pairs of what is true (rows, in the order of their first pair) and what is answered (columns,
+    in the alphabet's order, with those named in `last` behind them)."""
     rows: dict[str, dict[str, int]] = {}
-    for one in sorted(scores, key=lambda one: (KINDS.index(one.label.kind), one.label.names)):
-        row = one.label.names[0] if one.label.kind == "single" else one.label.kind
-        said = _said(one)
-        rows.setdefault(row, {})
-        rows[row][said] = rows[row].get(said, 0) + 1
-    columns = sorted({said for row in rows.values() for said in row}, key=lambda said: (said in LAST, said))
+    for row, said in pairs:
+        counts = rows.setdefault(row, {})
+        counts[said] = counts.get(said, 0) + 1
+    columns = sorted({said for row in rows.values() for said in row}, key=lambda said: (said in last, said))
     return {
         "rows": list(rows),
         "columns": columns,

@@ -15,7 +15,7 @@ from scipy.stats import mannwhitneyu
 
 from models.effects.catalogue import every
 from studies.blind_trial import figures_of_merit as merit
-from studies.blind_trial.figures_of_merit import Rate, of_kind, rate
+from studies.blind_trial.figures_of_merit import Rate, counted, of_kind, rate
 from studies.blind_trial.scoring import KINDS, NAMING, WITHOUT_EFFECT, Label, Score, score
 from studies.study import Check
 
@@ -152,20 +152,9 @@ def _middle(numbers: Sequence[float], usual: str | None) -> float:
 
 def confusion_of_kinds(scores: Sequence[Score]) -> dict[str, Any]:
     """Counts of the cases that count by the kind of the true effect (rows) and of what is answered (columns)."""
-    table: dict[str, dict[str, int]] = {}
-    for one in sorted(scores, key=lambda one: KINDS.index(one.label.kind)):
-        if not one.counts:
-            continue
-        row = kind_of(one.label.names[0]) if one.label.kind == "single" else one.label.kind
-        said = _answered(one)
-        table.setdefault(row, {})
-        table[row][said] = table[row].get(said, 0) + 1
-    columns = sorted({said for row in table.values() for said in row}, key=lambda said: (said in KINDLESS, said))
-    return {
-        "rows": list(table),
-        "columns": columns,
-        "counts": [[row.get(said, 0) for said in columns] for row in table.values()],
-    }
+    ordered = sorted((one for one in scores if one.counts), key=lambda one: KINDS.index(one.label.kind))
+    true = (kind_of(one.label.names[0]) if one.label.kind == "single" else one.label.kind for one in ordered)
+    return counted(zip(true, map(_answered, ordered), strict=True), KINDLESS)
 
 
 def kind_of(name: str) -> str:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_are
 
 from studies.blind_trial.sealer import nominal
+from studies.blind_trial.sealer.loop import Log
 from studies.blind_trial.sealer.nominal import Table
 from studies.blind_trial.sealer.schedule import sampled
-from studies.blind_trial.sealer.simulate import PARTS, Log, spread
+from studies.blind_trial.sealer.simulate import PARTS, spread
 
 Array = NDArray[np.float64]
 

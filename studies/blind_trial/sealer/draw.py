@@ -11,6 +11,7 @@ import numpy as np
 from studies.blind_trial.sealer import nominal
 from studies.blind_trial.sealer.distance import distance
 from studies.blind_trial.sealer.effects import CATALOGUE, Change, Law, Shape
+from studies.blind_trial.sealer.labels import PARAMETERS, REPLAYED, Told, body, near, nearest, next_size
 from studies.blind_trial.sealer.nominal import Table
 from studies.blind_trial.sealer.outsiders import OUTSIDERS
 from studies.blind_trial.sealer.schedule import sequential, suite
@@ -27,19 +28,7 @@ KINDS: Final = {
 }
 SEVERITIES: Final = {"low": 12.0, "middle": 40.0, "high": 120.0}  # distances that sizes are chosen for
 PAIR: Final = 80.0  # distance of each of two
-IDENTIFIABLE: Final = 30.0  # from this distance on, an effect has to be found
-REPLAYED: Final = "controller_mismatch"  # seen in the command itself, not through the table
 REPLAY_SIZES: Final = {"low": 0.01, "middle": 0.03, "high": 0.1}
-PARAMETERS: Final = (
-    "payload_mass",
-    "thrust_constant",
-    "dead_time",
-    "mode_frequency",
-    "mode_damping",
-    "friction_level",
-    "presliding_stiffness",
-    "amplifier_offset",
-)
 
 
 @dataclass(frozen=True)
@@ -72,28 +61,11 @@ class Plan:
 
     def body(self) -> dict[str, Any]:
         """What is sealed: the label and what the scorer needs."""
-        visible = [part.distance is None or part.distance >= IDENTIFIABLE for part in self.parts]
-        return {
-            "case": self.case,
-            "name": [part.name for part in self.parts],
-            "kind": self.kind,
-            "severity": self.severity,
-            "identifiable": all(visible) and bool(visible),
-            "parameters": list(self.parameters),
-            "disabled": [part.name for part in self.parts] if self.kind == "disabled" else [],
-            "effects": [
-                {
-                    "name": part.name,
-                    "size": part.size,
-                    "unit": part.law.unit,
-                    "shape": dict(part.shape),
-                    "form": part.law.form,
-                    "distance": part.distance,
-                }
-                for part in self.parts
-            ],
-            "nominal_shift": {name: np.asarray(number).tolist() for name, number in self.shift.items()},
-        }
+        told = [
+            Told(part.name, part.size, part.law.unit, dict(part.shape), part.law.form, part.distance)
+            for part in self.parts
+        ]
+        return body(told, self.shift, self.parameters, {}, case=self.case, kind=self.kind, severity=self.severity)
 
 
 def order(count: int, seed: int) -> list[tuple[str, str, int]]:
@@ -179,15 +151,12 @@ def sized(table: Table, name: str, law: Law, goal: float, rng: np.random.Generat
             for i, schedule in enumerate((sequential, suite))
         ]
         points.append((size, distance(table, logs)))
-        if abs(points[-1][1] / goal - 1) < 1 / 6:
+        if near(points[-1][1], goal):
             break
         points.sort()
-        at = np.log([number for number, _ in points])
-        far = np.log([number for _, number in points])
-        power = np.clip((far[-1] - far[0]) / (at[-1] - at[0]), 0.3, 3.0) if len(points) > 1 else 1.0
-        near = int(np.argmin(np.abs(far - np.log(goal))))
-        size = float(np.clip(np.exp(at[near] + (np.log(goal) - far[near]) / power), law.low, law.high))
-        if any(abs(size / tried - 1) < 1e-3 for tried, _ in points):
+        following = next_size(points, goal, law.low, law.high)
+        if following is None:
             break
-    size, found = min(points, key=lambda point: abs(np.log(point[1] / goal)))
+        size = following
+    size, found = nearest(points, goal)
     return Part(name, law, size, shape, found)

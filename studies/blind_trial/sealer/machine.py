@@ -1,4 +1,4 @@
-"""What the compiled loop reads and writes: the true machine, the signals of a run, and what moves in between.
+"""The true machine as the compiled loop reads it, and what stays over a step.
 
 The loop's compiled code is cached by the types of these fields: give a new field its place at the end.
 """
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 STEPS: Final = 12  # in a sample
-POINTS: Final = 4  # logged positions in a sample
+SLOW: Final = 9  # relaxed force and its three parts, two parts of the aged share, heat, remanent force, warm friction
+LAW: Final = 4  # integral, error, derivative, reading
 STATES: Final = 12  # three modes, an attached mass, the amplifier's lag, the friction's lag: each a value and its rate
 
 
@@ -92,50 +93,6 @@ class Physics(NamedTuple):
     eddy_place: float = 0.03
     eddy_width: float = 0.005
     ladder: float = 0.0
-
-
-class Run(NamedTuple):
-    """Signals in, (n,) each: reference, feedforward, noise of the scale, lateness of a command [s], age of a reading
-    [s], whether a reading is held (1) or taken (0), and a force [N]. z: the elements' start (E,). Written to: reading,
-    command (n,), position (n, POINTS) at the fractions 0, 1/POINTS, ... of each sample, energy (1,) [J] lost in
-    friction since the record began, start (E,) [m]: the elements then.
-    """
-
-    reference: Array
-    feedforward: Array
-    noise: Array
-    late: Array
-    stale: Array
-    held: Array
-    force: Array
-    reading: Array
-    command: Array
-    position: Array
-    energy: Array
-    start: Array
-
-
-class Moving(NamedTuple):
-    """What the loop carries from step to step.
-
-    y: states (STATES,); k: their rates at the four stages (4, STATES); trial: states at a stage; z: elements (E,);
-    plays: contacts behind gaps (3,); slow: relaxed force and its three parts, two parts of the aged share, heat,
-    remanent force, factor of warm friction; last: acceleration, friction, amplifier's input, applied command; pid:
-    integral, error, derivative, reading; starts, inputs: when each command begins to act [s] and what it is then [N]
-    (n,); active: the one that acts (1,).
-    """
-
-    y: Array
-    k: Array
-    trial: Array
-    z: Array
-    plays: Array
-    slow: Array
-    last: Array
-    pid: Array
-    starts: Array
-    inputs: Array
-    active: NDArray[np.int64]
 
 
 class Held(NamedTuple):

@@ -15,10 +15,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.blind_trial.sealer.machine import POINTS, STATES, STEPS, Held, Moving, Physics, Run
+from studies.blind_trial.sealer.loop import POINTS, Moving, Run, compiled, mean_input
+from studies.blind_trial.sealer.machine import STATES, STEPS, Held, Physics
 
 Array = NDArray[np.float64]
-compiled = numba.njit(fastmath=True, error_model="numpy", forceinline=True)
 
 WAVE: Final = (0.25, 0.1)  # second and third harmonic of what repeats in space
 
@@ -96,7 +96,7 @@ def rates(p: Physics, m: Moving, held: Held, y: Array, out: Array) -> None:
     """dy/dt at the states y (STATES,), into `out`."""
     slow, u = m.slow, held.u
     x, v = y[0] + y[2] + y[4], y[1] + y[3] + y[5]
-    dry = elements_force(p, contact(p, x, m.plays) - held.origin, held.scale, m.z)
+    dry = elements_force(p, contact(p, x, m.gaps) - held.origin, held.scale, m.z)
     dry = dry * slow[8] * (1.0 + p.directional * v / math.hypot(v, p.turn_speed)) - slow[0]
     if p.friction_lag > 0.0:  # two lags in series
         half = 0.5 * p.friction_lag
@@ -194,7 +194,7 @@ def reading_of(p: Physics, x: float, acceleration: float, t: float) -> float:
 @compiled
 def control(p: Physics, r: Run, m: Moving, k: int, t: float) -> None:
     """Reads the scale and puts out a command, which begins to act later."""
-    x, v, pid = m.y[0] + m.y[2] + m.y[4], m.y[1] + m.y[3] + m.y[5], m.pid
+    x, v, pid = m.y[0] + m.y[2] + m.y[4], m.y[1] + m.y[3] + m.y[5], m.law
     if r.held[k] == 0.0:
         pid[3] = reading_of(p, x - v * r.stale[k], m.last[0], t) + r.noise[k]
         if p.resolution > 0.0:
@@ -212,23 +212,11 @@ def control(p: Physics, r: Run, m: Moving, k: int, t: float) -> None:
 
 
 @compiled
-def mean_input(m: Moving, k: int, now: float, h: float) -> float:
-    """Mean of the command that acts over a step, of those up to the k-th."""
-    mean, since, active = 0.0, now, m.active[0]
-    while active < k and m.starts[active + 1] <= now + h:
-        begin = max(m.starts[active + 1], since)
-        mean += m.last[3] * (begin - since)
-        m.last[3], since, active = m.inputs[active + 1], begin, active + 1
-    m.active[0] = active
-    return float(mean + m.last[3] * (now + h - since)) / h
-
-
-@compiled
 def step(p: Physics, m: Moving, u: float, push: float, now: float, h: float) -> float:
     """One step of length h; the energy lost in friction."""
     y, k, trial, z = m.y, m.k, m.trial, m.z
     x, v = y[0] + y[2] + y[4], y[1] + y[3] + y[5]
-    held = Held(u, push, limit_scale(p, x, v, m.last[0], m.slow), contact(p, x, m.plays))
+    held = Held(u, push, limit_scale(p, x, v, m.last[0], m.slow), contact(p, x, m.gaps))
     rates(p, m, held, y, k[0])
     for stage in range(1, 4):
         part = 0.5 * h if stage < 3 else h
@@ -238,10 +226,10 @@ def step(p: Physics, m: Moving, u: float, push: float, now: float, h: float) -> 
     for i in range(STATES):
         y[i] += h * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i]) / 6.0
     new, speed = y[0] + y[2] + y[4], y[1] + y[3] + y[5]
-    moved = contact(p, new, m.plays) - held.origin
+    moved = contact(p, new, m.gaps) - held.origin
     for j in range(3):
         half = 0.5 * p.gap * (0.6 + 0.4 * j)
-        m.plays[j] = max(new - half, min(m.plays[j], new + half))
+        m.gaps[j] = max(new - half, min(m.gaps[j], new + half))
     above, below = held.scale / (1.0 + p.lopsided), -held.scale / (1.0 - p.lopsided)
     for i in range(z.size):
         z[i] = min(max(z[i] + moved, below * p.limit[i]), above * p.limit[i])
@@ -259,7 +247,7 @@ def run(p: Physics, r: Run, m: Moving, before: int) -> None:
     m.slow[8] = 1.0
     dry = elements_force(p, 0.0, 1.0, m.z)
     m.y[10] = m.y[11] = m.last[1] = dry
-    m.y[8] = m.pid[0] = m.last[2] = m.last[3] = dry - p.offset
+    m.y[8] = m.law[0] = m.last[2] = m.last[3] = dry - p.offset
     for k in range(n):
         t = (k - before) * p.sample_time
         if k == before:

@@ -3,38 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from studies.blind_trial.sealer import physics
-from studies.blind_trial.sealer.machine import POINTS, STATES, Moving, Physics, Run
+from studies.blind_trial.sealer.loop import Log, Signal, at_rest, logged, run_of
+from studies.blind_trial.sealer.machine import LAW, SLOW, STATES, Physics
 from studies.blind_trial.sealer.nominal import NOISE, Table
 from studies.blind_trial.sealer.schedule import Schedule
 
 Array = NDArray[np.float64]
 
 BEFORE: Final = 2000  # samples of rest under control before the record: a second
+EARLIER: Final = 4  # commands before the record that are kept
 PARTS: Final = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) * 0.02  # of a limit, over which each contact is smeared
 WEIGHTS: Final = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9.0
-
-
-@dataclass(frozen=True)
-class Log:
-    """Command [N] and reading [m] (n,), position [m] (n, POINTS) as only a simulation knows it.
-
-    earlier: the last commands [N] before the record; start: the elements (E,) [m] when it began; energy: lost in
-    friction [J].
-    """
-
-    command: Array
-    reading: Array
-    position: Array
-    earlier: Array
-    start: Array
-    energy: float
 
 
 def spread(table: Table) -> tuple[Array, Array]:
@@ -81,7 +66,7 @@ def simulate(
     schedule: Schedule,
     seed: int,
     fields: Mapping[str, float] | None = None,
-    signals: Mapping[str, Any] | None = None,
+    signals: Mapping[str, Signal] | None = None,
     exact: bool = False,
 ) -> Log:
     """The log of one experiment. signals: functions of (rng, n) for late, stale, held, force; exact: without noise and
@@ -94,45 +79,8 @@ def simulate(
     noise = NOISE * rng.standard_normal(n)
     if exact:
         machine, noise = machine._replace(resolution=0.0), np.zeros(n)
-    given = {name: np.zeros(n) for name in ("late", "stale", "held", "force")}
-    for name, make in (signals or {}).items():
-        given[name][BEFORE:] = make(rng, n - BEFORE)
-    rest = np.zeros(BEFORE)
-    logged = Run(
-        reference=np.concatenate([rest, schedule.reference]),
-        feedforward=np.concatenate([rest, schedule.feedforward]),
-        noise=noise,
-        reading=np.zeros(n),
-        command=np.zeros(n),
-        position=np.zeros((n, POINTS)),
-        energy=np.zeros(1),
-        start=z.copy(),
-        **given,
-    )
-    physics.run(machine, logged, _at_rest(z, n), BEFORE)
-    if not np.isfinite(logged.command[-1]):
+    run = run_of(schedule, BEFORE, noise, z, rng, signals or {})
+    physics.run(machine, run, at_rest(z, n, STATES, SLOW, LAW), BEFORE)
+    if not np.isfinite(run.command[-1]):
         raise ArithmeticError(f"the simulation of {dict(fields or {})} left all bounds; make the effect smaller")
-    return Log(
-        logged.command[BEFORE:],
-        logged.reading[BEFORE:],
-        logged.position[BEFORE:],
-        logged.command[BEFORE - 4 : BEFORE],
-        logged.start,
-        float(logged.energy[0]),
-    )
-
-
-def _at_rest(z: Array, n: int) -> Moving:
-    return Moving(
-        y=np.zeros(STATES),
-        k=np.zeros((4, STATES)),
-        trial=np.zeros(STATES),
-        z=z.copy(),
-        plays=np.zeros(3),
-        slow=np.zeros(9),
-        last=np.zeros(4),
-        pid=np.zeros(4),
-        starts=np.empty(n),
-        inputs=np.empty(n),
-        active=np.full(1, -1),
-    )
+    return logged(run, BEFORE, EARLIER)

@@ -24,6 +24,7 @@ from models.records.record import Record
 from models.simulation.simulator import simulate as run
 from studies.blind_trial.guard import SEALER_FOLDER, shared_code
 from studies.blind_trial.sealer import pack
+from studies.blind_trial.sealer.loop import Log
 from studies.blind_trial.sealer.machines import cases, drawing, simulation, writing
 from studies.blind_trial.sealer.machines.axis import Axis, beyond, shift_of, shifted
 from studies.blind_trial.sealer.machines.cases import KINDS, Bench, bench, dealt, kind_of, machine_of, sized
@@ -31,7 +32,7 @@ from studies.blind_trial.sealer.machines.drawing import draw_axis, sensitivity, 
 from studies.blind_trial.sealer.machines.forms import Form
 from studies.blind_trial.sealer.machines.laws import EFFECTS, LAWS, laws_of
 from studies.blind_trial.sealer.machines.motions import PROFILES, Schedule, profile
-from studies.blind_trial.sealer.machines.simulation import Change, Log, elements, simulate
+from studies.blind_trial.sealer.machines.simulation import Change, elements, simulate
 from studies.blind_trial.sealer.machines.strangers import STRANGERS
 from studies.blind_trial.sealer.machines.visibility import distance, missed, predictor
 

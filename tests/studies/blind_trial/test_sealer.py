@@ -22,7 +22,8 @@ from models.records.record import Record
 from studies.blind_trial.sealer import draw, nominal, simulate
 from studies.blind_trial.sealer.distance import contact_force, distance
 from studies.blind_trial.sealer.effects import CATALOGUE, Change, Law
-from studies.blind_trial.sealer.machine import POINTS
+from studies.blind_trial.sealer.labels import IDENTIFIABLE
+from studies.blind_trial.sealer.loop import POINTS, Log
 from studies.blind_trial.sealer.outsiders import OUTSIDERS
 from studies.blind_trial.sealer.pack import AGAIN, EXPERIMENTS, OTHER, Places, commitment, record, seal
 from studies.blind_trial.sealer.physics import elements_force
@@ -55,7 +56,7 @@ def without_friction() -> nominal.Table:
     return replace(TABLE, stiffness=np.zeros(10), gains=(0.0, 0.0, 0.0, 1e-3))
 
 
-def pushed(force: Array, table: nominal.Table) -> simulate.Log:
+def pushed(force: Array, table: nominal.Table) -> Log:
     rest = np.zeros(force.size)
     return simulate.simulate(table, Schedule(rest, rest, force), 1, exact=True)
 
@@ -160,13 +161,13 @@ NAMED = {**CATALOGUE, **OUTSIDERS}
 
 
 @pytest.fixture(scope="module")
-def silent() -> simulate.Log:
+def silent() -> Log:
     """The suite on the nominal table."""
     return simulate.simulate(TABLE, suite(), 5, exact=True)
 
 
 @pytest.mark.parametrize("name", sorted(NAMED))
-def test_every_effect_moves_the_command(name: str, silent: simulate.Log) -> None:
+def test_every_effect_moves_the_command(name: str, silent: Log) -> None:
     law = NAMED[name]
     change = law.change(law.middle, law.shape(np.random.default_rng(2)))
     log = simulate.simulate(TABLE, suite(), 5, change.fields, change.signals, exact=True)
@@ -249,7 +250,7 @@ def test_sizes_reach_their_distance_and_what_is_below_need_not_be_found() -> Non
         (part,) = plan.parts
         assert part.distance is not None
         assert part.distance == pytest.approx(goal, rel=0.2)
-        assert plan.body()["identifiable"] == (part.distance >= draw.IDENTIFIABLE)
+        assert plan.body()["identifiable"] == (part.distance >= IDENTIFIABLE)
 
 
 def test_nothing_wrong_means_exactly_the_nominal_table() -> None:

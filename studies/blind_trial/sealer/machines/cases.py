@@ -15,12 +15,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.blind_trial.sealer.labels import PARAMETERS, REPLAYED, Told, body, near, nearest, next_size
+from studies.blind_trial.sealer.loop import Log
 from studies.blind_trial.sealer.machines.axis import Axis, beyond, shift_of, shifted
 from studies.blind_trial.sealer.machines.drawing import draw_axis, stable
 from studies.blind_trial.sealer.machines.forms import Form, Shape, Units
 from studies.blind_trial.sealer.machines.laws import EFFECTS, LAWS, laws_of
 from studies.blind_trial.sealer.machines.motions import Schedule, experiment
-from studies.blind_trial.sealer.machines.simulation import Change, Log, simulate
+from studies.blind_trial.sealer.machines.simulation import Change, simulate
 from studies.blind_trial.sealer.machines.strangers import STRANGERS
 from studies.blind_trial.sealer.machines.visibility import Reference, distance, reference
 
@@ -33,22 +35,10 @@ BLOCK: Final = sum(KINDS.values())
 SEVERITIES: Final = {"low": 12.0, "middle": 45.0, "high": 130.0}  # distances that sizes are chosen for
 OFTEN: Final = {"low": 0.15, "middle": 0.4, "high": 0.45}
 PAIR: Final = 90.0  # distance of each of two
-IDENTIFIABLE: Final = 30.0  # from this distance on, an effect has to be found
 TRIES: Final = 5
 START: Final = 7  # seed of the friction's state in which sizes are chosen
 RESERVE: Final = 0.7  # of the rated thrust, which the nominal machine may need in its experiment
 FOLLOWS: Final = 0.3  # of the span, by which the nominal machine may be behind its reference
-REPLAYED: Final = "controller_mismatch"  # seen in the command itself, not through the table
-PARAMETERS: Final = (
-    "payload_mass",
-    "thrust_constant",
-    "dead_time",
-    "mode_frequency",
-    "mode_damping",
-    "friction_level",
-    "presliding_stiffness",
-    "amplifier_offset",
-)
 
 
 @dataclass(frozen=True)
@@ -123,32 +113,17 @@ class Plan:
 
     def body(self) -> dict[str, Any]:
         """What is sealed: the label and what the scorer needs."""
-        visible = [part.distance is None or part.distance >= IDENTIFIABLE for part in self.parts]
         outside = self.parts[0].form.coordinates if self.kind == "outsider" else ()
-        return {
-            "case": self.case,
-            "name": [part.name for part in self.parts],
-            "kind": self.kind,
-            "severity": self.severity,
-            "identifiable": all(visible) and bool(visible),
-            "parameters": list(self.parameters),
-            "disabled": [part.name for part in self.parts] if self.kind == "disabled" else [],
+        more = {
             "coordinates": list(outside),
             "machine": {"number": self.bench.number, **self.bench.features()},
             "rejected": dict(self.bench.rejected),
-            "effects": [
-                {
-                    "name": part.name,
-                    "size": part.size,
-                    "unit": part.form.unit,
-                    "shape": dict(part.shape),
-                    "form": part.form.text,
-                    "distance": part.distance,
-                }
-                for part in self.parts
-            ],
-            "nominal_shift": {name: np.asarray(number).tolist() for name, number in self.shift.items()},
         }
+        told = [
+            Told(part.name, part.size, part.form.unit, dict(part.shape), part.form.text, part.distance)
+            for part in self.parts
+        ]
+        return body(told, self.shift, self.parameters, more, case=self.case, kind=self.kind, severity=self.severity)
 
     def log(self, which: int) -> Log:
         """One of its two records."""
@@ -293,18 +268,16 @@ def sized(own: Bench, form: Form, goal: float, rng: np.random.Generator, seed: i
             size = float(np.clip(size / 4, low, high))
             continue
         points.append((size, max(found, 1e-3)))
-        if abs(found / goal - 1) < 1 / 6:
+        if near(points[-1][1], goal):
             break
         points.sort()
-        at, far = (np.log([point[i] for point in points]) for i in range(2))
-        power = np.clip((far[-1] - far[0]) / (at[-1] - at[0]), 0.3, 3.0) if len(points) > 1 else 1.0
-        near = int(np.argmin(np.abs(far - np.log(goal))))
-        size = float(np.clip(np.exp(at[near] + (np.log(goal) - far[near]) / power), low, high))
-        if any(abs(size / tried - 1) < 1e-3 for tried, _ in points):
+        following = next_size(points, goal, low, high)
+        if following is None:
             break
+        size = following
     if not points:
         return Part(form.effect, form, low, shape, _distance(own, form.change(low, shape, own.units), seed) or 0.0)
-    size, best = min(points, key=lambda point: abs(np.log(point[1] / goal)))
+    size, best = nearest(points, goal)
     return Part(form.effect, form, size, shape, best)
 
 

@@ -12,11 +12,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.blind_trial.sealer.loop import POINTS, Moving, Run, compiled, mean_input
 from studies.blind_trial.sealer.machines import places as at
 from studies.blind_trial.sealer.machines.mechanics import (
     amplified,
     behind_gaps,
-    compiled,
     level,
     limits,
     odd_slope,
@@ -25,7 +25,7 @@ from studies.blind_trial.sealer.machines.mechanics import (
     surroundings,
     thrust,
 )
-from studies.blind_trial.sealer.machines.truth import ATTACHED, POINTS, Motion, Signals, Truth
+from studies.blind_trial.sealer.machines.truth import ATTACHED, Truth
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def element_force(p: Truth, z: Array, moved: float, behind: float, up: float, do
 
 
 @compiled
-def friction(p: Truth, m: Motion, x: float, v: float, held: tuple[float, float, float, float]) -> float:
+def friction(p: Truth, m: Moving, x: float, v: float, held: tuple[float, float, float, float]) -> float:
     """Friction [N] at a place and speed within a step; held: where it began, where the contacts behind gaps were then
     [m], and the factors of the limits up and down."""
     c, (origin, behind, up, down) = p.c, held
@@ -79,7 +79,7 @@ def speed_of(p: Truth, y: Array) -> float:
 
 @compiled
 def rates(
-    p: Truth, m: Motion, y: Array, inputs: tuple[float, float], held: tuple[float, float, float, float], out: Array
+    p: Truth, m: Moving, y: Array, inputs: tuple[float, float], held: tuple[float, float, float, float], out: Array
 ) -> None:
     """dy/dt at the states y, into `out`; inputs: the amplifier's and a push [N]; held: as `friction` has them."""
     c, n, (u, push) = p.c, 2 * p.gain.size, inputs
@@ -145,7 +145,7 @@ def feedback(p: Truth, law: Array, goal: float, reading: float) -> float:
 
 
 @compiled
-def sample(p: Truth, r: Signals, m: Motion, k: int, t: float) -> None:
+def sample(p: Truth, r: Run, m: Moving, k: int, t: float) -> None:
     """Reads the scale and puts out a command, which begins to act later."""
     x, v = place_of(p, m.y), speed_of(p, m.y)
     if r.held[k] == 0.0:
@@ -160,19 +160,7 @@ def sample(p: Truth, r: Signals, m: Motion, k: int, t: float) -> None:
 
 
 @compiled
-def acting(m: Motion, k: int, now: float, h: float) -> float:
-    """Mean [N] of the commands up to the k-th over a step."""
-    mean, since, active = 0.0, now, m.active[0]
-    while active < k and m.starts[active + 1] <= now + h:
-        begin = max(m.starts[active + 1], since)
-        mean += m.last[3] * (begin - since)
-        m.last[3], since, active = m.inputs[active + 1], begin, active + 1
-    m.active[0] = active
-    return float(mean + m.last[3] * (now + h - since)) / h
-
-
-@compiled
-def advance(p: Truth, m: Motion, u: float, push: float, now: float, h: float) -> None:
+def advance(p: Truth, m: Moving, u: float, push: float, now: float, h: float) -> None:
     """One step of length h [s]."""
     c, y, size = p.c, m.y, m.y.size
     x, v = place_of(p, y), speed_of(p, y)
@@ -205,7 +193,7 @@ def advance(p: Truth, m: Motion, u: float, push: float, now: float, h: float) ->
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def run(p: Truth, r: Signals, m: Motion, before: int) -> None:
+def run(p: Truth, r: Run, m: Moving, before: int) -> None:
     """Runs the loop over the samples of `r`; its first `before` samples are before the record's time 0."""
     n, h, each = r.reference.size, p.sample_time / p.steps, p.steps // POINTS
     size = 2 * p.gain.size
@@ -226,4 +214,4 @@ def run(p: Truth, r: Signals, m: Motion, before: int) -> None:
             if s % each == 0:
                 r.position[k, s // each] = place_of(p, m.y)
             push = r.force[k] + (r.force[min(k + 1, n - 1)] - r.force[k]) * s / p.steps
-            advance(p, m, acting(m, k, now, h), push, now, h)
+            advance(p, m, mean_input(m, k, now, h), push, now, h)

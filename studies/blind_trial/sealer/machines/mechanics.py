@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.blind_trial.sealer.loop import compiled
 from studies.blind_trial.sealer.machines import places as at
 
 Array = NDArray[np.float64]
-compiled = numba.njit(fastmath=True, error_model="numpy", forceinline=True)
 
 
 @compiled

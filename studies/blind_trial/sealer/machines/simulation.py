@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.blind_trial.sealer.loop import POINTS, Log, Signal, at_rest, logged, run_of
 from studies.blind_trial.sealer.machines import integrator
 from studies.blind_trial.sealer.machines.axis import Axis
 from studies.blind_trial.sealer.machines.motions import Schedule
-from studies.blind_trial.sealer.machines.truth import (
-    ATTACHED,
-    CONTROL,
-    NAMES,
-    PLACE,
-    POINTS,
-    SLOW,
-    Motion,
-    Signals,
-    Truth,
-)
+from studies.blind_trial.sealer.machines.truth import ATTACHED, CONTROL, LAW, NAMES, PLACE, SLOW, Truth
 
 Array = NDArray[np.float64]
-Signal = Callable[[np.random.Generator, int], Array]
 
 LEAD: Final = 0.6  # s at rest under control before the record
 EARLIER: Final = 8  # commands before the record that are kept
@@ -46,18 +36,6 @@ class Change:
     signals: Mapping[str, Signal] = field(default_factory=dict)
     control: Mapping[str, float] = field(default_factory=dict)
     later: int = 0
-
-
-@dataclass(frozen=True)
-class Log:
-    """Command [N] and reading [m] (n,), position [m] (n, POINTS) as only a simulation knows it; the last commands [N]
-    before the record, and the elements (E,) [m] when it began."""
-
-    command: Array
-    reading: Array
-    position: Array
-    earlier: Array
-    start: Array
 
 
 def elements(axis: Axis) -> tuple[Array, Array]:
@@ -131,44 +109,9 @@ def simulate(
     rng = np.random.default_rng([seed, 2])
     if exact:
         machine, noise = machine._replace(resolution=0.0), np.zeros(n)
-    given = {name: np.zeros(n) for name in ("late", "stale", "held", "force")}
-    for name, make in change.signals.items():
-        given[name][before:] = make(rng, n - before)
-    rest = np.zeros(before)
-    logged = Signals(
-        reference=np.concatenate([rest, schedule.reference]),
-        feedforward=np.concatenate([rest, schedule.feedforward]),
-        noise=noise,
-        reading=np.zeros(n),
-        command=np.zeros(n),
-        position=np.zeros((n, POINTS)),
-        start=z.copy(),
-        **given,
-    )
-    integrator.run(machine, logged, _at_rest(machine, z, n), before)
-    if not np.all(np.isfinite(logged.command)) or np.abs(logged.command).max() > axis.rated:
+    run = run_of(schedule, before, noise, z, rng, change.signals)
+    states = 2 * machine.gain.size + ATTACHED
+    integrator.run(machine, run, at_rest(z, n, states, SLOW, LAW), before)
+    if not np.all(np.isfinite(run.command)) or np.abs(run.command).max() > axis.rated:
         raise ArithmeticError("the command left the drive's range")
-    return Log(
-        logged.command[before:],
-        logged.reading[before:],
-        logged.position[before:],
-        logged.command[before - EARLIER : before],
-        logged.start,
-    )
-
-
-def _at_rest(machine: Truth, z: Array, n: int) -> Motion:
-    size = 2 * machine.gain.size + ATTACHED
-    return Motion(
-        y=np.zeros(size),
-        k=np.zeros((4, size)),
-        trial=np.zeros(size),
-        z=z.copy(),
-        gaps=np.zeros(3),
-        slow=np.zeros(SLOW),
-        last=np.zeros(4),
-        law=np.zeros(6),
-        starts=np.empty(n),
-        inputs=np.empty(n),
-        active=np.full(1, -1),
-    )
+    return logged(run, before, EARLIER)

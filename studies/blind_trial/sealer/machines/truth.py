@@ -1,4 +1,4 @@
-"""What the compiled loop of a drawn machine reads and writes: its true parameters, the signals of a run, its states.
+"""The true parameters of a drawn machine as its compiled loop reads them.
 
 Whatever a case may change stands in one array of coefficients, each at the place that its name has in NAMES. All are 0
 without an effect; a `..._form` says which of several functional forms applies.
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-POINTS: Final = 4  # logged positions in a sample
 ATTACHED: Final = 9  # states behind those of the modes: attached mass, current, friction's lag, one more mode
 SLOW: Final = 18  # states that move once a step
+LAW: Final = 6  # states of the controller, the last of them its reading
 
 NAMES: Final = (
     "step",
@@ -131,41 +131,3 @@ class Truth(NamedTuple):
     offset: float
     steps: int
     c: Array
-
-
-class Signals(NamedTuple):
-    """In, (n,) each: reference, feedforward, noise of the scale, lateness of a command [s], age of a reading [s],
-    whether a reading is held, a force [N]. Written to: reading [m], command [N], and position (n, POINTS) [m]; start:
-    the elements (E,) [m] when the record begins.
-    """
-
-    reference: Array
-    feedforward: Array
-    noise: Array
-    late: Array
-    stale: Array
-    held: Array
-    force: Array
-    reading: Array
-    command: Array
-    position: Array
-    start: Array
-
-
-class Motion(NamedTuple):
-    """What moves from step to step: y: modes and attachments; k: their rates at four stages; trial: at one stage; z:
-    elements (E,); gaps (3,); slow (SLOW,); last: acceleration, friction, input, applied command; law: the controller's
-    states; starts, inputs (n,): when each command begins to act [s], and what it is then [N]; active (1,).
-    """
-
-    y: Array
-    k: Array
-    trial: Array
-    z: Array
-    gaps: Array
-    slow: Array
-    last: Array
-    law: Array
-    starts: Array
-    inputs: Array
-    active: NDArray[np.int64]

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from studies.blind_trial.sealer.distance import applied, contact_force, innovations
+from studies.blind_trial.sealer.loop import Log
 from studies.blind_trial.sealer.machines.axis import Axis
 from studies.blind_trial.sealer.machines.drawing import sampled
-from studies.blind_trial.sealer.machines.simulation import SMEARED, Log, elements
+from studies.blind_trial.sealer.machines.simulation import SMEARED, elements
 
 Array = NDArray[np.float64]
 
