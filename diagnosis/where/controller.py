@@ -84,12 +84,14 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     plain, made, begin = _plainly(machine, record, criteria)
     if plain.replays:
         return plain
-    rms, largest = plain.rms, plain.largest
+    rms = plain.rms
     remedy, remains = min(_remedies(record, feedback, delay, begin), key=lambda one: one[1])
     noise = criteria.replay_log_noise * _rounded(machine, record)
     most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
     signal = added(record, made, begin, max(noise, plain.tolerance))
     least = min(remains, mended, signal.leaves if signal else np.inf)
+    smooth = _between_jumps(record.feedforward[begin:], most)
+    largest = float(np.max(np.abs(_difference(record, made, begin)[smooth]), initial=0.0))
     if least >= mended and rms < noise and largest < most:
         return replace(plain, tolerance=most, departs=None)
     if signal is not None and remains > signal.noise and signal.leaves < min(mended, remains / AS_GOOD):
@@ -177,6 +179,16 @@ def _difference(record: Record, made: Array, begin: int) -> Array:
     """Logged less replayed command (n - begin,) [N], its median removed."""
     difference = (record.command - made)[begin:]
     return difference - np.median(difference)
+
+
+def _between_jumps(feedforward: Array, size: float) -> NDArray[np.bool_]:
+    """Which samples (n,) are farther than LONGEST from a jump of the feedforward by more than size [N]: what is added
+    behind a controller is logged as it was asked for, which at an edge is not yet as it acts. The record's ends, at
+    which a logger may have filtered with less than its window, are left out as in `_rms`."""
+    jumps = np.abs(np.diff(feedforward, prepend=feedforward[:1])) > size
+    near = np.convolve(jumps, np.ones(2 * LONGEST + 1), "same") > 0
+    near[:LONGEST] = near[-LONGEST:] = True
+    return np.asarray(~near)
 
 
 def _rms(record: Record, made: Array, begin: int) -> float:
