@@ -234,6 +234,13 @@ def test_sizes_reach_their_distance_and_without_an_effect_there_is_none(small: B
     assert distance(small.known, logs) == pytest.approx(part.distance)
 
 
+def test_a_force_that_was_there_before_the_record_is_no_distance(small: Bench) -> None:
+    """However much larger than the offset's tolerance: nobody knows what the drive held."""
+    pulled = replace(small.axis, offset=0.3 * small.axis.friction)
+    logs = [simulate(pulled, one, 11 + i, start=cases.START + i, exact=True) for i, one in enumerate(small.schedules)]
+    assert distance(small.known, logs) < 3.0
+
+
 def test_distances_are_in_units_of_what_the_friction_at_a_reading_leaves(small: Bench) -> None:
     """Where the contacts are so stiff that the scale's noise is noise of the friction."""
     shaky = replace(small.axis, noise=0.02 * small.axis.friction / small.axis.stiffness.sum(), resolution=1e-12)

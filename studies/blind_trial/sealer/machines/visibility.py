@@ -102,6 +102,7 @@ def explained(model: Predictor, log: Log) -> Array:
     for i in range(axis.limit.size):
         inward = -np.sign(log.start[i * parts + parts // 2]) * 0.1 * axis.limit[i]
         found.append(10.0 * answer(held[i] - contact(i, moved=inward)))  # the start is hardly known
+    found.append(answer(np.full(u.size, axis.friction)))  # nor is what the drive held before the record
     return np.stack(found, axis=1) / model.deviation
 
 
@@ -143,7 +144,8 @@ def reference(axis: Axis, logs: Sequence[Log]) -> Reference:
 def distance(known: Reference, logs: Sequence[Log]) -> float:
     """D of exact logs of this machine with effects in it, from the same start; what the predictor itself neglects, such
     as how friction changes within a sample, is taken off."""
-    starts, shared = known.model.axis.limit.size, known.moves[0].shape[1] - known.model.axis.limit.size
+    starts = known.model.axis.limit.size + 1  # of the contacts, and the force
+    shared = known.moves[0].shape[1] - starts
     size = shared + starts * len(logs)
     normal, slope, total = np.eye(size), np.zeros(size), 0.0
     for i, (log, moves) in enumerate(zip(logs, known.moves, strict=True)):
