@@ -7,6 +7,7 @@ Beyond its first and its last knot the force stays what it is there, as nothing 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
@@ -15,7 +16,7 @@ from typing import ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from models.effects.base import LIMIT, STIFFNESS, Effect, H, Numbers, Place, T, U, V, X, Z, hook
+from models.effects.base import LIMIT, STIFFNESS, Effect, H, Hook, Numbers, Place, T, U, V, X, Z, hook
 from models.quantity import value
 
 Array = NDArray[np.float64]
@@ -96,8 +97,6 @@ def _acting(  # noqa: PLR0912  # a hook calls nothing, so that it can be transla
 
 @hook
 def _turning(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
-    if int(p[1]) != DIRECTIONAL:
-        return value
     held, most = 0.0, 0.0
     for i in range(memory.size - KEPT):
         held = held + contact[STIFFNESS, i] * contact[Z, i]
@@ -119,7 +118,7 @@ class Measured(Effect):
     family: ClassVar = "structure"
     equation: ClassVar = r"F(s)=F_i+(F_{i+1}-F_i)\frac{s-s_i}{s_{i+1}-s_i}"
     source: ClassVar = "assumed: a table of values in place of a law"
-    hooks: ClassVar = {Place.FRICTION: _turning, Place.FORCE: _acting}
+    shows_in: ClassVar = "force"
     tabulated: ClassVar = True
     coordinate: Literal["time", "position", "speed", "acceleration", "command", "rest", "path"] = value(  # type: ignore[misc]
         "1", "coordinate that the force is a function of"
@@ -169,6 +168,12 @@ class Measured(Effect):
             raise ValueError(f"knots of an {self.symmetry} law are sizes; begin them at 0 or above")
         if self.symmetry == "odd" and self.force[0] != 0 and self.knots[0] == 0:
             raise ValueError("an odd law has no force at 0; give 0 as the first force")
+
+    @property
+    def hooks(self) -> Mapping[Place, Hook]:  # type: ignore[override]
+        """The force's, and the friction's where a directional law turns with it: nothing else has to be computed."""
+        acting: dict[Place, Hook] = {Place.FORCE: _acting}
+        return acting if self.symmetry != "directional" else {Place.FRICTION: _turning, **acting}
 
     @property
     def depends_on_time(self) -> bool:  # type: ignore[override]

@@ -34,6 +34,7 @@ from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
+from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
 CACHE: Final = Path("reports/out/.null")  # keeps the thresholds of a machine and a schedule from run to run
@@ -54,6 +55,8 @@ class Given:
 
 def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Answer:
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
+    if options.draft_effect is not None:
+        raise BadInputError("--draft-effect: is for the command line; call draft.draft from Python")
     require_stable(machine)  # as thresholds are those of simulated tables, whose loop is closed by the machine's PID
     if not options.record:
         require_designable(machine)

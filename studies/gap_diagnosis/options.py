@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from models.records.tables.formats import LISTED
-from studies.options import files, paths, texts, whole
+from studies.options import files, path, paths, texts, whole
 from studies.record_options import RecordOptions
 
 # Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
@@ -32,6 +32,11 @@ class DiagnosisOptions(RecordOptions):
     )
     disable: tuple[str, ...] = texts(
         "NAME", "an effect of the catalogue to exclude, such as cogging; may be repeated", reviewable=True
+    )
+    draft_effect: Path | None = path(
+        "FILE",
+        "where a law is learned, as no effect explains the records: write it as a draft of an effect, a file for "
+        "models/effects, such as my_law.py",
     )
     most_samples: int = whole(
         "N",

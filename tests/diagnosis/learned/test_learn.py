@@ -29,6 +29,7 @@ from models.machine import from_table
 from models.machine_file import to_toml
 from tests.diagnosis.learned.outsiders import Bump
 from tests.diagnosis.tables import recorded, table
+from tests.diagnosis.units import Change
 
 MACHINE = table()
 BUMP = Bump(3.0, 9e-3, 2.5e-3)
@@ -42,14 +43,15 @@ PLAN = together(
     ],
 )
 
+NULL = Null(dict.fromkeys(looked_for(), (0.0,)), ((1.0,),), (5.0,))
+
 
 @pytest.fixture(scope="module")
 def baseline() -> Baseline:
     """Records of a table with the bump, without the simulation of what chance gains, as no effect is tried."""
     records = recorded(MACHINE, (PLAN,), [BUMP], seed=5)
     machine = with_units(MACHINE, records)
-    null = Null(dict.fromkeys(looked_for(), (0.0,)), ((1.0,),), (5.0,))
-    return Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), null)
+    return Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), NULL)
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +109,29 @@ def test_a_machine_that_has_it_has_no_gap_left(found: Diagnosis, baseline: Basel
     fitted = refit_within(again, baseline.records)
     left = errors_of(fitted.candidate, baseline.records, fitted.paths).gap()
     assert left.force < 2 * found.how_far.floor.force
+
+
+def test_the_same_machine_in_other_units_learns_the_same_law(
+    baseline: Baseline, floor: NoiseFloor, found: Diagnosis
+) -> None:
+    change = Change(force=1 / 40, length=3.0, time=0.5)
+    records = tuple(map(change.record, baseline.records))
+    machine = with_units(change.machine(MACHINE), records)
+    cut = pieces(records, loop_time(machine))
+    told = replace(floor, innovations=tuple(change.length * one for one in floor.innovations))
+    nominal = refit_within(machine, records)
+    there = learned(nominal, told, Baseline(nominal, records, cut, NULL))
+    here = found.learned
+    assert here is not None
+    assert here.law is not None
+    assert there.law is not None
+    assert (there.law.coordinate, there.law.symmetry) == (here.law.coordinate, here.law.symmetry)
+    assert there.law.knots == pytest.approx([change.length * knot for knot in here.law.knots])
+    size = change.force * BUMP.size
+    assert there.law.force == pytest.approx([change.force * force for force in here.law.force], abs=0.01 * size)
+    assert there.judgement is not None
+    assert here.judgement is not None
+    assert there.judgement.closure == pytest.approx(here.judgement.closure, abs=0.01)
 
 
 def test_a_law_that_one_type_of_motion_alone_shows_is_refused(baseline: Baseline, floor: NoiseFloor) -> None:
