@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
 from diagnosis.learned.curves_tried import Curve, shortlisted
-from diagnosis.learned.left_out import Choice, Judgement, chosen, judgement, solved, tested
+from diagnosis.learned.left_out import Choice, Judgement, chosen, judgement, solved, summed
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.units import noise
 from diagnosis.where.energy import INTERVAL, bootstrap_counts
@@ -86,12 +86,12 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
         return _refused("no curve over time, position, speed, acceleration, command, rest or path explains any of it")
     projection = partial_out(begin, baseline.segment)
     tests = [
-        tested(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind) for one in found
+        summed(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind) for one in found
     ]
     judged = judgement(tests, projection.e, _whitened(floor, begin, baseline), baseline.segment, kind, names)
     choice = chosen(tests, kind, types)
     low, high = _band(choice, kind.size)
-    reason, fitted = _objection(judged), None
+    reason, fitted = objection(judged), None
     if reason:
         law = _law(choice.test.curve, _of_all(choice), baseline)
     else:
@@ -104,7 +104,7 @@ def _refused(reason: str) -> Learned:
     return Learned(None, NOTHING, NOTHING, None, None, reason)
 
 
-def _objection(judged: Judgement) -> str:
+def objection(judged: Judgement) -> str:
     """Why a law that does so on motions that were not used is not to be taken; empty if it is."""
     if judged.share < MIN_JUDGED:
         return (

@@ -58,7 +58,7 @@ def solved(curve: Curve, gram: Array, slope: Array, smoothness: float) -> Array:
     return np.asarray(-np.linalg.solve(gram + weight * penalty, slope))
 
 
-def tested(curve: Curve, columns: Array, e: Array, motion: Integers, kind: Integers) -> Tested:
+def summed(curve: Curve, columns: Array, e: Array, motion: Integers, kind: Integers) -> Tested:
     """The sums of a curve's columns (n, K) and the innovations e (n,), both after the projection [1].
 
     motion (n,): of each sample; kind: of each motion [-].

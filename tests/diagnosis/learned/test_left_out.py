@@ -1,0 +1,67 @@
+"""The nested judgement, on synthetic innovations: what transfers, what does not, and what no other type shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnosis.learned.curves_tried import Curve
+from diagnosis.learned.learn import objection
+from diagnosis.learned.left_out import Judgement, judgement, summed
+from models.effects.measured import Measured
+
+Array = NDArray[np.float64]
+
+KNOTS = tuple(np.linspace(0.0, 1.0, 9).tolist())
+TYPES = 4
+MOTIONS, EACH = 24, 300  # six motions of each type
+KIND = np.arange(MOTIONS) % TYPES
+MOTION = np.repeat(np.arange(MOTIONS), EACH)
+NAMES = ["slow", "fast", "long", "short"]
+
+
+def judged(force: Callable[[Array, NDArray[np.int64]], Array], reach: tuple[float, ...] = (1.0,) * TYPES) -> Judgement:
+    """What is said of a force (n,) over place and type of motion, in white noise; reach: how far each type goes."""
+    rng = np.random.default_rng(1)
+    of_sample = KIND[MOTION]
+    place = rng.random(MOTION.size) * np.array(reach)[of_sample]
+    hats = np.column_stack([np.interp(place, KNOTS, row) for row in np.eye(len(KNOTS))])
+    e = rng.standard_normal(MOTION.size) + force(place, of_sample)
+    curve = Curve(Measured("position", KNOTS, (0.0,) * len(KNOTS)), hats)
+    noise = np.ones(MOTION.size)
+    return judgement([summed(curve, -hats, e, MOTION, KIND)], e, noise, MOTION, KIND, NAMES)
+
+
+def test_a_law_that_all_types_share_closes_the_gap_of_each() -> None:
+    found = judged(lambda place, _: 3.0 * np.sin(5 * place))
+    assert found.closure > 0.95
+    assert found.share == pytest.approx(1.0)
+    assert {one.motions for one in found.by_type} == set(NAMES)
+    assert all(one.closure > 0.9 for one in found.by_type)
+    assert sum(one.share for one in found.by_type) == pytest.approx(1.0, abs=0.05)
+    assert not objection(found)
+
+
+def test_a_force_that_is_another_in_each_type_does_not_transfer() -> None:
+    signs = np.array([1.0, -1.0, 1.0, -1.0])
+    found = judged(lambda place, of_sample: 3.0 * signs[of_sample] * np.sin(5 * place))
+    assert found.closure < 0.2
+    assert objection(found).startswith("on types of motion that were not used it closes ")
+
+
+def test_beyond_the_reach_of_the_other_types_nothing_is_judged() -> None:
+    """The force acts at places where one type alone goes."""
+    found = judged(lambda place, _: np.where(place > 0.6, 3.0, 0.0), reach=(1.0, 0.5, 0.5, 0.5))
+    assert found.share < 0.1
+    assert "record motions of other strokes and speeds over the same range" in objection(found)
+
+
+def test_noise_closes_nothing() -> None:
+    rng = np.random.default_rng(2)
+    noise = np.asarray(1.5 * rng.standard_normal(MOTION.size), np.float64)
+    found = judged(lambda _, __: noise)
+    assert abs(found.closure) < 0.05
+    assert found.interval[0] <= found.closure <= found.interval[1]
