@@ -62,7 +62,7 @@ def _shared(item: pytest.Item) -> bool:
 
 
 def _study(item: pytest.Item) -> str:
-    """The study whose quick run a test looks at: its parameter, or the one that its file is named after."""
-    file = item.path.parent if item.path.stem == "test_study" else item.path
+    """The study whose quick run a test looks at: its parameter, or the one that its file or folder is named after."""
+    file = item.path if item.path.parent.name == "studies" else item.path.parent
     call = getattr(item, "callspec", None)
     return str(call.params["name"]) if call and "name" in call.params else file.stem.removeprefix("test_")

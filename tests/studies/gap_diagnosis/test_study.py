@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from models.records.record import Record
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT_DESIGN
 from studies.gap_diagnosis.__main__ import STUDY
-from studies.gap_diagnosis.answer import elsewhere, sentences
 from studies.gap_diagnosis.compute import CLOSED
 from studies.gap_diagnosis.own_records import Made, made
 from studies.review.follows import review
@@ -31,18 +30,6 @@ VERDICT = {"outcome", "effects", "equivalent", "unexplained_fraction", "not_iden
 WHERE = {"by_motion", "by_phase", "by_band_Hz", "by_coordinate", "statements"}
 WHICH = {"effect", "parameters", "held_out_gain", "threshold", "probability", "adequate"}
 FAR = {"gap_as_delivered", "gap_refitted", "gap_after", "floor", "closure", "closure_interval", "held_out"}
-
-
-@pytest.fixture(scope="module")
-def quick(quick_run: Callable[[str], tuple[Path, int]]) -> Path:
-    folder, status = quick_run("gap_diagnosis")
-    assert status == DONE
-    return folder
-
-
-@pytest.fixture(scope="module")
-def results(quick: Path) -> dict[str, Any]:
-    return dict(json.loads((quick / "results.json").read_text(encoding="utf-8"))["results"])
 
 
 @pytest.fixture(scope="module")
@@ -96,48 +83,6 @@ def test_the_effect_that_was_put_in_is_named_and_closes_the_gap(quick: Path, res
     assert results["how_far"]["closure"] > CLOSED
     checks = json.loads((quick / "results.json").read_text(encoding="utf-8"))["checks"]
     assert [check["value"] for check in checks] == [1.0, results["how_far"]["closure"]]
-
-
-def test_the_answer_is_made_of_the_results(results: dict[str, Any]) -> None:
-    assert sentences(results) == results["answer"]
-    assert all(text.endswith(".") for part, text in results["answer"].items() if part != "outcome")
-
-
-@pytest.mark.parametrize(
-    ("topics", "chosen"),
-    [
-        (["size", "energy", "coordinate", "floor"], [0, 2]),
-        (["controller", "size", "energy", "no_coordinate", "side"], [0, 1, 2]),
-        (["unchecked", "size", "coordinate"], [1, 2]),
-        (["size", "floor"], [0, 1]),
-    ],
-)
-def test_the_first_page_chooses_what_was_found_by_its_topic(
-    topics: list[str], chosen: list[int], results: dict[str, Any]
-) -> None:
-    texts = [f"Sentence {i}." for i in range(len(topics))]
-    where = {**results["where"], "topics": topics, "statements": texts}
-    assert sentences({**results, "where": where})["where"] == " ".join(texts[i] for i in chosen)
-
-
-@pytest.mark.parametrize(
-    ("outcome", "effects", "equivalent", "says"),
-    [
-        ("nothing_to_explain", [], [], "explains the records as it is"),
-        ("parameters", ["payload_mass", "dead_time"], [], "payload mass and dead time"),
-        ("none_of_these", [], [], "the cause is out of catalogue"),
-        ("ambiguous", ["cogging"], [["cogging", "cable_spring"]], "cannot distinguish from it: cable spring"),
-        ("attributed", ["friction_relaxation"], [], "It is friction relaxation"),
-    ],
-)
-def test_every_outcome_has_its_sentences(
-    outcome: str, effects: list[str], equivalent: list[list[str]], says: str, results: dict[str, Any]
-) -> None:
-    verdict = {**results["verdict"], "outcome": outcome, "effects": effects, "equivalent": equivalent}
-    told = sentences({**results, "verdict": verdict})
-    assert says in told["which"]
-    assert told["outcome"]
-    assert told["how_far"].endswith(".")
 
 
 def test_the_report_is_there_with_its_figures(quick: Path) -> None:
@@ -222,79 +167,12 @@ def test_a_log_that_is_late_is_said_with_its_shift(own: Made, tmp_path: Path) ->
     assert "with the command logged 1 sample late" in found["answer"]["where"]
 
 
-def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
-    details = {**results["where"]["details"], "controller": [{"replays": False}]}
-    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
-    told = sentences({**results, "verdict": verdict, "where": {**results["where"], "details": details}})
-    assert "Correct the log or the controller first" in told["which"]
-
-
-def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]) -> None:
-    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
-    far = {**results["how_far"], "stages": results["how_far"]["stages"][:2]}
-    told = sentences({**results, "verdict": verdict, "how_far": far})
-    assert told["how_far"].startswith("No effect reduces the gap by enough to go into the model")
-    assert "%" not in told["how_far"]
-
-
-def test_how_far_a_part_of_an_explanation_goes_is_said(results: dict[str, Any]) -> None:
-    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
-    gap = {"position_m": 1e-6, "settling_s": None}
-    far = {
-        **results["how_far"],
-        "stages": [{**gap, "added": name, "force_N": 1.0} for name in ("as delivered", "re-fitted", "cogging")],
-        "gap_refitted": {**gap, "force_N": 2.0},
-        "gap_after": {**gap, "force_N": 1.234, "position_m": 3e-7},
-    }
-    told = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
-    assert "which is not the whole answer: from 2 N to 1.23 N of unknown force, from 1 µm to 300 nm of pos" in told
-
-
-def test_of_an_effect_that_is_in_the_model_twice_both_members_are_said(results: dict[str, Any]) -> None:
-    def member(size: float, pitch: float) -> dict[str, Any]:
-        values = {"amplitude": (size, "N", "amplitude"), "pitch": (pitch, "m", "shape"), "phase": (1.0, "1", "phase")}
-        return {name: {"value": v, "unit": u, "std": None, "role": r} for name, (v, u, r) in values.items()}
-
-    row = {**results["which"][0], "effect": "cogging", "parameters": member(2.0, 0.03)}
-    verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cogging"]}
-    told = sentences({**results, "verdict": verdict, "which": [{**row, "further_members": [member(1.0, 0.02)]}]})
-    assert "It is cogging (amplitude 2 N, pitch 30 mm; and amplitude 1 N, pitch 20 mm)." in told["which"]
-    told = sentences({**results, "verdict": verdict, "which": [{**row, "further_members": []}]})
-    assert "It is cogging (amplitude 2 N, pitch 30 mm)." in told["which"]
-
-
-@pytest.mark.parametrize(
-    ("names", "interval", "says"),
-    [
-        (["cogging", "play"], [0.6, 0.8], "; 20 to 40 % of the gap remain unexplained; the noise floor is"),
-        (["cogging", "play"], [0.6, 0.95], ""),  # perhaps all of it has one
-        (["cogging"], [0.3, 0.6], ""),  # one is named so where nothing more is missing
-        (["controller_mismatch", "play"], [0.0, 0.0], ""),
-        (["cogging", "timing_jitter"], [0.6, 0.8], ""),
-    ],
-)
-def test_what_surely_has_no_name_beside_names_is_said(
-    names: list[str], interval: list[float], says: str, results: dict[str, Any]
-) -> None:
-    verdict = {**results["verdict"], "outcome": "attributed", "effects": names}
-    told = sentences({**results, "verdict": verdict, "how_far": {**results["how_far"], "closure_interval": interval}})
-    assert ("unexplained" in told["how_far"]) == bool(says)
-    assert says in told["how_far"]
-
-
 def test_the_first_page_tells_no_switch_of_the_effect_that_was_put_in(quick: Path, results: dict[str, Any]) -> None:
     roles = {name: item["role"] for name, item in results["truth"]["parameters"].items()}
     page = re.sub(r"\s+", " ", (quick / "report.html").read_text(encoding="utf-8"))
     (told,) = re.findall(r"that the model lacks \(([^)]*)\)", page)
     assert "switch" in roles.values()
     assert [name for name in roles if name in told] == [name for name, role in roles.items() if role != "switch"]
-
-
-def test_what_stands_in_for_a_floor_is_said_where_nothing_repeats(results: dict[str, Any]) -> None:
-    """The quick run's moves are all different."""
-    text = results["where"]["statements"][-1]
-    assert text.startswith("No two motions are equal, so that repeats give no noise floor; the innovations put it at ")
-    assert results["where"]["details"]["floor"]["repeats"] is None
 
 
 def test_effects_can_be_disabled(own: Made, tmp_path: Path) -> None:
@@ -342,33 +220,6 @@ def test_a_record_to_hold_out_is_not_fitted_to_as_well(
     for given, says in (([], "needs records to fit to"), ([str(path)], "is among the records that are fitted to")):
         assert main(STUDY, [*given, "--hold-out", str(path), "--output", str(tmp_path / "out")]) == BAD_INPUT
         assert says in error_of(capsys)
-
-
-def test_what_is_told_of_a_record_that_was_held_out(results: dict[str, Any]) -> None:
-    def file(name: str, force: float, position: float) -> dict[str, Any]:
-        return {"file": name, "force_N": [force], "position_m": [position], "settling_s": [None]}
-
-    far = results["how_far"]
-    for position, says in ((1e-6, "the gap shrinks there"), (3e-6, "the gap is larger there in position error")):
-        files = [file("as delivered", 2.0, 2e-6), file(far["adopted_file"], 1.5, position)]
-        (told,) = elsewhere({**far, "hold_out": {"records": ["b.csv"], "files": files}})
-        assert says in told
-    assert elsewhere({**far, "hold_out": None}) == []
-
-
-def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> None:
-    harm = {"file": "with effects", "measure": "position", "unit": "m", "than": "as delivered"}
-    bound = {"part": "nominal", "name": "payload_mass", "value": 40.0, "unit": "deviations of its tolerance"}
-    far = {
-        **results["how_far"],
-        "adopted_file": "as delivered",
-        "harms": [{**harm, "before": 2.3e-6, "after": 8.2e-6}],
-        "at_bounds": [bound],
-    }
-    told = sentences({**results, "how_far": far})["how_far"]
-    assert "the machine with effects has position error of 8.2 µm, and the machine as delivered of 2.3 µm" in told
-    assert "improved.toml is the machine as delivered." in told
-    assert "The model is incomplete: payload mass is at the end of twice the usual room." in told
 
 
 def test_what_is_too_long_or_jumps_is_refused_with_the_way_out(
