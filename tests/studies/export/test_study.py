@@ -95,8 +95,9 @@ def test_the_machine_beside_a_controller_is_its_machine(tmp_path: Path) -> None:
 
 
 @NEEDS_CC
-def test_a_short_proof_holds(tmp_path: Path) -> None:
-    path = written("PID", tmp_path)
+@pytest.mark.parametrize(("kind", "least"), [("PID", 20), ("learning", 33)])
+def test_a_short_proof_holds(kind: str, least: int, tmp_path: Path) -> None:
+    path = written(kind, tmp_path)
     arguments = ["--proof", "--samples", "20000", "--duration", "2 s", "--target", "c", *QUICK]
     assert main(STUDY, [str(path), *arguments, "--output", str(tmp_path / "out")]) == DONE
     results = content_of(tmp_path / "out" / "results.json")["results"]
@@ -111,6 +112,6 @@ def test_a_short_proof_holds(tmp_path: Path) -> None:
         "structured text": 0,
     }
     assert proof["missed"] == []
-    assert proof["planted"] >= 20
+    assert proof["planted"] >= least
     assert 0 < proof["long"]["thrust_N"] < 1e-3 * 150
     assert np.isfinite(proof["closed_loop"])
