@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.validation import Validation
 from models.machine import Machine, Provenance
 from models.machines.parts import Covered
 from models.records.record import Record
@@ -58,6 +59,13 @@ def excess(machine: Machine, force: float, speed: float) -> tuple[Excess, ...]:
         return ()
     asked = (("force", "N", force, machine.covered.force), ("speed", "m/s", speed, machine.covered.speed))
     return tuple(Excess(*one) for one in asked if one[2] > one[3] * (1 + BEYOND))
+
+
+def excess_of(validation: Validation) -> tuple[Excess, ...]:
+    """What the motions of a validation need [N], [m/s] beyond the records of its machine."""
+    machine = validation.machine
+    speed = float(np.max(np.abs(np.diff(validation.response.record.reference)))) / machine.sample_time
+    return excess(machine, min(validation.peak_thrust, machine.drive.rated_thrust), speed)
 
 
 def excess_to_json(design: str, found: Sequence[Excess]) -> list[dict[str, Any]]:

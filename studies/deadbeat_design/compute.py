@@ -26,7 +26,7 @@ from design.deadbeat import (
     synthesise,
 )
 from design.deployment.drive_file import controller_to_json
-from design.judging.known_range import excess, excess_to_json
+from design.judging.known_range import excess_of, excess_to_json
 from design.judging.long_moves import moves_to_json
 from design.linear_response import linear_response
 from design.validation import LONGER, PERIODS, Validation, sequence, validate
@@ -117,7 +117,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     progress(0.85, "longer moves")
     moved = long_moves(machine, controller, options)
     results["long_moves"], checks = moved.results, (*checks, *moved.checks)
-    results["beyond"] = [*_beyond(machine, judged), *moved.beyond]
+    results["beyond"] = [*excess_to_json("the specified motion", excess_of(judged)), *moved.beyond]
     progress(0.9, "starting from what random motions left in the friction")
     results["wipe"], results["starts"] = wipe_to_json(wipe(machine)), _starts(machine, controller, wanted, options)
     written = controller_to_json(machine, controller, plain.stroke, plain.settling_time)
@@ -141,13 +141,6 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
 
 def _is_longer(machine: Machine, options: DeadbeatOptions) -> bool:
     return options.stroke is not None and options.stroke > machine.specification.stroke
-
-
-def _beyond(machine: Machine, judged: Validation) -> list[dict[str, Any]]:
-    """What the motions need beyond the range of force and speed of the records that the machine is from."""
-    speed = float(np.max(np.abs(np.diff(judged.response.record.reference)))) / machine.sample_time
-    force = min(judged.peak_thrust, machine.drive.rated_thrust)
-    return excess_to_json("the specified motion", excess(machine, force, speed))
 
 
 def _told(row: Mapping[str, Any]) -> str:

@@ -33,6 +33,7 @@ from studies.paper_gap.compensators import named, of_name, slope_error, with_com
 from studies.paper_gap.exchange import exchanged
 from studies.paper_gap.experiments import menu
 from studies.paper_gap.explore import ALONE, BESIDE, BEYOND, MOST, STEPS, Case, Draw, Effort, explore_all
+from studies.paper_gap.hanging import hanging
 from studies.paper_gap.likelihood import evidence
 from studies.paper_gap.options import PaperOptions
 from studies.paper_gap.pattern import (
@@ -78,6 +79,8 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
         chosen = shown.choose(explored, [row["name"] for row in told])
         progress(0.82, "what shows the pattern at a finer step, and without compensation")
         again = shown.again(tables, chosen, pattern, pool)
+        progress(0.84, "what the settling times hang on")
+        settling = hanging(tables, chosen, options, pool)
         progress(0.86, "simulating the experiments that could decide")
         decided = shown.decided(machine, tables, chosen, pool)
         progress(0.95, "exchanging the compensator")
@@ -111,6 +114,7 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
         "responses": shown.responses(tables, [error for _, error in bare], chosen),
         "again": again,
         "kept": shown.kept(again, share),
+        "settling": settling,
         "decided": decided,
         **counted.results,
     }

@@ -52,6 +52,7 @@ TABLES = {
     "exchange": ("results.exchange",),
     "outcome": ("results.candidates",),
     "again": ("results.again",),
+    "settling": ("results.settling", "machine.specification"),
     "experiments": ("results.decided",),
     "values": ("results.decided",),
     "candidates": ("results.candidates",),

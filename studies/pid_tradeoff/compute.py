@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from design.controller import default_controller
 from design.family import Member, family, slopes
+from design.judging.known_range import excess_of, excess_to_json
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
 from design.pid.front import LAMBDAS, RULE_TIMES, Front, Point, judged, rules, tuned
@@ -39,6 +40,7 @@ from studies.pid_tradeoff.published import compare
 from studies.pid_tradeoff.rows import MOST_RUNS, nonsmooth, over_runs, point_row
 from studies.scattered import scattered
 from studies.study import Answer, Progress
+from studies.wording import beyond_records
 
 Array = NDArray[np.float64]
 
@@ -100,6 +102,9 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         "between": _between(machine, chosen.pid),
         "compensated": [_outcome(one) for one in compensated],
         "compensated_over_runs": scattered(counted.machine, fit, compensated[1], options, most=MOST_RUNS),
+        "beyond": excess_to_json(
+            "the specified motion with the chosen PID and compensation", excess_of(compensated[1])
+        ),
         "force_N": _force(machine),
         **counted.results,
     }
@@ -423,4 +428,5 @@ def _summary(results: dict[str, Any]) -> list[tuple[str, str]]:
         return f"{said} ({near})" if math.isfinite(margin["nearest_m"]) else said
 
     stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"
-    return [(stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
+    warnings = [(f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]]
+    return [*warnings, (stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]

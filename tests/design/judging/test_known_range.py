@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.judging.known_range import covered_by, excess, with_covered
+from design.controller import default_controller
+from design.judging.known_range import covered_by, excess, excess_of, with_covered
+from design.validation import validate
 from models.machine import Machine, from_table, load
 from models.machine_file import to_toml
+from models.machines.parts import Covered
 from models.records.record import Record
 
 
@@ -53,3 +56,13 @@ def test_a_design_within_the_range_is_not_warned_of_and_one_beyond_is(machine: M
     assert [(one.what, one.needed, one.covered) for one in excess(machine, 89.0, 0.005)] == [("force", 89.0, 46.0)]
     assert [one.what for one in excess(machine, 89.0, 0.5)] == ["force", "speed"]
     assert excess(load(), 89.0, 0.5) == ()
+
+
+def test_motions_need_their_largest_thrust_and_the_speed_of_their_reference() -> None:
+    table = load()
+    small = table.with_part("covered", Covered(10.0, 1e-4), {})
+    judged = validate(small, default_controller(small), periods=2)
+    reference = judged.response.record.reference
+    by_what = {one.what: one.needed for one in excess_of(judged)}
+    assert by_what["force"] == min(judged.peak_thrust, table.drive.rated_thrust)
+    assert by_what["speed"] * table.sample_time == pytest.approx(np.max(np.abs(reference[1:] - reference[:-1])))

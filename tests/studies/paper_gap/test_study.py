@@ -42,6 +42,19 @@ def test_every_candidate_has_a_row_and_a_verdict_that_its_draws_bear_out(results
             assert (found["sizes"] is None) == (found["shown"] == 0)
 
 
+def test_settling_times_come_with_what_they_hang_on_and_their_scatter(results: Any) -> None:
+    """Of the first table without and with compensation, and of the candidate that comes first."""
+    rows, runs = results["settling"]["rows"], results["settling"]["runs"]
+    assert runs["runs"] >= 4
+    names = list(dict.fromkeys(row["case"] for row in rows))
+    assert names[:2] == ["without compensation", "with compensation"]
+    assert len(names) == 3
+    assert all(row["nearest_m"] > 0 for row in rows)
+    assert all(row["median_s"] <= row["quantile_s"] <= row["largest_s"] for row in rows)
+    compensated = next(row for row in rows if row["case"] == names[1])
+    assert compensated["single_s"] == pytest.approx(results["nominal"][0]["reversal_settling_s"], abs=2e-3)
+
+
 def test_no_table_shows_the_pattern_by_itself(results: Any) -> None:
     assert all(row["distance_m"] > 0 for row in results["nominal"])
     assert len(results["nominal"]) == results["tables"]
