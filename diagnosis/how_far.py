@@ -83,7 +83,7 @@ def errors_of(
         made = simulated(quiet(candidate), drives, i, 0)
         apart = made.position - record.position
         apart[:STARTING] = np.nan
-        return apart, _settling_differences(record, made, machine)
+        return apart, settling_differences(record, made, machine)
 
     apart, settling = zip(*parallel_map(left, range(len(records)), records, driving or records), strict=True)
     return Errors(unknown_force(candidate, records, paths), apart, settling)
@@ -96,8 +96,9 @@ def quiet(candidate: Candidate) -> Candidate:
     return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still), roughness=()))
 
 
-def _settling_differences(record: Record, made: Record, machine: Machine) -> Array:
-    """Rows (first sample, by how much its settling differs between record and simulation [s]), one a motion."""
+def settling_differences(record: Record, made: Record, machine: Machine) -> Array:
+    """Rows (first sample, by how much its settling differs between record and simulation [s]), one a motion; none for a
+    record whose target does not go in steps."""
     wanted, found = machine.specification, list[tuple[float, float]]()
     steps = np.count_nonzero(np.diff(record.target))
     if not 0 < steps < record.target.size / 20:

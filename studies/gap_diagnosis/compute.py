@@ -34,6 +34,7 @@ from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
+from studies.gap_diagnosis.settling import settling_told
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
@@ -80,17 +81,20 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
     results = {**_results(found, beside, given, _elsewhere(found, apart), quick=options.quick), "adopted": adopted}
-    files = {"improved.toml": to_toml(better)}
+    handover = found.how_far.handover
+    files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)
+    results["settling"] = settling_told(files, found.baseline.records, found.baseline.driving, options.seed)
+    written = {"improved.toml": to_toml(better)}
     if not options.record:
-        files["suite.csv"] = to_csv(suite(machine), machine.sample_time)
+        written["suite.csv"] = to_csv(suite(machine), machine.sample_time)
     if beside.proposal is not None:
-        files["next_experiment.csv"] = to_csv(beside.proposal.schedule, given.machine.sample_time)
+        written["next_experiment.csv"] = to_csv(beside.proposal.schedule, given.machine.sample_time)
     summary = [
         (part.replace("_", " "), text)
         for part, text in results["answer"].items()
         if part in {"where", "which", "how_far"}
     ]
-    return Answer(results, tuple(_checks(found, given)), files, summary)
+    return Answer(results, tuple(_checks(found, given)), written, summary)
 
 
 def _foresee(machine: Machine, samples: float, options: DiagnosisOptions, progress: Progress) -> None:

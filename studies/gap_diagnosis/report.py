@@ -51,6 +51,7 @@ def tell(whole: Results) -> Report:
         "byrecord": results["how_far"]["transfer"] is not None,
         "holdout": results["how_far"]["hold_out"] is not None,
         "bytype": unknown_law.has_curve(results.get("learned")),
+        "hanging": results["settling"] is not None,
     }
     tables = {name: keys for name, keys in TABLES.items() if there.get(name, True)}
     return Report(title, question, Path(__file__).parent / "report.md", tuple(shown), {**filters(), **extra}, tables)
@@ -59,6 +60,7 @@ def tell(whole: Results) -> Report:
 TABLES = {
     "records": ("results.records",),
     "files": ("results.how_far",),
+    "hanging": ("results.settling",),
     "transfer": ("results.how_far", "results.records"),
     "byrecord": ("results.how_far", "results.records"),
     "holdout": ("results.how_far",),
