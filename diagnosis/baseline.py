@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.motions import Piece, numbered, pieces
-from diagnosis.model.parallel import parallel_map
+from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null, null
@@ -92,6 +92,7 @@ def driven(machine: Machine, record: Record, found: Replayed) -> Record:
     return record if found.replays and found.added is None else added_signals(machine, record)
 
 
+@on_single_blas_thread
 def refit_and_null(
     machine: Machine,
     records: Sequence[Record],

@@ -24,6 +24,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.handover.hand_over import MEASURED, HowFar, how_far
 from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.fit import Fit
+from diagnosis.model.parallel import on_single_blas_thread
 from diagnosis.refit import wrong_parameters
 from diagnosis.verdict import Outcome
 from diagnosis.where.law_curve import LawCurve, law_curve
@@ -91,6 +92,7 @@ class Diagnosis:
         return self.stages[-1].fitted
 
 
+@on_single_blas_thread
 def diagnose(
     machine: Machine,
     records: Sequence[Record],
@@ -122,6 +124,7 @@ def diagnose(
     return diagnosed(baseline, seed=seed, disabled=disabled, progress=progress)
 
 
+@on_single_blas_thread
 def diagnosed(
     baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = (), progress: Progress | None = None
 ) -> Diagnosis:

@@ -12,7 +12,7 @@ from diagnosis.diagnose import Diagnosis, diagnosed
 from diagnosis.experiments.confusability import Confusability, confusability
 from diagnosis.experiments.confusability import to_json as confusion
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
-from diagnosis.model.parallel import parallel_map
+from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.verdict import Outcome
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.serialise import to_json as place
@@ -40,11 +40,13 @@ class Evidence:
         }
 
 
+@on_single_blas_thread
 def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0) -> Evidence:
     """The evidence for a diagnosis, from its re-fitted nominal model; disabled: effects that are not to be used; SI."""
     return _evidence(found, _looked(found.baseline, disabled, seed), seed)
 
 
+@on_single_blas_thread
 def examined(
     begun: Baseline, *, seed: int = 0, disabled: Collection[str] = (), progress: Progress | None = None
 ) -> tuple[Diagnosis, Evidence]:

@@ -162,6 +162,17 @@ def check(number: float, declared: Declaration) -> None:
             raise QuantityError(f"{show(number, declared.unit)} must be {must_be} {show(bound, declared.unit)}{why}")
 
 
+def nearest(number: float, declared: Declaration) -> float:
+    """The number (SI) nearest to this one within the declared range."""
+    if declared.above is not None:
+        number = max(number, math.nextafter(declared.above, math.inf))
+    if declared.at_least is not None:
+        number = max(number, declared.at_least)
+    if declared.below is not None:
+        number = min(number, math.nextafter(declared.below, -math.inf))
+    return float(number if declared.at_most is None else min(number, declared.at_most))
+
+
 def cut(text: object, most: int = 80) -> str:
     """`repr` of what somebody wrote, for a message of one line: at most `most` characters, the middle left out."""
     shown = repr(text) if isinstance(text, str) else reprlib.repr(text)

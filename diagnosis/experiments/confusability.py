@@ -148,7 +148,7 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str]) -> Co
         * weight
         for i in range(0, len(variants), BATCH)
     ]
-    whole = np.hstack(filtered)
+    whole = np.hstack([np.zeros((weight.size, 0)), *filtered])
     basis = fitted.slopes * fitted.candidate.layout.deviation
     onto = basis.T @ whole
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))

@@ -21,6 +21,7 @@ from models.effects.catalogue import in_order, named
 from models.machine import Machine, Presliding, Provenance, from_table
 from models.machine import parameters as values_of
 from models.machine_file import to_toml
+from models.quantity import declaration, nearest
 
 Array = NDArray[np.float64]
 
@@ -87,7 +88,21 @@ def machine_of(
         sources |= dict(provenance_of_effects(whole.effects, candidate.effects, known, given, source))
     for field in fields(Presliding):  # the presliding curve follows from the friction elements, which have changed
         sources[f"presliding.{field.name}"] = Provenance("derived", "from the friction elements")
-    return replace(fitted, name=f"{nominal.name}, improved", effects=whole.effects, published=None, sources=sources)
+    effects = tuple(_allowed(effect) for effect in whole.effects)
+    return replace(fitted, name=f"{nominal.name}, improved", effects=effects, published=None, sources=sources)
+
+
+def _allowed(effect: Effect) -> Effect:
+    """The effect with each size where a file may have it: a fit, of a single record say, may turn the sign of a size
+    that has only one, as evidence against the effect. The file is judged as it is written."""
+    changed = {}
+    for item in parameters_of(type(effect)):
+        (field,) = (one for one in fields(effect) if one.name == item.name)
+        declared = declaration(field, effect)
+        number = getattr(effect, item.name)
+        if declared is not None and nearest(number, declared) != number:
+            changed[item.name] = nearest(number, declared)
+    return replace(effect, **changed) if changed else effect
 
 
 def _refitted(nominal: Machine, fitted: Machine, source: str) -> Iterator[tuple[str, Provenance]]:

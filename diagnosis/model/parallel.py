@@ -10,12 +10,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import wraps
 from itertools import starmap
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from joblib import cpu_count
+from threadpoolctl import threadpool_limits
 
+P = ParamSpec("P")
 T = TypeVar("T")
+
+
+def on_single_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
+    """The function with BLAS on one thread while it runs: the matrices are small, the cores are busy with the threads
+    of `parallel_map`, and sums keep their order. Calls may be nested within one another, not beside one another: the
+    limit is the whole process's."""
+
+    @wraps(function)
+    def limited(*args: P.args, **options: P.kwargs) -> T:
+        with threadpool_limits(1, user_api="blas"):
+            return function(*args, **options)
+
+    return limited
 
 
 def parallel_map(function: Callable[..., T], *arguments: Iterable[Any]) -> Iterator[T]:

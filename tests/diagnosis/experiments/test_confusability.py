@@ -136,6 +136,12 @@ def test_effects_left_out_are_no_part_of_it() -> None:
     assert len(found.names) == len(looked_for()) - 2
 
 
+def test_with_every_effect_left_out_there_is_nothing_to_be_mistaken_for() -> None:
+    records, fit = case("")
+    found = confusability(fit, records, left_out=looked_for())
+    assert (found.names, found.equivalent, found.not_identifiable) == ((), (), ())
+
+
 def test_the_grid_begins_with_the_typical_point() -> None:
     for kind in every().values():
         assert grid(kind)[0] == kind.typical()

@@ -6,8 +6,10 @@ import threading
 import time
 
 import pytest
+from joblib import cpu_count
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from diagnosis.model.parallel import parallel_map
+from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 
 
 @pytest.mark.parametrize("cores", ["1", "2"])
@@ -61,3 +63,14 @@ def test_an_exception_in_one_call_is_raised() -> None:
 def test_another_count_of_one_argument_is_refused() -> None:
     with pytest.raises(ValueError, match=r"shorter|longer"):
         list(parallel_map(lambda a, b: (a, b), [1, 2], [3]))
+
+
+def test_blas_has_one_thread_within_and_its_own_number_behind() -> None:
+    def threads() -> set[int]:
+        return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        assert on_single_blas_thread(on_single_blas_thread(threads))() == {1}
+        assert threads() == before
+        assert before == {2} or cpu_count() < 2

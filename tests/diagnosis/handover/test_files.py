@@ -1,0 +1,43 @@
+"""A fitted candidate as a machine file, where a fit has left what a file may state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from diagnosis.handover.files import judged, machine_of, starts_of
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from models.effects.base import Effect
+from models.effects.friction_laws import DirectionalFriction
+from models.effects.structure import CableSpring
+from models.machine import load
+
+MACHINE = load()
+
+
+def written(effect: Effect) -> Effect:
+    """The effect as it is read from the file that is written of a candidate with it."""
+    layout = parameters(MACHINE, 1)
+    candidate = Candidate(layout, np.zeros(layout.count), (effect,))
+    (found,) = judged(machine_of(MACHINE, candidate), starts_of(candidate)).machine.effects
+    return found
+
+
+def test_a_size_whose_sign_a_fit_has_turned_is_nothing_in_the_file() -> None:
+    """Fits of single records do so where the effect is not there; the file was refused by its own reader."""
+    found = written(CableSpring(stiffness=-584.3))
+    assert isinstance(found, CableSpring)
+    assert found.stiffness == 0.0
+
+
+def test_a_size_beyond_an_end_that_is_not_allowed_itself_is_just_within() -> None:
+    found = written(DirectionalFriction(asymmetry=-1.5, distance=1e-5, forgets=0))
+    assert isinstance(found, DirectionalFriction)
+    assert found.asymmetry == pytest.approx(-1.0)
+    assert found.asymmetry > -1
+
+
+def test_what_a_file_may_state_stays_to_the_last_digit() -> None:
+    effect = CableSpring(stiffness=1234.5678901234567)
+    assert written(effect) == effect
