@@ -130,30 +130,15 @@ def test_no_frequency_is_looked_for_beyond_what_the_samples_show() -> None:
 def test_the_filter_is_the_same_in_any_units(force: float, length: float, time: float) -> None:
     """Its gains, its deviation and the smoother's band, to rounding."""
     change = Change(10**force, 10**length, 10**time)
-    here, there = (
-        predictor(
-            machine.plant,
-            machine.sample_time,
-            walk=0.05 * white_force(machine),
-            noise=noise(machine),
-            white_force=white_force(machine),
-        )
-        for machine in (MACHINE, change.machine(MACHINE))
-    )
+    both = (MACHINE, change.machine(MACHINE))
+    forces = [(white_force(machine), noise(machine)) for machine in both]
+    given = [{"walk": 0.05 * white, "noise": reading, "white_force": white} for white, reading in forces]
+    here, there = (predictor(one.plant, one.sample_time, **known) for one, known in zip(both, given, strict=True))
     state = [change.length, change.length / change.time] * len(MACHINE.plant.modes) + [change.force]
     assert there.deviation == pytest.approx(change.length * here.deviation)
     assert there.gain * change.length == pytest.approx(here.gain * state, rel=1e-5)
     assert there.back / np.outer(state, 1 / np.array(state)) == pytest.approx(here.back, rel=1e-4, abs=1e-6)
-    bands = [
-        steady_deviation(
-            machine.plant,
-            machine.sample_time,
-            walk=0.05 * white_force(machine),
-            noise=noise(machine),
-            white_force=white_force(machine),
-        )
-        for machine in (MACHINE, change.machine(MACHINE))
-    ]
+    bands = [steady_deviation(one.plant, one.sample_time, **known) for one, known in zip(both, given, strict=True)]
     assert bands[1] == pytest.approx(change.force * bands[0], rel=1e-4)
 
 
