@@ -68,9 +68,16 @@ def decimal(value: float) -> str:
 
 def structured_text(known: Coefficients, vectors: Vectors) -> dict[str, str]:
     """The files by name: .TcPOU for TwinCAT, and both units in one PLCopen XML; coefficients in SI units."""
-    units = (_law(known), _check(vectors))
+    units = (law_unit(known), _check(vectors))
     files = {f"{unit.name}.TcPOU": twincat(unit) for unit in units}
     return {**files, "axis_law.xml": plcopen(units)}
+
+
+def law_unit(known: Coefficients) -> Unit:
+    """The law as a function block; coefficients in SI units."""
+    start = min(max(known.start, -known.thrust_limit), known.thrust_limit)
+    body = filled("law.st.j2", decimal, k=known, start=start)
+    return Unit("FB_AxisLaw", "FUNCTION_BLOCK", (*_interface(), *_constants(known), *_memory(known)), body)
 
 
 def twincat(unit: Unit) -> str:
@@ -141,12 +148,6 @@ def _variable(one: Variable) -> str:
         )
     initial = f"<initialValue>{simple[0]}</initialValue>" if simple else ""
     return f'<variable name="{one.name}"><type>{kind}</type>{initial}</variable>\n'
-
-
-def _law(known: Coefficients) -> Unit:
-    start = min(max(known.start, -known.thrust_limit), known.thrust_limit)
-    body = filled("law.st.j2", decimal, k=known, start=start)
-    return Unit("FB_AxisLaw", "FUNCTION_BLOCK", (*_interface(), *_constants(known), *_memory(known)), body)
 
 
 def _interface() -> Iterator[Variable]:

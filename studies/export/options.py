@@ -40,8 +40,8 @@ class ExportOptions(Options):
         above=0,
     )
     proof: bool = flag(
-        "compile the C with cc and replay --samples vectors at every optimisation, through the FMU, and in structured "
-        "text; needs a C compiler and some minutes",
+        "compile the C with cc and replay --samples vectors at every optimisation, through the FMU, in structured "
+        "text, and a tenth of them in Octave if it is installed; needs a C compiler and some minutes",
         reviewable=False,
     )
     samples: int = whole("N", "vectors of --proof (default: 1000000)", 1000, 100_000_000, default=1_000_000)

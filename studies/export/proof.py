@@ -28,6 +28,7 @@ from models.records.record import motions
 from models.records.settling import settling_time
 from studies.export.evaluator import Library
 from studies.export.faults import FAULTS
+from studies.export.octave import PROGRAM, in_octave
 from studies.export.options import ExportOptions
 from studies.options import BadInputError
 from studies.study import Progress
@@ -41,6 +42,7 @@ SAME: Final = {
 }
 FLAGS: Final = ("-std=c99", "-ffp-contract=off")
 MOST_STEADY: Final = 7_200_000  # samples of motions without a reset, an hour at 2 kHz
+MOST_IN_OCTAVE: Final = 100_000  # samples, at some milliseconds each
 NAMES: Final = ("init", "reset", "wipe", "learn", "learned", "plan", "step", "selftest")
 
 
@@ -82,6 +84,9 @@ def prove(
         same.append({"name": "FMU through FMPy", "ulp": _in_fmu(folder, known, sources["law"], vectors)})
         progress(0.75, "replaying the vectors in structured text")
         same.append({"name": "structured text", "ulp": _in_text(known, vectors)})
+        if PROGRAM is not None:
+            progress(0.8, "replaying the vectors in Octave")
+            same.append({"name": "MATLAB file in Octave", "ulp": _in_octave(folder / "octave", known, vectors)})
         fused, fused_N = _in_c(folder, vectors, ("-O3", "-march=native", "-ffp-contract=fast"))
         _, single_N = _in_c(folder, vectors, ("-O2", "-DAXIS_FLOAT"))
         progress(0.9, "single precision over a long time")
@@ -114,6 +119,7 @@ def _said(
         ),
         "time of a sample here": show(day["sample_s"], "s", 2),
         "planted faults": str(planted),
+        **({} if PROGRAM else {"MATLAB file": "not run, as there is no octave-cli"}),
     }
     return [{"name": name, "text": text} for name, text in rows.items()]
 
@@ -152,6 +158,17 @@ def _in_text(known: Coefficients, vectors: Vectors) -> float:
             if law.values["nStatus"] != vectors.status[k]:
                 return float("inf")
     return ulps(found, vectors.thrust)
+
+
+def _in_octave(folder: Path, known: Coefficients, vectors: Vectors) -> float:
+    """On the first tenth of the vectors, as Octave is slow."""
+    count = min(vectors.asked.size // 10, MOST_IN_OCTAVE)
+    first = Vectors(vectors.asked[:count], vectors.given[:count], vectors.thrust[:count], vectors.status[:count])
+    thrust, status = in_octave(folder, known, first)
+    asked = first.asked == STEP
+    if not np.array_equal(status[asked], first.status[asked]):
+        return float("inf")
+    return ulps(thrust[asked], first.thrust[asked])
 
 
 def _in_fmu(folder: Path, known: Coefficients, law: Mapping[str, str], vectors: Vectors) -> float:
