@@ -42,7 +42,7 @@ from studies.compensator import with_elements
 from studies.deadbeat_design.effects import compensate
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
-from studies.deadbeat_design.outcomes import beside_the_paper, checks_of, validation_results
+from studies.deadbeat_design.outcomes import beside_the_paper, checks_of, reproduction, validation_results
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.scattered import rows_of, scattered
@@ -113,7 +113,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         judged, deadbeat, proof = known.validation, known.deadbeat, _proof(known.plant, known.deadbeat)
     progress(0.75, "repeating the motions with a dither and from other pasts of the friction")
     results["settling"] = _settling(machine, controller, without, judged, options)
-    checks = checks_of(machine, wanted, deadbeat, proof, without, judged, results["settling"]["with"])
+    checks = checks_of(machine, wanted, deadbeat, proof, judged, results["settling"]["with"])
     progress(0.85, "longer moves")
     moved = long_moves(machine, controller, options)
     results["long_moves"], checks = moved.results, (*checks, *moved.checks)
@@ -132,6 +132,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         *counted.summary,
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
         *((f"{show(one['stroke_m'], 'm')} along a profile", _told(one)) for one in results["long_moves"]["rows"]),
+        *reproduction(results["paper"]),
     ]
     if machine.control.law is not None:
         results["feedback"] = machine.control.in_words

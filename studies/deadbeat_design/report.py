@@ -60,6 +60,8 @@ TABLES = {
     "steps": ("results.long_moves", "machine.drive"),
     "effects": ("results.effects", "machine.specification"),
     "paper": ("results.paper",),
+    "checks": ("checks",),
+    "reproduction": ("results.paper",),
     "parameters": ("parameters",),
 }
 BODE = Markdown(
