@@ -33,8 +33,7 @@ HELD: Final = 80  # by their search from step to step
 
 RANGED: Final = ("mass", "kp", "ki", "kd")
 CHOSEN_DIVISOR: Final = tuple(Convention(objective, monotone) for objective, monotone in FEEDFORWARDS)
-# Of the two other deadbeats the thrust limit shapes nearly every one, so that a search takes very long.
-SEARCHED: Final = (Convention("peak_thrust"), Convention("mode_robustness"), Convention(one_less=True))
+SEARCHED: Final = (*CHOSEN_DIVISOR[1:], Convention(one_less=True))
 QUICK: Final = 2  # tables of each that a quick run simulates
 
 

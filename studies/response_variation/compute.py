@@ -52,7 +52,7 @@ SECONDS: Final = {
     "conventions": 20.0,
     "report": 4.0,
 }
-AGAIN: Final = 200.0  # of them for new searches under the other conventions
+AGAIN: Final = 450.0  # of them for new searches under the other conventions
 
 
 def compute(machine: Machine, options: VariationOptions, progress: Progress) -> Answer:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final
@@ -127,11 +127,11 @@ def search(
         population = sorted(population, key=lambda member: member.distance)[:size]
         first = population[-1].distance
         while (worst := population[-1].distance) > 1:
-            aim = max(1.0, population[len(population) // 2].distance)
+            aim = _next_aim([member.distance for member in population])
             near = [member for member in population if member.distance <= aim]
             spread = np.cov(np.stack([member.theta for member in population]).T)
             while len(near) < size:
-                drawn, begun = _perturbed(base, near, spread, rng), len(near)
+                drawn, begun = _perturbed(base, near or population, spread, rng), len(near)
                 near += [member for member in _evaluated(base, drawn, convention, pool, None) if member.distance <= aim]
                 empty = 0 if len(near) > begun else empty + 1
                 _require_some(empty)
@@ -142,6 +142,19 @@ def search(
             population = sorted(near, key=lambda member: member.distance)[:size]
         population = _verified(base, population, convention, pool, tell)
     return _distinct(population, count)
+
+
+def _next_aim(distances: Sequence[float]) -> float:
+    """The distance that the next step asks for, from those of the population in ascending order: the median, or 1.
+
+    Settling times are whole samples, so that many tables may be equally far. Where the better half is as far as the
+    worst, the next lower distance is asked for, or less than all have, as the search would stay where it is otherwise.
+    """
+    worst, median = distances[-1], distances[len(distances) // 2]
+    if median < worst:
+        return max(1.0, median)
+    lower = [one for one in distances if one < worst]
+    return max(1.0, max(lower, default=math.nextafter(worst, 0.0)))
 
 
 def _require_some(empty: int) -> None:

@@ -77,7 +77,10 @@ def test_what_was_chosen_is_said_and_varied(folder: Path) -> None:
     assert by["thrust_difference"]["fit"] == by["thrust_difference"]["tables"]
     assert by["thrust_difference"]["fit_one_less"] == 0
     assert found["divisor_ratio"] == pytest.approx(np.sqrt(5 / 4))
-    assert found["sets"]
+    searched = {(one["objective"], one["monotone"], one["one_less"]): one["tables"] for one in found["sets"]}
+    assert set(searched) == {(one.objective, one.monotone, one.one_less) for one in alternatives.SEARCHED}
+    empty = [("thrust_difference", True, False), ("mode_robustness", False, False)]
+    assert [key for key, tables in searched.items() if tables == 0] == empty
     assert found["largest_difference"] <= TOLERANCE
     own = {one["name"]: one for one in results(folder)["results"]["set"]["parameters"]}
     for one in found["parameters"]:
@@ -124,6 +127,14 @@ def test_the_search_finds_tables_and_repeats_itself(monkeypatch: pytest.MonkeyPa
     assert [list(a.theta) for a in found[0]] == [list(b.theta) for b in found[1]]
     assert len({tuple(member.theta) for member in found[0]}) == 5
     assert all(member.distance <= 1 for member in found[0])
+
+
+def test_a_search_goes_on_where_many_tables_are_equally_far() -> None:
+    """Settling times are whole samples: where half of the tables are as far as the worst, less is asked for."""
+    assert searching._next_aim([1.5, 2.0, 3.0, 4.0]) == 3.0
+    assert searching._next_aim([1.5, 3.0, 3.0, 3.0]) == 1.5
+    assert 2.999 < searching._next_aim([3.0, 3.0, 3.0, 3.0]) < 3.0
+    assert searching._next_aim([0.5, 3.0, 3.0, 3.0]) == 1.0
 
 
 def _theta(machine: Machine) -> Array:
