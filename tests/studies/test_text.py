@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from html.parser import HTMLParser
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from itertools import cycle
@@ -74,9 +75,9 @@ class Page(HTMLParser):
         if "style" not in self._in and "head" not in self._in:
             self.words.append(data)
 
-    @property
+    @cached_property
     def shown(self) -> str:
-        """All text without its blanks, and apostrophes as they are typed."""
+        """All text without its blanks, and apostrophes as they are typed; to be asked for once the page is read."""
         return typed("".join(self.words))
 
 
