@@ -27,7 +27,6 @@ from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
 from models.machine import load
 from models.machine_file import to_toml
-from models.records.record import Record
 from tests.diagnosis.tables import LEAD, recorded, short, table
 
 MACHINE = table()
@@ -40,8 +39,14 @@ def _found(null_cache: Path, effects: Sequence[Effect], seed: int, wrong: float 
     return diagnose(MACHINE, records, cache=null_cache, **options)  # type: ignore[arg-type]
 
 
-def test_one_effect_is_named_with_its_size_and_closes_the_gap(null_cache: Path, tmp_path: Path) -> None:
-    found = _found(null_cache, [ViscousFriction(40.0)], 1)
+@pytest.fixture(scope="module")
+def viscous(null_cache: Path) -> Diagnosis:
+    """That of a table with viscous friction."""
+    return _found(null_cache, [ViscousFriction(40.0)], 1)
+
+
+def test_one_effect_is_named_with_its_size_and_closes_the_gap(viscous: Diagnosis, tmp_path: Path) -> None:
+    found = viscous
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     row = to_json(found)["which"][0]
     drag = row["parameters"]["coefficient"]
@@ -171,9 +176,8 @@ def test_a_controller_that_does_not_replay_is_named(null_cache: Path) -> None:
     assert "controller_mismatch" in found.effects
 
 
-def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(null_cache: Path) -> None:
-    records: tuple[Record, ...] = recorded(MACHINE, PLAN, [ViscousFriction(40.0)], seed=1)
-    found = diagnose(MACHINE, records, cache=null_cache)
+def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(viscous: Diagnosis, null_cache: Path) -> None:
+    found, records = viscous, recorded(MACHINE, PLAN, [ViscousFriction(40.0)], seed=1)
     again, stands = examined(refit_and_null(MACHINE, records, cache=null_cache))
     assert np.array_equal(found.how_far.interval, again.how_far.interval)
     assert to_json(found) == to_json(again)
