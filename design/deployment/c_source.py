@@ -12,13 +12,15 @@ from models.deployment.learning_steps import SAME, lesson
 
 MISSING: Final = 1e300  # stands for NaN in the vectors, which C cannot write as a constant
 
+PROGRAMS: Final = ("closed_loop", "session", "day")  # that close the loop with the plant
 
-def law_sources(known: Coefficients, title: str) -> dict[str, str]:
-    """The sources of the law by file name; coefficients in SI units. title: what designed it."""
+
+def law_sources(known: Coefficients, origin: str) -> dict[str, str]:
+    """The sources of the law by file name; coefficients in SI units. origin: of the law, for a comment."""
     taught = lesson(known.learning, known.stroke, len(known.position))
     given = {
         "k": known,
-        "title": title,
+        "origin": origin,
         "keep": known.pid.pole(known.sample_time),
         "early": taught.early.tolist(),
         "sooner": taught.sooner.tolist(),
@@ -39,4 +41,4 @@ def selftest_sources(known: Coefficients, vectors: Vectors) -> dict[str, str]:
 
 def loop_sources(known: Coefficients) -> dict[str, str]:
     """The programs that close the loop with the plant's sources, by file name; coefficients in SI units."""
-    return {f"axis_{name}.c": filled(f"axis_{name}.c.j2", hexadecimal, k=known) for name in ("closed_loop", "day")}
+    return {f"axis_{name}.c": filled(f"axis_{name}.c.j2", hexadecimal, k=known) for name in PROGRAMS}

@@ -32,8 +32,8 @@ PATTERNS: Final = (
 )
 
 
-def matlab_files(known: Coefficients, title: str) -> dict[str, str]:
-    """The functions by file name; coefficients in SI units. title: what designed it."""
+def matlab_files(known: Coefficients, origin: str) -> dict[str, str]:
+    """The functions by file name; coefficients in SI units. origin: of the law, for a comment."""
     unit = law_unit(known)
     constants = {one.name: _value(one) for one in unit.variables if one.section == "VAR CONSTANT"}
     memory = {
@@ -44,7 +44,7 @@ def matlab_files(known: Coefficients, title: str) -> dict[str, str]:
     law = filled(
         "axis_law.m.j2",
         repr,
-        title=title,
+        origin=origin,
         learns=known.learning is not None,
         constants=constants,
         memory=memory,

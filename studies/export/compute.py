@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
 from collections.abc import Mapping
@@ -133,17 +134,22 @@ def _designed(machine: Machine) -> dict[str, Any]:
 
 def _sources(machine: Machine, given: _Given, vectors: Vectors) -> dict[str, dict[str, str]]:
     """C by what it is of: the law, its self-test, the plant and the closed loop."""
-    title = f"deadbeat_design for {machine.name}".encode("ascii", "replace").decode().replace("*/", "")
     try:
         plant = plant_sources(machine)
     except HookError as error:
         raise BadInputError(f"--machine: {error}") from error
     return {
-        "law": law_sources(given.known, title),
+        "law": law_sources(given.known, _origin(machine, given)),
         "selftest": selftest_sources(given.known, vectors),
         "plant": plant,
         "loop": loop_sources(given.known),
     }
+
+
+def _origin(machine: Machine, given: _Given) -> str:
+    """What the law was made from, for the comments of its sources, which hold ASCII only."""
+    name = machine.name.encode("ascii", "replace").decode().replace("*/", "").replace("\n", " ")
+    return f"{name}, controller.json with SHA-256 {hashlib.sha256(given.text.encode()).hexdigest()[:16]}"
 
 
 def _files(
@@ -166,7 +172,7 @@ def _files(
     if asked in {"all", "st"}:
         files |= {f"st/{name}": text for name, text in structured_text(known, vectors).items()}
     if asked in {"all", "matlab"}:
-        files |= {f"matlab/{name}": text for name, text in matlab_files(known, "deadbeat_design").items()}
+        files |= {f"matlab/{name}": text for name, text in matlab_files(known, _origin(machine, given)).items()}
     if asked in {"all", "cia402"}:
         files["cia402/profiles.csv"] = _profiles(machine, given, options)
     return files

@@ -45,6 +45,14 @@ class ExportOptions(Options):
         reviewable=False,
     )
     samples: int = whole("N", "vectors of --proof (default: 1000000)", 1000, 100_000_000, default=1_000_000)
+    tables: int = whole(
+        "N",
+        "tables that are off in everything at once, on each of which --proof runs the law in C in a loop with the "
+        "table in C (default: 200)",
+        0,
+        100_000,
+        default=200,
+    )
     duration: float = quantity(
         "s",
         "TIME",

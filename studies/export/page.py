@@ -13,7 +13,7 @@ from models.quantity import show
 FOLDERS: Final = {
     "c/": "C99, double or single precision (`-DAXIS_FLOAT`): `cc -std=c99 -O2 -ffp-contract=off -DAXIS_MAIN "
     "axis_law.c axis_selftest.c` replays the vectors; `axis_closed_loop.c` with `axis_plant.c` closes the loop with "
-    "the nonsmooth axis",
+    "the nonsmooth axis, and `axis_session.c` runs them through resets, a wipe and a learning",
     "fmi3/": "FMI 3.0 co-simulation FMUs with sources: the law, and the nonsmooth axis to test it on (give the law the "
     "plant's reading, step the law, then step the plant with its thrust)",
     "st/": "structured text: function block and test program for TwinCAT (`.TcPOU`) and as PLCopen XML",

@@ -26,10 +26,12 @@ from models.machine import Machine
 from models.quantity import show
 from models.records.record import motions
 from models.records.settling import settling_time
+from studies.export.compiling import compiled
 from studies.export.evaluator import Library
 from studies.export.faults import FAULTS
 from studies.export.octave import PROGRAM, in_octave
 from studies.export.options import ExportOptions
+from studies.export.tables import on_tables
 from studies.options import BadInputError
 from studies.study import Progress
 
@@ -40,7 +42,6 @@ SAME: Final = {
     "C at -O2": ("-O2",),
     "C at -O3": ("-O3",),
 }
-FLAGS: Final = ("-std=c99", "-ffp-contract=off")
 MOST_STEADY: Final = 7_200_000  # samples of motions without a reset, an hour at 2 kHz
 MOST_IN_OCTAVE: Final = 100_000  # samples, at some milliseconds each
 NAMES: Final = ("init", "reset", "wipe", "learn", "learned", "plan", "step", "selftest")
@@ -94,6 +95,7 @@ def prove(
         progress(0.95, "planted faults")
         missed, planted = missed_faults(folder, known, options.seed)
         closed = _closed_loop(folder, machine, known)
+        tables = _on_tables(folder, machine, known, options, progress)
     return {
         "vectors": options.samples,
         "steady": hours.asked.size,
@@ -104,8 +106,33 @@ def prove(
         "single_N": single_N,
         "closed_loop": closed,
         "long": {key: day[key] for key in ("samples", "thrust_N", "position_m")},
-        "said": _said(options, fused, fused_N, single_N, day, planted),
+        **tables,
+        "said": _said(options, fused, fused_N, single_N, day, planted) + _said_of(tables),
     }
+
+
+def _on_tables(
+    folder: Path, machine: Machine, known: Coefficients, options: ExportOptions, progress: Progress
+) -> dict[str, Any]:
+    """The tables' results under their key, unless none are asked for."""
+    count = options.tables
+
+    def told(done: int) -> None:
+        progress(0.96 + 0.04 * done / count, f"closed the loop with {done} of {count} tables")
+
+    return {"tables": on_tables(folder, machine, known, count, options.seed + 3, told)} if count else {}
+
+
+def _said_of(tables: Mapping[str, Any]) -> list[dict[str, str]]:
+    return [
+        {
+            "name": f"tables off in everything, {row['name']}",
+            "text": f"{row['hits']} of {one['tables']} (at least {100 * row['low']:.1f} % at 95 % confidence); the "
+            f"slowest {show(row['slowest_s'], 's')}",
+        }
+        for one in tables.values()
+        for row in one["rows"]
+    ]
 
 
 def _said(
@@ -124,17 +151,9 @@ def _said(
     return [{"name": name, "text": text} for name, text in rows.items()]
 
 
-def _compiled(folder: Path, sources: Sequence[str], flags: Sequence[str], output: str) -> Path:
-    command = ["cc", *FLAGS, *flags, *sources, "-lm", "-o", output]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise BadInputError(f"--proof: {' '.join(command)}: {done.stderr.strip()[-300:]}")
-    return folder / output
-
-
 def _in_c(folder: Path, vectors: Vectors, flags: Sequence[str]) -> tuple[float, float]:
     """The largest difference in C [ULP] and [N]; infinite where a status differs in double precision."""
-    program = _compiled(folder, ("axis_law.c", "axis_replay.c"), flags, "replay")
+    program = compiled(folder, ("axis_law.c", "axis_replay.c"), flags, "replay")
     given = np.column_stack([vectors.asked, vectors.given]).tobytes()
     found = np.frombuffer(subprocess.run([str(program)], input=given, capture_output=True, check=True).stdout)
     thrust, status = np.ascontiguousarray(found.reshape(-1, 2).T)
@@ -182,7 +201,7 @@ def _in_fmu(folder: Path, known: Coefficients, law: Mapping[str, str], vectors: 
     made = fmu("controller", law, known.sample_time, "the positioning law")
     with zipfile.ZipFile(io.BytesIO(made)) as archive:
         (folder / "fmu_controller.c").write_bytes(archive.read("sources/fmu_controller.c"))
-    library = _compiled(
+    library = compiled(
         folder,
         ("axis_law.c", "fmu_controller.c"),
         ("-O2", "-shared", "-fPIC", "-fvisibility=hidden"),
@@ -231,13 +250,13 @@ def _in_fmu(folder: Path, known: Coefficients, law: Mapping[str, str], vectors: 
 def _long(folder: Path, machine: Machine, known: Coefficients, duration: float) -> dict[str, float]:
     """Single beside double precision for a duration [s], without the scale's rounding in the way; SI."""
     renamed = [f"-Daxis_law_{name}=axis_single_{name}" for name in NAMES]
-    _compiled(folder, ("axis_law.c",), ("-O2", "-c", "-DAXIS_FLOAT", *renamed), "single.o")
+    compiled(folder, ("axis_law.c",), ("-O2", "-c", "-DAXIS_FLOAT", *renamed), "single.o")
     plant = (folder / "axis_plant.c").read_text(encoding="utf-8")
     resolution = machine.scale.resolution.hex()
     (folder / "exact_plant.c").write_text(
         plant.replace(f"resolution = {resolution}", "resolution = 0.0"), encoding="utf-8"
     )
-    program = _compiled(folder, ("axis_law.c", "exact_plant.c", "axis_day.c", "single.o"), ("-O2",), "day")
+    program = compiled(folder, ("axis_law.c", "exact_plant.c", "axis_day.c", "single.o"), ("-O2",), "day")
     samples = round(duration / known.sample_time)
     motion = round(machine.specification.interval / known.sample_time)
     done = subprocess.run([str(program), str(samples), str(motion)], capture_output=True, text=True, check=True)
@@ -249,14 +268,14 @@ def missed_faults(folder: Path, known: Coefficients, seed: int) -> tuple[list[st
     """The faults, planted in the axis_law.c of a folder, that its self-test does not catch; how many were planted."""
     for name, text in selftest_sources(known, golden(known, seed)).items():
         (folder / name).write_text(text, encoding="utf-8")
-    _compiled(folder, ("axis_selftest.c",), ("-O0", "-c", "-DAXIS_MAIN"), "selftest.o")
+    compiled(folder, ("axis_selftest.c",), ("-O0", "-c", "-DAXIS_MAIN"), "selftest.o")
     right, missed, planted = (folder / "axis_law.c").read_text(encoding="utf-8"), [], 0
     for name, (text, fault) in FAULTS.items():
         if text not in right or (name == "no anti-windup" and known.tracking == 0):
             continue
         planted += 1
         (folder / "axis_fault.c").write_text(right.replace(text, fault), encoding="utf-8")
-        program = _compiled(folder, ("axis_fault.c", "selftest.o"), ("-O0", "-w"), "fault")
+        program = compiled(folder, ("axis_fault.c", "selftest.o"), ("-O0", "-w"), "fault")
         try:
             status = subprocess.run([str(program)], capture_output=True, check=False, timeout=60).returncode
         except subprocess.TimeoutExpired:
@@ -269,7 +288,7 @@ def missed_faults(folder: Path, known: Coefficients, seed: int) -> tuple[list[st
 def _closed_loop(folder: Path, machine: Machine, known: Coefficients) -> float:
     """When the slowest motion of the second period has settled [s], with the law and the plant in C."""
     target = sequence(machine, known.stroke, periods=2)
-    program = _compiled(folder, ("axis_law.c", "axis_plant.c", "axis_closed_loop.c"), ("-O2",), "closed_loop")
+    program = compiled(folder, ("axis_law.c", "axis_plant.c", "axis_closed_loop.c"), ("-O2",), "closed_loop")
     found = subprocess.run([str(program)], input=target.tobytes(), capture_output=True, check=True).stdout
     position = np.frombuffer(found).reshape(-1, 3)[:, 2]
     chosen = [one for one in motions(target) if one.start >= target.size // 2]

@@ -22,10 +22,11 @@ from models.controller import Controller, References
 from models.machine import Machine
 from models.simulation.simulator import simulate
 from models.variation import drawn
+from studies.perturbed import RANGE
 from studies.scattered import scattered
 from studies.study import Progress
 from studies.trajectory_optimisation.options import TrajectoryOptions
-from studies.trajectory_optimisation.outcomes import RANGE, Aim, Outcome, judge
+from studies.trajectory_optimisation.outcomes import Aim, Outcome, judge
 
 Array = NDArray[np.float64]
 

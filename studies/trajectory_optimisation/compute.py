@@ -34,13 +34,14 @@ from studies.beforehand import require_designable, require_pid
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
+from studies.perturbed import MODE_RANGE, RANGE
 from studies.study import Answer, Check, Progress
 from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
 from studies.trajectory_optimisation.everything import everything, tables_of
 from studies.trajectory_optimisation.members import on_members
 from studies.trajectory_optimisation.options import TrajectoryOptions
-from studies.trajectory_optimisation.outcomes import ERRORS, MODE_RANGE, RANGE, Aim
+from studies.trajectory_optimisation.outcomes import ERRORS, Aim
 from studies.trajectory_optimisation.tradeoff import (
     failed_iterate,
     pareto,

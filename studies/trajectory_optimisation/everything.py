@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
 
 from design.trajectory.compensator import EVALUATIONS
 from design.trajectory.learning import LOOK, motions_to_learn, path_to_learn
@@ -17,56 +16,20 @@ from design.validation import BATCH, sequence
 from design.wiping import wipe, wipe_to_json
 from models.friction import reached_states
 from models.machine import Machine
-from models.variation import Variation, drawn
+from models.variation import drawn
+from studies.perturbed import CONFIDENCE, DAMPING, DEAD_TIME, MODE_GAIN, OFFSET, Perturbed, lower_bound, perturbations
 from studies.starts import cost_of_starts
 from studies.study import Progress
 from studies.trajectory_optimisation.comparison import QUANTILE, judge_learning
 from studies.trajectory_optimisation.options import TrajectoryOptions
-from studies.trajectory_optimisation.outcomes import MODE_RANGE, RANGE, Aim, Outcome
+from studies.trajectory_optimisation.outcomes import Aim, Outcome
 
 Array = NDArray[np.float64]
 
-MODE_GAIN: Final = 0.2  # relative errors, either way and evenly
-DAMPING: Final = 0.5
-DEAD_TIME: Final = 0.2
-OFFSET: Final = 2 / 16.5  # of the Coulomb force: 2 N on the default machine
-CONFIDENCE: Final = 0.95
 SEED: Final = 7919  # added to the study's seed, for tables of their own
 ALONE: Final = 100  # tables that are off in one thing alone
 STARTS: Final = 100  # starts of which the cost is simulated
 OPERATIONS: Final = 4  # of an element at a point: a sum, two comparisons, a product
-
-
-@dataclass(frozen=True)
-class Perturbed:
-    """What the tables are off by: the variation's ranges, whether the friction's start is unknown, and whether the
-    scale is noisy."""
-
-    within: Variation
-    start: bool = False
-    noise: bool = False
-
-
-def perturbations(machine: Machine) -> dict[str, Perturbed]:
-    """Each perturbation by its name, and all of them together as the last."""
-    gain = tuple(0.0 if mode.frequency == 0 else MODE_GAIN for mode in machine.plant.modes)
-    parts: dict[str, dict[str, Any]] = {
-        "friction's force and length": {
-            "friction_force": RANGE.friction_force,
-            "friction_length": RANGE.friction_length,
-        },
-        "mass and mode frequencies": {"mass": RANGE.mass, "frequency": MODE_RANGE},
-        "mode gains": {"modal_gain": gain},
-        "damping": {"damping": DAMPING},
-        "dead time": {"dead_time": DEAD_TIME * machine.plant.dead_time},
-        "constant force": {"offset": OFFSET * machine.friction.coulomb_force},
-    }
-    found = {name: Perturbed(Variation(**part)) for name, part in parts.items()}
-    found["friction's state at the start"] = Perturbed(Variation(), start=True)
-    found["scale's noise"] = Perturbed(Variation(), noise=True)
-    together = {key: most for part in parts.values() for key, most in part.items()}
-    found["all together"] = Perturbed(Variation(**together), start=True, noise=True)
-    return found
 
 
 def everything(
@@ -100,11 +63,6 @@ def everything(
 def tables_of(options: TrajectoryOptions) -> int:
     """How many tables are off in everything."""
     return options.tables or (6 if options.quick else 1000)
-
-
-def lower_bound(hits: int, tries: int) -> float:
-    """The lower end of Clopper and Pearson's interval [1] for a share of which `hits` of `tries` were seen."""
-    return float(beta.ppf((1 - CONFIDENCE) / 2, hits, tries - hits + 1)) if hits else 0.0
 
 
 def _row(

@@ -14,14 +14,11 @@ from design.trajectory.scenarios import Errors
 from design.validation import Validation, assess, respond, sequence
 from models.controller import Controller, References
 from models.machine import Machine
-from models.variation import Variation
+from studies.perturbed import MODE_RANGE, RANGE
 
 Array = NDArray[np.float64]
 
 VIBRATION: Final = 20e-3  # s, the window after the settling time over which the vibration left is looked at
-MODE_RANGE: Final = 0.03  # relative error of each frequency
-# Of the tables that a design is judged on, either way and evenly; each mode has a frequency error of its own.
-RANGE: Final = Variation(friction_force=0.3, friction_length=0.3, mass=0.03, frequency=MODE_RANGE)
 # What a trajectory should be insensitive to, one standard deviation each: friction as far as learning leaves it wrong.
 ERRORS: Final = Errors(0.02, 0.02, RANGE.mass / math.sqrt(3), MODE_RANGE / math.sqrt(3))
 

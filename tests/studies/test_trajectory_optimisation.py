@@ -32,7 +32,8 @@ from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from models.variation import drawn
 from studies.command import DONE
-from studies.trajectory_optimisation.outcomes import RANGE, Aim, judge
+from studies.perturbed import RANGE
+from studies.trajectory_optimisation.outcomes import Aim, judge
 
 
 @pytest.fixture(scope="module")

@@ -99,7 +99,7 @@ def test_the_machine_beside_a_controller_is_its_machine(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("kind", "least"), [("PID", 20), ("learning", 33)])
 def test_a_short_proof_holds(kind: str, least: int, tmp_path: Path) -> None:
     path = written(kind, tmp_path)
-    arguments = ["--proof", "--samples", "20000", "--duration", "2 s", "--target", "c", *QUICK]
+    arguments = ["--proof", "--samples", "20000", "--duration", "2 s", "--tables", "3", "--target", "c", *QUICK]
     assert main(STUDY, [str(path), *arguments, "--output", str(tmp_path / "out")]) == DONE
     results = content_of(tmp_path / "out" / "results.json")["results"]
     assert isinstance(results, dict)
@@ -117,3 +117,4 @@ def test_a_short_proof_holds(kind: str, least: int, tmp_path: Path) -> None:
     assert proof["planted"] >= least
     assert 0 < proof["long"]["thrust_N"] < 1e-3 * 150
     assert np.isfinite(proof["closed_loop"])
+    assert (proof["tables"]["tables"], proof["tables"]["learns"]) == (3, kind == "learning")
