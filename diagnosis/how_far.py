@@ -22,6 +22,7 @@ from models.records.settling import settling_time
 
 Array = NDArray[np.float64]
 
+EXACT: Final = 1e-15  # m of noise, far below any reading's; a scale without noise would be given some
 SEEN_BY: Final = 2.5e-3  # of the friction a sample: walk with which the unknown force is told in newtons
 
 
@@ -89,10 +90,10 @@ def errors_of(
     return Errors(unknown_force(candidate, records, paths), apart, settling)
 
 
-def quiet(candidate: Candidate) -> Candidate:
-    """The candidate with a scale that reads exactly, and a drive that is as smooth as its model."""
+def quiet(candidate: Candidate, noise: float = EXACT) -> Candidate:
+    """The candidate with a drive that is as smooth as its model and a scale that reads exactly, or with noise [m]."""
     machine = candidate.nominal
-    still = replace(machine, scale=replace(machine.scale, noise=1e-15, resolution=0.0))
+    still = replace(machine, scale=replace(machine.scale, noise=noise, resolution=0.0))
     return with_sines(replace(candidate, layout=replace(candidate.layout, machine=still), roughness=()))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from design.judging.scatter import dither_of
 from design.validation import ROUNDING
 from diagnosis.handover.gate import File
-from diagnosis.how_far import quiet, settling_differences
+from diagnosis.how_far import EXACT, quiet, settling_differences
 from diagnosis.null import simulated
 from models.machine import Machine
 from models.records.record import Record, motions
@@ -39,11 +39,9 @@ def settling_told(
     near = [one.nearest if one.nearest > edge else 0.0 for one in margins if np.isfinite(one.nearest)]
     rows = []
     for file in files:
-        made = [simulated(quiet(file.judged.candidate), drives, i, 0) for i, drives in enumerate(driving)]
-        beside = list(zip(records, made, strict=True))
-        over = [_error(beside, machine, dither_of(machine), seed + 1 + run) for run in range(RUNS)]
+        over = [_error(file, records, driving, dither_of(machine), seed + 1 + run) for run in range(RUNS)]
         ends = {f"{key}_s": float(np.quantile(over, q, method="higher")) for key, q in ENDS.items()}
-        rows.append({"file": file.name, "single_s": _error(beside, machine, 0.0, seed), **ends})
+        rows.append({"file": file.name, "single_s": _error(file, records, driving, 0.0, seed), **ends})
     least, median = (float(np.quantile(near, q)) if near else None for q in (0.0, 0.5))
     return {
         "motions": len(margins),
@@ -64,14 +62,13 @@ def _margins(record: Record, machine: Machine) -> list[Margin]:
     return [settling_margin(error, machine.specification.tolerance, record.sample_time) for error in errors]
 
 
-def _error(beside: Sequence[tuple[Record, Record]], machine: Machine, dither: float, seed: int) -> float:
-    """The mean error of the settling times [s], the measured and the simulated reading each with a dither [m]."""
-    rng, found = np.random.default_rng(seed), list[Array]()
-    for pair in beside:
-        record, made = (replace(one, position=one.position + dither * _normal(rng, one)) for one in pair)
-        found.append(settling_differences(record, made, machine)[:, 1])
+def _error(file: File, records: Sequence[Record], driving: Sequence[Record], dither: float, seed: int) -> float:
+    """The mean error of a file's settling times [s] with a dither [m]: on the readings of a measured record as they
+    stand, on those of the simulation in its loop, so that the feedback answers to it."""
+    rng, found, machine = np.random.default_rng(seed), list[Array](), file.machine
+    candidate = quiet(file.judged.candidate, max(dither, EXACT))
+    for i, (record, drives) in enumerate(zip(records, driving, strict=True)):
+        shaken = replace(record, position=record.position + dither * rng.standard_normal(record.position.size))
+        made = simulated(candidate, drives, i, seed)
+        found.append(settling_differences(shaken, made, machine)[:, 1])
     return float(np.mean(np.concatenate(found)))
-
-
-def _normal(rng: np.random.Generator, record: Record) -> Array:
-    return rng.standard_normal(record.position.size)

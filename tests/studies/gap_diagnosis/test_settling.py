@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from diagnosis.handover.files import judged
+from diagnosis.how_far import quiet
+from diagnosis.null import simulated
 from models.machine import load
 from studies.gap_diagnosis.own_records import made
 from studies.gap_diagnosis.settling import settling_told
@@ -39,3 +42,15 @@ def test_records_that_do_not_go_in_steps_have_no_settling_times() -> None:
     ramp = replace(record, target=np.linspace(0.0, 1e-3, record.target.size))
     delivered: Any = SimpleNamespace(machine=load())  # of which nothing else is asked
     assert settling_told([delivered], [ramp], [ramp], 0) is None
+
+
+def test_the_simulation_s_dither_is_in_its_loop() -> None:
+    """The feedback answers to it, by its proportional gain at least; without one two seeds are the same run."""
+    machine, size = load(), 1e-7
+    (drives,) = made(machine, 0, quick=True).records[:1]
+    candidate = judged(machine, [np.zeros(len(machine.friction.limit))]).candidate
+    exact, again = (simulated(quiet(candidate), drives, 0, seed) for seed in (0, 1))
+    assert np.abs(exact.position - again.position).max() < 1e-10
+    shaken = simulated(quiet(candidate, size), drives, 0, 1)
+    assert np.std(shaken.position - exact.position) == pytest.approx(size, rel=0.5)
+    assert np.std(shaken.command - exact.command) > 0.5 * machine.control.pid.kp * size
