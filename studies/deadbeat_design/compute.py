@@ -104,7 +104,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         "friction": _friction(machine, controller),
         "without": validation_results(machine.specification, without),
         "with": validation_results(machine.specification, with_rfm),
-        "paper": beside_the_paper(machine, without, with_rfm),
+        "paper": beside_the_paper(machine, wanted, without, with_rfm),
         **counted.results,
     }
     judged, deadbeat = with_rfm, plain

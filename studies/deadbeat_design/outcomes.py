@@ -51,18 +51,24 @@ def validation_results(wanted: Specification, validation: Validation) -> dict[st
     }
 
 
-def beside_the_paper(machine: Machine, without: Validation, with_rfm: Validation) -> list[dict[str, Any]]:
+def beside_the_paper(
+    machine: Machine, wanted: Mapping[str, Any], without: Validation, with_rfm: Validation
+) -> list[dict[str, Any]]:
     """The published outcomes beside those here; empty for a machine of which none are published.
 
     A published figure is reproduced or missed, either way, within AGREEMENT; a published bound (tolerance None) is met
     or not. Neither is judged (agrees None) on a machine that bears the paper's figures but is not the paper's table,
-    and neither is a check of the design: that is judged by the specification.
+    nor for a motion other than the one that they are of; and neither is a check of the design, which is judged by the
+    specification.
     """
     published = machine.published
     if published is None:
         return []
-    judged = _is_the_published_table(machine) or published != load().published
-    target = machine.specification.settling_time
+    specification = machine.specification
+    motion = (wanted["stroke_m"], wanted["settling_time_s"])
+    same = motion == (specification.stroke, specification.reference_settling_time)
+    judged = same and (_is_the_published_table(machine) or published != load().published)
+    target = specification.settling_time
     rows = (
         (
             "settling of the reversal, without compensation",
