@@ -17,6 +17,7 @@ MODE_GAIN: Final = 0.2  # relative errors, either way and evenly
 DAMPING: Final = 0.5
 DEAD_TIME: Final = 0.2
 OFFSET: Final = 2 / 16.5  # of the Coulomb force: 2 N on the default machine
+FINE: Final = 0.25  # of the specified tolerance: what a design that meets all of this is to settle within
 CONFIDENCE: Final = 0.95
 TOGETHER: Final = "all together"
 

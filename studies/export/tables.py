@@ -21,13 +21,12 @@ from models.records.record import motions
 from models.records.settling import settling_time
 from models.variation import drawn
 from studies.export.compiling import compiled
-from studies.perturbed import CONFIDENCE, TOGETHER, lower_bound, perturbations
+from studies.perturbed import CONFIDENCE, FINE, TOGETHER, lower_bound, perturbations
 
 Array = NDArray[np.float64]
 
 PAST: Final = 5  # targets before the law is asked for anything, which leave the friction where they may
 FARTHEST: Final = 3.0  # strokes from one of them to the next
-FINE: Final = 0.25  # of the specified tolerance: what a law that learns is designed for
 PERIODS: Final = 2  # of the motions, of which the second is judged
 
 

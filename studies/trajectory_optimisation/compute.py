@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import waiting
-from design.deadbeat import Deadbeat, DesignError, synthesise
+from design.controller import design_deadbeat, usable_thrust, waiting
+from design.deadbeat import Constraints, Deadbeat, DesignError, shortest_settling_time, synthesise
 from design.deployment.drive_file import controller_to_json
 from design.judging.known_range import excess, excess_to_json
 from design.trajectory import schemes
@@ -34,7 +34,7 @@ from studies.beforehand import require_designable, require_pid
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
-from studies.perturbed import MODE_RANGE, RANGE
+from studies.perturbed import FINE, MODE_RANGE, RANGE
 from studies.study import Answer, Check, Progress
 from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
@@ -156,7 +156,7 @@ def _designed(machine: Machine, wanted: Wanted, options: TrajectoryOptions, prog
         shortest, tried = schemes.quickest(machine, wanted, aimed)
         _foresee_designs(time.process_time() - begin, options, progress)
         samples = max(shortest, aimed)
-        deadbeat = _deadbeat(machine, wanted)
+        deadbeat = deadbeat_beside(machine, wanted.stroke)
     except DesignError as error:
         raise BadInputError(f"--settling-time, --stroke, --thrust-limit: {error}") from error
     progress(0.06, "least peak thrust over all histories")
@@ -228,7 +228,8 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
     specification, rated = machine.specification, machine.drive.rated_thrust
     stroke = specification.stroke if options.stroke is None else options.stroke
     aimed = specification.reference_settling_time if options.settling_time is None else options.settling_time
-    tolerance, limit = options.tolerance, options.thrust_limit
+    tolerance = FINE * specification.tolerance if options.tolerance is None else options.tolerance
+    limit = options.thrust_limit
     slew = math.inf if options.slew is None else options.slew
     if limit is not None and not 0 < limit <= rated:
         raise BadInputError(f"--thrust-limit: {show(limit, 'N')} must be between 0 and the rated {show(rated, 'N')}")
@@ -270,9 +271,18 @@ def _check_size(machine: Machine, stroke: float, aimed: float) -> None:
         )
 
 
-def _deadbeat(machine: Machine, wanted: Wanted) -> Deadbeat:
-    """The deadbeat as the reference for comparison: x_T* by the specified time, as in the paper."""
-    return synthesise(machine.plant, machine.sample_time, machine.specification.reference_settling_time, wanted.stroke)
+def deadbeat_beside(machine: Machine, stroke: float) -> Deadbeat:
+    """The deadbeat that the designs are compared with, over a stroke [m]: x_T* by the specified time, as in the paper,
+    or as soon as the thrust allows.
+
+    Raises DesignError if the thrust allows none.
+    """
+    plant, ts, aimed = machine.plant, machine.sample_time, machine.specification.reference_settling_time
+    within = Constraints(thrust=usable_thrust(machine))
+    shortest = shortest_settling_time(plant, ts, stroke, within)
+    if shortest <= aimed * (1 + 1e-9):
+        return synthesise(plant, ts, aimed, stroke)
+    return design_deadbeat(machine, settling_time=shortest, stroke=stroke, constraints=within)
 
 
 def _renamed(task: Task, objective: Any) -> Task:

@@ -30,8 +30,12 @@ class TrajectoryOptions(Options):
         "(default: the machine file's specification.stroke; 20 um for the default machine)",
         above=0,
     )
-    tolerance: float = quantity(
-        "m", "LENGTH", 'the finer settling accuracy (default: "0.5 um")', default=0.5e-6, text="0.5 um", above=0
+    tolerance: float | None = quantity(
+        "m",
+        "LENGTH",
+        'the finer settling accuracy, such as "0.5 um" (default: a quarter of the machine file\'s '
+        "specification.tolerance; 0.5 um for the default machine)",
+        above=0,
     )
     thrust_limit: float | None = quantity(
         "N",

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.controller import feedback_alone
+from design.controller import feedback_alone, usable_thrust
 from design.deadbeat import synthesise
 from design.trajectory.compensator import compensate, motion_profile
 from design.trajectory.history_aware import Limits
@@ -33,6 +33,7 @@ from models.simulation.simulator import simulate
 from models.variation import drawn
 from studies.command import DONE
 from studies.perturbed import RANGE
+from studies.trajectory_optimisation.compute import deadbeat_beside
 from studies.trajectory_optimisation.outcomes import Aim, judge
 
 
@@ -132,3 +133,18 @@ def test_the_feedback_waits_as_the_trajectory_needs_it_at_any_dead_time(dead_tim
     judged = judge([machine], scheme.controller, Aim(20e-6, 0.5e-6, 25e-3), given)[0]
     after = round((rest_time(machine, count)) / machine.sample_time) + 1
     assert np.max(np.abs(judged.error[:, after:])) < 2 * machine.scale.resolution
+
+
+def test_the_deadbeat_beside_them_keeps_to_the_thrust_where_the_specified_time_does_not_allow_it() -> None:
+    """A stroke of 1 mm in 20 ms would take 4.6 kN, and the simulated table would leave the hall."""
+    machine = load_machine()
+    within = usable_thrust(machine)
+    usual, long = (deadbeat_beside(machine, stroke) for stroke in (20e-6, 1e-3))
+    assert usual.settling_time == machine.specification.reference_settling_time
+    assert 2 * usual.settling_time <= long.settling_time < 2.5 * usual.settling_time
+    assert np.abs(long.thrust).max() <= within * (1 + 1e-6)
+
+
+def test_the_finer_accuracy_is_a_quarter_of_the_specified_one(folder: Path) -> None:
+    whole = read(folder, "results.json")
+    assert whole["results"]["wanted"]["tolerance_m"] == 0.25 * whole["machine"]["specification"]["tolerance_m"]
