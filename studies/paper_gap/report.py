@@ -68,7 +68,7 @@ def tell(whole: Results) -> Report:
         Figure(
             "kinds",
             "3σ of the compensated sequence over the draws of each kind of cause, as cumulative shares: how much of "
-            "each lies in the paper's range, which is shaded. The dotted line is the tolerance.",
+            "each lies in the paper's range, which is shaded. The dashed line is the tolerance.",
             ("results.evidence", "results.pattern"),
             _kinds,
         ),
