@@ -127,8 +127,12 @@ class Plan:
 
     def log(self, which: int) -> Log:
         """One of its two records."""
+        return self.run(self.bench.schedules[which], self.seed + which)
+
+    def run(self, schedule: Schedule, seed: int) -> Log:
+        """The log of a run of the true machine. Raises ArithmeticError where the command leaves the drive's range."""
         true, units = shifted(self.bench.axis, self.shift), self.bench.units
-        return simulate(true, self.bench.schedules[which], self.seed + which, _together(self.parts, units))
+        return simulate(true, schedule, seed, _together(self.parts, units))
 
 
 def _together(parts: Sequence[Part], units: Units) -> Change:

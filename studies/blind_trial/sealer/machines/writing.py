@@ -11,7 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from studies.blind_trial.sealer.loop import Log
 from studies.blind_trial.sealer.machines.cases import Plan
+from studies.blind_trial.sealer.machines.motions import Schedule
 
 COLUMNS: Final = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
 RECORDS: Final = ("first", "second")
@@ -33,10 +35,15 @@ def write(place: Path, found: Plan) -> None:
 
 def record(found: Plan, which: int) -> bytes:
     """One record as a compressed table; the same plan gives the same bytes."""
-    schedule, log = found.bench.schedules[which], found.log(which)
-    time = np.arange(log.command.size) * found.bench.axis.sample_time
+    text = table(found.bench.axis.sample_time, found.bench.schedules[which], found.log(which))
+    return gzip.compress(text.encode(), compresslevel=6, mtime=0)
+
+
+def table(sample_time: float, schedule: Schedule, log: Log) -> str:
+    """A record as comma-separated columns; SI."""
+    time = np.arange(log.command.size) * sample_time
     columns = [time, schedule.target, schedule.reference, schedule.feedforward, log.command, log.reading]
     text = io.StringIO()
     text.write(COLUMNS + "\n")
     np.savetxt(text, np.stack(columns, axis=1), fmt=FORMATS, delimiter=",")
-    return gzip.compress(text.getvalue().encode(), compresslevel=6, mtime=0)
+    return text.getvalue()
