@@ -2,24 +2,43 @@
 
 A move is a seventh-order polynomial in time, with zero speed, acceleration and jerk at both ends. The feedforward is
 the force that the rigid body needs for it, plus an excitation at rest where the experiment has one.
+
+What an axis is asked to do is in its own sizes: lengths in the specified stroke or in the friction's presliding
+distance, speeds in the rated one, forces in the friction, times in the specified settling time or in samples where that
+is less, frequencies in the sample rate. The rated thrust and speed are kept to. How far the axis may travel is in no
+machine file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.controller import References
 from models.machine import Machine
-from models.quantity import listed
+from models.quantity import listed, show
 
 Array = NDArray[np.float64]
 
 PEAK_SPEED = 35 / 16  # peak speed of a move over its mean speed
 PEAK_ACCELERATION = 7.5131884  # peak acceleration of a move, in units of distance / duration^2
+MOST: Final = 0.6  # of the rated thrust, for what need not be fast
+LADDER: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1)  # of the longest move
+DWELL_STROKE: Final = 0.865  # specified strokes
+RESTS: Final = (2.4, 4.8, 10, 20, 40, 60)  # pauses
+SPEEDS: Final = (0.0021, 0.0083, 0.021, 0.042)  # of the rated speed
+FAR: Final = (
+    (15, 0.1, 0.0021, 1),
+    (60, 0.3, 0.0083, 1),
+    (120, 0.6, 0.0333, 1),
+    (200, 1.0, 0.05, 1),
+    (600, 3.0, 0.0625, 2),
+)
+"""Strokes of the suite: presliding distances, specified strokes, shares of the rated speed, passes."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +72,12 @@ class Excitation:
 Step = Move | Excitation
 
 
-def schedule(name: str, machine: Machine, steps: Sequence[Step], lead: float = 0.1) -> Schedule:
-    """The steps one after the other, after `lead` [s] of rest at 0, at the sample time of the machine's controller."""
+def schedule(name: str, machine: Machine, steps: Sequence[Step], lead: float | None = None) -> Schedule:
+    """The steps one after the other, after `lead` [s] of rest at 0, at the sample time of the machine's controller.
+    Default: four pauses."""
     ts, mass = machine.sample_time, machine.plant.mass
-    position, target, force = [np.zeros(round(lead / ts))], [np.zeros(round(lead / ts))], [np.zeros(round(lead / ts))]
+    ahead = round((4 * pause(machine) if lead is None else lead) / ts)
+    position, target, force = [np.zeros(ahead)], [np.zeros(ahead)], [np.zeros(ahead)]
     at = 0.0
     for step in steps:
         if isinstance(step, Excitation):
@@ -111,35 +132,90 @@ def sequence(machine: Machine, repeats: int = 3) -> Schedule:
     return schedule("sequence", machine, (up + down) * repeats)
 
 
-def amplitude_ladder(
-    machine: Machine, sizes: Sequence[float] = (2e-6, 5e-6, 10e-6, 20e-6, 50e-6, 100e-6, 200e-6)
-) -> Schedule:
-    """Moves of each size [m], twice up and twice down, within 30 ms."""
-    steps = [Move(sign * size, 0.03, 0.22) for size in sizes for sign in (1, 1, -1, -1)]
+def reach(machine: Machine) -> float:
+    """The friction's presliding distance [m] to one digit; five specified strokes of a machine without friction."""
+    return rounded(max(machine.friction.limit, default=0.0) or 5 * machine.specification.stroke, 1)
+
+
+def length(machine: Machine, distances: float, strokes: float) -> float:
+    """So many presliding distances or specified strokes [m], whichever is more."""
+    return max(distances * reach(machine), strokes * machine.specification.stroke)
+
+
+def pause(machine: Machine) -> float:
+    """What rests are counted in [s]: the specified settling time, or 100 samples and at least a tenth of it."""
+    settling = machine.specification.settling_time
+    return min(settling, max(100 * machine.sample_time, settling / 10))
+
+
+def ladder(machine: Machine) -> tuple[float, ...]:
+    """Sizes of moves [m] up to two presliding distances or the specified stroke."""
+    return tuple(rounded(share * length(machine, 2, 1)) for share in LADDER)
+
+
+def rounded(number: float, digits: int = 2) -> float:
+    """A number [of any unit] to some digits, as a person would ask for it."""
+    return float(f"{number:.{digits}g}")
+
+
+def top(machine: Machine) -> float:
+    """The highest frequency [Hz] of a multisine: 0.8 of Nyquist's."""
+    return rounded(0.4 / machine.sample_time)
+
+
+def amplitude_ladder(machine: Machine, sizes: Sequence[float] | None = None) -> Schedule:
+    """Moves of each size [m], twice up and twice down, within 1.2 settling times where the thrust allows it. Default:
+    those of `ladder`."""
+    settling, rest = machine.specification.settling_time, 8.8 * pause(machine)
+    steps = [
+        Move(sign * size, max(1.2 * settling, quickest(machine, size, MOST)), rest)
+        for size in (ladder(machine) if sizes is None else sizes)
+        for sign in (1, 1, -1, -1)
+    ]
     return schedule("amplitude ladder", machine, steps)
 
 
-def dwell_sweep(
-    machine: Machine, dwells: Sequence[float] = (0.06, 0.12, 0.25, 0.5, 1.0, 1.5), stroke: float = 17.3e-6
-) -> Schedule:
-    """Moves after rests of each length [s], onward in the same direction and back."""
-    steps = [Move(sign * stroke, 0.025, dwell) for dwell in dwells for sign in (1, 1, -1, -1)]
-    return schedule("dwell sweep", machine, steps)
+def rests(machine: Machine) -> tuple[float, ...]:
+    """Rests of many lengths [s], from 2.4 to 60 pauses."""
+    return tuple(rounded(share * pause(machine)) for share in RESTS)
+
+
+def dwell_sweep(machine: Machine, dwells: Sequence[float] | None = None) -> Schedule:
+    """Moves of 0.865 specified strokes after rests of each length [s], onward in the same direction and back."""
+    stroke, settling = DWELL_STROKE * machine.specification.stroke, machine.specification.settling_time
+    duration = max(settling, quickest(machine, stroke, MOST))
+    chosen = rests(machine) if dwells is None else dwells
+    return schedule(
+        "dwell sweep", machine, [Move(sign * stroke, duration, dwell) for dwell in chosen for sign in (1, 1, -1, -1)]
+    )
 
 
 def multisine(
-    machine: Machine, band: tuple[float, float] = (4.0, 400.0), amplitude: float = 4.0, duration: float = 4.0
+    machine: Machine,
+    band: tuple[float, float] | None = None,
+    amplitude: float | None = None,
+    duration: float | None = None,
 ) -> Schedule:
-    """A multisine at rest: band [Hz], amplitude [N] (rms), duration [s]."""
-    return schedule(
-        "multisine", machine, [Move(0.0, 0.1, 0.1), Excitation(band, amplitude, duration), Move(0.0, 0.1, 0.1)]
+    """A multisine at rest: band [Hz], amplitude [N] (rms), duration [s]. Default: from 1/200 to half of the highest
+    frequency, a quarter of the friction, 16 periods of the lowest."""
+    low, high = band or (top(machine) / 200, top(machine) / 2)
+    excitation = Excitation(
+        (low, high), shaking(machine) if amplitude is None else amplitude, 16 / low if duration is None else duration
     )
+    still = Move(0.0, 4 * pause(machine), 4 * pause(machine))
+    return schedule("multisine", machine, [still, excitation, still])
+
+
+def shaking(machine: Machine, share: float = 0.24) -> float:
+    """The force [N] (rms) of a multisine: a share of the friction, and no more than a tenth of the rated thrust."""
+    most = 0.1 * machine.drive.rated_thrust
+    return rounded(min(share * machine.friction.coulomb_force, most) or most)
 
 
 def strokes(machine: Machine, distance: float, speeds: Sequence[float], passes: int = 1) -> Schedule:
     """Strokes of `distance` [m] there and back at each peak speed [m/s]."""
     steps = [
-        Move(sign * distance, PEAK_SPEED * distance / speed, 0.3)
+        Move(sign * distance, PEAK_SPEED * distance / speed, 12 * pause(machine))
         for speed in speeds
         for _ in range(passes)
         for sign in (1, -1)
@@ -152,35 +228,45 @@ def hold(machine: Machine, duration: float = 15.0) -> Schedule:
     return schedule("hold", machine, [Move(0.0, duration, 0.0)])
 
 
-def nested_loops(
-    machine: Machine, sizes: Sequence[float] = (30e-6, 10e-6, 3e-6, 1e-6), duration: float = 0.2
-) -> Schedule:
+def nested_loops(machine: Machine, sizes: Sequence[float], duration: float) -> Schedule:
     """Loops of each size [m] back and forth, each from the end of the larger one, each way in `duration` [s]."""
-    steps = [Move(sign * size, duration, 0.1) for size in sizes for sign in (1, -1, 1, -1)]
+    steps = [Move(sign * size, duration, 0.5 * duration) for size in sizes for sign in (1, -1, 1, -1)]
     return schedule("nested loops", machine, steps)
 
 
-def hard_moves(machine: Machine, distance: float = 1e-3, shares: Sequence[float] = (0.2, 0.4, 0.6, 0.8)) -> Schedule:
+def hard_moves(machine: Machine, distance: float, shares: Sequence[float] = (0.2, 0.4, 0.6, 0.8)) -> Schedule:
     """Moves of `distance` [m] there and back whose peak thrust is each share [1] of the rated thrust."""
+    rest = 10 * pause(machine)
     steps = [
-        Move(sign * distance, quickest(machine, distance, share), 0.25) for share in shares for sign in (1, -1) * 2
+        Move(sign * distance, quickest(machine, distance, share), rest) for share in shares for sign in (1, -1) * 2
     ]
     return schedule("hard moves", machine, steps)
 
 
-def moves_along(
-    machine: Machine, places: int = 6, apart: float = 10e-3, distance: float = 1e-3, share: float = 0.5
-) -> Schedule:
+def moves_along(machine: Machine, places: int, apart: float, distance: float, share: float = 0.5) -> Schedule:
     """Fast moves of `distance` [m] back and forth at places `apart` [m], at a share [1] of the rated thrust."""
-    fast = quickest(machine, distance, share)
-    here = [Move(sign * distance, fast, 0.15) for sign in (1, -1)]
-    steps = [*here, *([Move(apart, 0.4, 0.2), *here] * (places - 1)), Move(-apart * (places - 1), 1.0, 0.2)]
+    fast, rest = quickest(machine, distance, share), pause(machine)
+    here = [Move(sign * distance, fast, 6 * rest) for sign in (1, -1)]
+    on, back = Move(apart, _calm(machine, apart, 16), 8 * rest), -apart * (places - 1)
+    steps = [*here, *([on, *here] * (places - 1)), Move(back, _calm(machine, abs(back), 40), 8 * rest)]
     return schedule("moves along the way", machine, steps)
 
 
-def repeated_strokes(machine: Machine, distance: float = 5e-3, speed: float = 0.03, passes: int = 12) -> Schedule:
-    """The same stroke [m] at one speed [m/s], again and again."""
-    return strokes(machine, distance, (speed,), passes)
+def _calm(machine: Machine, distance: float, times: float) -> float:
+    """The duration [s] of a move [m] that is no experiment: so many pauses, or what a third of the rated thrust
+    allows."""
+    return max(times * pause(machine), quickest(machine, distance, 1 / 3))
+
+
+def repeated_strokes(
+    machine: Machine, distance: float | None = None, speed: float | None = None, passes: int = 12
+) -> Schedule:
+    """The same stroke [m] at one speed [m/s], again and again. Default: 50 presliding distances or the
+    specified stroke; 1/80 of the rated speed, or within 40 pauses if that is faster, where the thrust allows it."""
+    size = length(machine, 50, 1) if distance is None else distance
+    usual = max(rounded(machine.drive.rated_speed / 80), PEAK_SPEED * size / (40 * pause(machine)))
+    wanted = usual if speed is None else speed
+    return strokes(machine, size, (allowed(machine, size, wanted),), passes)
 
 
 def together(name: str, parts: Sequence[Schedule]) -> Schedule:
@@ -197,20 +283,15 @@ def together(name: str, parts: Sequence[Schedule]) -> Schedule:
 
 
 def suite(machine: Machine) -> Schedule:
-    """The main experiments of the menu in one record of half a minute."""
-    return together(
-        "suite",
-        [
-            amplitude_ladder(machine),
-            dwell_sweep(machine),
-            multisine(machine),
-            strokes(machine, 1.5e-3, (0.005,)),
-            strokes(machine, 6e-3, (0.02,)),
-            strokes(machine, 12e-3, (0.08,)),
-            strokes(machine, 20e-3, (0.12,)),
-            strokes(machine, 60e-3, (0.15,), passes=2),
-        ],
-    )
+    """The main experiments of the menu in one record, of half a minute on the default machine."""
+    far = [_far(machine, *one) for one in FAR]
+    return together("suite", [amplitude_ladder(machine), dwell_sweep(machine), multisine(machine), *far])
+
+
+def _far(machine: Machine, distances: float, stroke: float, share: float, passes: int) -> Schedule:
+    """Strokes of so many presliding distances or specified strokes at a share [1] of the rated speed."""
+    size = length(machine, distances, stroke)
+    return strokes(machine, size, (allowed(machine, size, rounded(share * machine.drive.rated_speed)),), passes)
 
 
 @dataclass(frozen=True)
@@ -224,65 +305,80 @@ class Experiment:
 
 def menu(machine: Machine) -> tuple[Experiment, ...]:
     """The experiments that can be run on this machine, with settings within its ratings."""
-    long, slow = 60e-3, (0.005, 10e-3)
-    speeds = tuple(float(f"{allowed(machine, 10e-3, speed):.3g}") for speed in (0.005, 0.02, 0.05, 0.1))
-    fast = float(f"{allowed(machine, long, 0.15):.3g}")
-    nyquist = 0.5 / machine.sample_time
-    high = min(800.0, 0.8 * nyquist)
+    high, each_way = top(machine), 8 * pause(machine)
+    stroke, longest, short = length(machine, 100, 0.1), length(machine, 600, 3), length(machine, 10, 0.1)
+    apart = length(machine, 100, 0.5)
+    speeds = tuple(rounded(allowed(machine, stroke, rounded(share * machine.drive.rated_speed)), 3) for share in SPEEDS)
+    slow = speeds[0]
+    fast = rounded(allowed(machine, longest, rounded(machine.drive.rated_speed / 16)), 3)
+    loops = tuple(rounded(share * reach(machine)) for share in (0.3, 0.1, 0.03, 0.01))
+    strong, gentle = shaking(machine), shaking(machine, 0.018)
     return (
         Experiment(
-            "a dwell sweep: moves of 17.3 µm in 25 ms after rests of 0.06, 0.12, 0.25, 0.5, 1 and 1.5 s, onward in "
-            "the same direction and back",
+            f"a dwell sweep: moves of {show(DWELL_STROKE * machine.specification.stroke, 'm', 3)} after rests of "
+            f"{_list(rests(machine), 1)} s, onward in the same direction and back",
             dwell_sweep(machine),
             ("dwell", "time_in_motion"),
         ),
         Experiment("a hold: nothing moves for 15 s", hold(machine), ("time",)),
         Experiment(
-            f"a speed ladder: strokes of 10 mm there and back at peak speeds of {_list(speeds, 1e3)} mm/s",
-            strokes(machine, 10e-3, speeds),
+            f"a speed ladder: strokes of {show(stroke, 'm', 3)} there and back at peak speeds of {_list(speeds, 1e3)} "
+            "mm/s",
+            strokes(machine, stroke, speeds),
             ("velocity", "velocity_sign"),
         ),
         Experiment(
-            f"a slow stroke of {slow[1] * 1e3:g} mm there and back at {slow[0] * 1e3:g} mm/s, not commensurate with "
+            f"a slow stroke of {show(stroke, 'm', 3)} there and back at {slow * 1e3:g} mm/s, not commensurate with "
             "the scale's period",
-            strokes(machine, slow[1] + 1.7e-5, (slow[0],)),
+            strokes(machine, stroke + 0.17 * reach(machine), (slow,)),
             (),
         ),
         Experiment(
-            f"long strokes of {long * 1e3:g} mm there and back at {1e3 * fast:g} mm/s, twice",
-            strokes(machine, long, (fast,), passes=2),
+            f"long strokes of {show(longest, 'm', 3)} there and back at {1e3 * fast:g} mm/s, twice",
+            strokes(machine, longest, (fast,), passes=2),
             ("position", "pitch"),
         ),
         Experiment(
-            f"a multisine of 4 to {high:g} Hz and 4 N (rms) at rest, for 4 s",
-            multisine(machine, (4.0, high)),
+            f"a multisine of {high / 200:g} to {high:g} Hz and {show(strong, 'N')} (rms) at rest, for "
+            f"{show(3200 / high, 's', 3)}",
+            multisine(machine, (high / 200, high), strong),
             ("acceleration",),
         ),
         Experiment(
-            "a small multisine of 2 to 100 Hz and 0.3 N (rms) at rest, for 4 s", multisine(machine, (2.0, 100.0), 0.3)
+            f"a small multisine of {high / 400:g} to {high / 8:g} Hz and {show(gentle, 'N')} (rms) at rest, for "
+            f"{show(3200 / high, 's', 3)}",
+            multisine(machine, (high / 400, high / 8), gentle, 3200 / high),
         ),
         Experiment(
-            "nested loops of 30, 10, 3 and 1 µm back and forth, 0.2 s each way",
-            nested_loops(machine),
+            f"nested loops of {_lengths(loops)} back and forth, {show(each_way, 's', 3)} each way",
+            nested_loops(machine, loops, each_way),
             ("since_reversal",),
         ),
         Experiment(
-            "an amplitude ladder: moves of 2, 5, 10, 20, 50, 100 and 200 µm within 30 ms, twice up and twice down",
+            f"an amplitude ladder: moves of {_lengths(ladder(machine))}, twice up and twice down",
             amplitude_ladder(machine),
         ),
         Experiment(
-            "hard moves of 1 mm there and back at 20, 40, 60 and 80 % of the rated thrust, twice each",
-            hard_moves(machine),
+            f"hard moves of {show(short, 'm', 3)} there and back at 20, 40, 60 and 80 % of the rated thrust, twice "
+            "each",
+            hard_moves(machine, short),
             ("command",),
         ),
         Experiment(
-            "fast moves of 1 mm back and forth, at half the rated thrust, at 6 places 10 mm apart",
-            moves_along(machine),
+            f"fast moves of {show(short, 'm', 3)} back and forth, at half the rated thrust, at 6 places "
+            f"{show(apart, 'm', 3)} apart",
+            moves_along(machine, 6, apart, short),
         ),
         Experiment(
-            "one stroke of 5 mm at 30 mm/s at the same place, twelve times there and back", repeated_strokes(machine)
+            f"one stroke of {show(length(machine, 50, 1), 'm', 3)} at the same place, twelve times there and back",
+            repeated_strokes(machine),
         ),
     )
+
+
+def _lengths(numbers: Sequence[float]) -> str:
+    """Lengths [m] as text."""
+    return listed(show(number, "m", 3) for number in numbers)
 
 
 def _list(numbers: Sequence[float], factor: float) -> str:

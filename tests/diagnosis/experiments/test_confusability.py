@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,9 +33,10 @@ from models.controller import Controller
 from models.effects.base import Effect
 from models.effects.catalogue import every, looked_for
 from models.effects.motor import Cogging
-from models.machine import load
+from models.machine import DEFAULT, load
 from models.simulation.simulator import simulate
 from studies.command import to_text
+from tests.diagnosis.units import Change
 from tests.diagnosis.where.cases import case, fitted, run, table
 
 THRESHOLD = Criteria().distinguishable
@@ -211,8 +213,9 @@ def test_what_records_could_not_show_gets_the_experiment_that_shows_most_of_it(s
     assert showing(["scale_gain_error"], load()) is None
 
 
-def test_the_menu_keeps_to_the_ratings() -> None:
-    machine = load()
+@pytest.mark.parametrize("file", [DEFAULT, DEFAULT.with_name("emps.toml")])
+def test_the_menu_keeps_to_the_ratings(file: Path) -> None:
+    machine = load(file)
     for one in menu(machine):
         path = one.schedule.given.position
         speed = np.abs(np.diff(path)) / machine.sample_time
@@ -220,6 +223,28 @@ def test_the_menu_keeps_to_the_ratings() -> None:
         assert np.max(np.abs(one.schedule.given.feedforward)) <= machine.drive.rated_thrust, one.words
         assert path[0] == 0
         assert path[-1] == pytest.approx(0, abs=1e-12), one.words
+
+
+def test_the_menu_is_in_the_sizes_of_the_machine() -> None:
+    """A table a hundred times as small, with a thousandth of the force and ten times as fast, is asked for the same in
+    its units; only a hold lasts as long as on any other."""
+    machine, change = load(), Change(force=1e-3, length=1e-2, time=0.1)
+    for usual, small in zip(menu(machine), menu(change.machine(machine)), strict=True):
+        if usual.words.startswith("a hold"):
+            continue
+        one, two = usual.schedule.given, small.schedule.given
+        assert two.position.size == pytest.approx(one.position.size, abs=8)  # half samples round either way
+        assert np.ptp(two.position) == pytest.approx(1e-2 * np.ptp(one.position))
+        assert np.ptp(two.feedforward) == pytest.approx(1e-3 * np.ptp(one.feedforward), rel=0.1)
+
+
+def test_the_menu_of_long_strokes_reaches_beyond_them_and_no_record_is_endless() -> None:
+    """An axis whose strokes are thousands of presliding distances long, in 0.6 s: neither strokes of micrometres nor
+    minutes of rest."""
+    machine = load(DEFAULT.with_name("emps.toml"))
+    schedules = [one.schedule for one in menu(machine)]
+    assert max(np.ptp(one.given.position) for one in schedules) == pytest.approx(3 * machine.specification.stroke)
+    assert max(one.target.size for one in schedules) < 130_000
 
 
 def test_the_loop_can_run_the_menu() -> None:
