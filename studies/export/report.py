@@ -19,6 +19,7 @@ TABLES = {
     "law": ("results.law",),
     "drive": ("results.drive", "results.law", "machine.specification"),
     "proof": ("results.proof", "results.law"),
+    "tables": ("results.proof.tables",),
     "parameters": ("parameters",),
 }
 CAPTION = (
@@ -31,7 +32,9 @@ def tell(whole: Results) -> Report:
     """The report on what results.json holds."""
     results = whole["results"]
     figures = (Figure("responses", CAPTION, ("results.responses",), _responses),)
-    absent = {name for name, given in (("proof", "proof" in results), ("drive", results["drive"]["rows"])) if not given}
+    proof = results.get("proof", {})
+    there = {"proof": bool(proof), "tables": "tables" in proof, "drive": bool(results["drive"]["rows"])}
+    absent = {name for name, given in there.items() if not given}
     tables = {name: keys for name, keys in TABLES.items() if name not in absent}
     return Report(
         f"Export of the controller: {whole['machine']['name']}",
