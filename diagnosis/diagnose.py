@@ -22,6 +22,7 @@ from diagnosis.answer import Answer, largest_adequate, rivalling, with_forms, wi
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.handover.hand_over import MEASURED, HowFar, how_far
+from diagnosis.how_far import acting
 from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread
@@ -193,7 +194,9 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
             "input_delay": input_delay(found.told, found.baseline.segment).to_json(),
             "unexplained_fraction": found.unexplained,
         },
-        "which": [{**_row(row), "measured": _measured(found, row.name)} for row in found.which],
+        "which": [
+            {**_row(row), "measured": _measured(found, row.name), "acts": _acts(found, row.name)} for row in found.which
+        ],
         "how_far": found.how_far.to_json() | {"shares": dict(found.shares)},
         "learned": _unknown_law(found),
     }
@@ -218,6 +221,13 @@ def _kind(name: str, machine: Machine) -> dict[str, Any] | None:
 def _measured(found: Diagnosis, name: str) -> dict[str, Any] | None:
     """The measured curve of an effect's law; None where its form is the catalogue's."""
     return found.curves[name].to_json() if name in found.curves else None
+
+
+def _acts(found: Diagnosis, name: str) -> dict[str, Any] | None:
+    """How much a named effect does along the records; None for what is not named, or not in the model."""
+    named = name in (*found.effects, *found.partly)
+    size = acting(name, found.told.candidate, found.baseline.records, found.told.paths) if named else None
+    return size.to_json() if size else None
 
 
 def _row(row: EffectRow) -> dict[str, Any]:

@@ -12,13 +12,22 @@ from numpy.typing import NDArray
 from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import STARTING, Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor
+from diagnosis.model.residual import (
+    STARTING,
+    Candidate,
+    Residual,
+    SmoothedPath,
+    evaluate,
+    unweighted_predictor,
+    vibration,
+)
 from diagnosis.model.units import units
 from diagnosis.null import simulated
 from diagnosis.which.random_force import with_sines
 from models.machine import Machine
 from models.records.record import Record, motions
 from models.records.settling import settling_time
+from models.simulation.effect_kernel import touched
 
 Array = NDArray[np.float64]
 
@@ -52,6 +61,46 @@ class Errors:
         """Their root mean squares, and the mean difference of the settling times."""
         differences = np.concatenate([rows[:, 1] for rows in self.settling])
         return Gap(rms(self.force), rms(self.position), float(np.mean(differences)) if differences.size else None)
+
+
+@dataclass(frozen=True)
+class Acting:
+    """How much an effect does along the records, in root mean square: to the force on the axis [N], and to the position
+    that is read [m]; None where it acts on the other alone."""
+
+    force: float | None
+    position: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """As results.json has it."""
+        return {"force_N": self.force, "position_m": self.position}
+
+
+def acting(name: str, candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> Acting | None:
+    """What the members of this name do to a model along `paths`, those of the machine file included; None where the
+    model has none. So effects whose amplitudes are shares of something else are compared in newtons."""
+    members = [effect for effect in candidate.effects if effect.name == name]
+    if not members:
+        return None
+    without = replace(candidate, effects=tuple(effect for effect in candidate.effects if effect.name != name))
+    reach = frozenset[str]().union(*map(touched, members))
+    (with_it, with_it_read), (rest, rest_read) = (_seen(one, records, paths) for one in (candidate, without))
+    force = rms([np.ravel(one - other) for one, other in zip(with_it, rest, strict=True)])
+    position = rms([one - other for one, other in zip(with_it_read, rest_read, strict=True)])
+    reads = "reading" in reach or any(effect.modes() for effect in members)
+    return Acting(force if reach - {"reading"} else None, position if reads else None)
+
+
+def _seen(
+    candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]
+) -> tuple[list[Array], list[Array]]:
+    """By record the net force (n, M) [N], and what is read beside the path (n,) [m]."""
+    made = evaluate(candidate, records, paths)
+    moved = [
+        one.acts.reading + vibration(candidate, one.force, record.sample_time)
+        for one, record in zip(made, records, strict=True)
+    ]
+    return [one.force for one in made], moved
 
 
 def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> tuple[Array, ...]:

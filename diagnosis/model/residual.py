@@ -187,7 +187,7 @@ def _pass(
     else:
         acts = _acts(candidate, machine, record, index, before.path)
         force, added = _net(machine, acts), acts.reading
-        reading = reading - added - _vibration(candidate, force, record.sample_time)
+        reading = reading - added - vibration(candidate, force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0], start[2 * len(machine.plant.modes)] = reading[0], -force[0, 0]
     states = smoothed(model, force, reading, start)
@@ -221,7 +221,7 @@ def evaluate_record(
         path = shifted(smooth_path, differs)
         acts = _acts(candidate, machine, record, index, path)
     force = _net(machine, acts)
-    reading = record.position - acts.reading - _vibration(candidate, force, record.sample_time)
+    reading = record.position - acts.reading - vibration(candidate, force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0] = reading[0]
     e = innovations(model, force, reading, start) / model.deviation
@@ -266,7 +266,7 @@ def _net(machine: Machine, acts: Replayed) -> Array:
     return acts.thrust - acts.friction + acts.force - machine.drive.offset
 
 
-def _vibration(candidate: Candidate, force: Array, sample_time: float) -> Array:
+def vibration(candidate: Candidate, force: Array, sample_time: float) -> Array:
     """Motion (n,) [m] of the vibration modes that effects add, under the net force."""
     total = np.zeros(len(force))
     for effect in candidate.effects:
@@ -313,7 +313,7 @@ def nominal_slopes(
 def _plant_slopes(candidate: Candidate, record: Record, residual: Residual, model: Predictor, slopes: Array) -> None:
     """By differences of the predictor; its gain stays, as any gain is a fair filter."""
     layout, step = candidate.layout, 1e-4
-    reading = record.position - residual.acts.reading - _vibration(candidate, residual.force, record.sample_time)
+    reading = record.position - residual.acts.reading - vibration(candidate, residual.force, record.sample_time)
     start = np.zeros(model.C.size)
     start[0] = reading[0]
     names = ("payload_mass", "thrust_constant", "mode_gain", "mode_frequency", "mode_damping")
@@ -420,6 +420,6 @@ def _differences(
         differs = acts.reading - residual.acts.reading
     force = _net(machine, acts)
     if any(effect.modes() for effect in (*other.effects, *candidate.effects)):
-        differs = differs + _vibration(other, force, record.sample_time)
-        differs = differs - _vibration(candidate, residual.force, record.sample_time)
+        differs = differs + vibration(other, force, record.sample_time)
+        differs = differs - vibration(candidate, residual.force, record.sample_time)
     return force - residual.force, differs

@@ -5,8 +5,8 @@ after all answers are committed, and a name counts as new where that answer does
 which was named before, or a member of a periodic effect whose period is in no ratio of small integers to one that was
 named before. A new name that was not injected is a wrong name, whatever was injected. An injected effect of the
 catalogue is named right if it is named and no wrong name is; a periodic one with its period to PERIOD; one that the
-uninjected record has too, only where its period is new or its amplitude another by CHANGED deviations. Of an effect
-outside the catalogue, and of wrong nominal values, no new name is right.
+uninjected record has too, only where its period is new or what it does along the record another by CHANGED deviations.
+Of an effect outside the catalogue, and of wrong nominal values, no new name is right.
 
 Closure of the injected part: 1 - sqrt(max(a^2 - b^2, 0)) / f, with a and b the unknown force [N] that the final model
 leaves of the injected and of the uninjected record, and f what mass, drag, friction and offset cannot explain of the
@@ -30,7 +30,7 @@ Answer = Mapping[str, Any]
 PERIOD: Final = 0.05  # of an injected period, to which it has to be found
 RATIO: Final = 0.02  # of a ratio of integers up to HIGHEST, within which a period is a harmonic of another
 HIGHEST: Final = 4
-CHANGED: Final = 5.0  # deviations by which an amplitude has to be another than that of the uninjected record
+CHANGED: Final = 5.0  # deviations by which what an effect does has to be another than in the uninjected record
 
 
 @dataclass(frozen=True)
@@ -141,15 +141,30 @@ def _has_period(effect: str, wanted: Mapping[str, float], answer: Answer) -> boo
 
 
 def _changed(effect: str, answer: Answer, uninjected: Answer) -> bool:
-    """Whether an amplitude is another than before by CHANGED of both deviations; also where it can't be compared."""
-    now, before = (
-        [item for member in _members(effect, one) for item in member.values() if item.get("role") == "amplitude"]
-        for one in (answer, uninjected)
-    )
-    if not now or not before:
-        return True
-    spread = math.hypot(float(now[0].get("std") or 0.0), float(before[0].get("std") or 0.0))
-    return abs(float(now[0]["value"]) - float(before[0]["value"])) > CHANGED * spread
+    """Whether what it does along the records, with its sign, is another than before by CHANGED of both deviations; also
+    where that can't be compared. Amplitudes themselves may be shares of a friction that was fitted anew."""
+    (now, own), (before, other) = (_size(effect, one) for one in (answer, uninjected))
+    return now is None or before is None or abs(now - before) > CHANGED * math.hypot(own, other)
+
+
+def _size(effect: str, answer: Answer) -> tuple[float | None, float]:
+    """What an effect does along the records [N], or [m] of the reading, with the sign of its surest amplitude, and the
+    deviation of that; None where it is not told."""
+    for row in answer.get("which") or ():
+        acts = row.get("acts") if row["effect"] == effect else None
+        if not acts:
+            continue
+        does = acts["force_N"] if acts["force_N"] is not None else acts["position_m"]
+        sure = [
+            (float(item["value"]), float(item["std"]))
+            for member in _members(effect, answer)
+            for item in member.values()
+            if item.get("role") in {"amplitude", "width"} and item.get("std") and item["value"]
+        ]
+        if does is not None and sure:
+            value, std = max(sure, key=lambda one: abs(one[0]) / one[1])
+            return math.copysign(float(does), value), abs(float(does) * std / value)
+    return None, 0.0
 
 
 def rates(scores: Sequence[Verdict]) -> dict[str, Rate]:

@@ -28,7 +28,8 @@ def test_a_baseline_holds_only_what_is_compared(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(every()))
 def test_checks_and_machine_are_those_of_the_baseline(name: str, quick_run: Callable[[str], tuple[Path, int]]) -> None:
-    """Within a hundredth: a rounding of the scale may fall otherwise on another processor, an outcome may not."""
+    """Within a hundredth: a rounding of the scale may fall otherwise on another processor, an outcome may not. What is
+    four powers of ten below its limit may be rounding alone."""
     kept = json.loads((FOLDER / name / "results.json").read_text(encoding="utf-8"))
     folder, _ = quick_run(name)
     now = json.loads((folder / "results.json").read_text(encoding="utf-8"))
@@ -36,5 +37,5 @@ def test_checks_and_machine_are_those_of_the_baseline(name: str, quick_run: Call
     assert [check["name"] for check in now["checks"]] == [check["name"] for check in kept["checks"]]
     for check, before in zip(now["checks"], kept["checks"], strict=True):
         assert check["holds"] == before["holds"], check["name"]
-        if before["value"] is not None and abs(before["value"]) > 1e-6 * abs(before["limit"]):
+        if before["value"] is not None and abs(before["value"]) > 1e-4 * abs(before["limit"]):
             assert check["value"] == pytest.approx(before["value"], rel=0.01), check["name"]

@@ -15,7 +15,8 @@ from studies.blind_trial.injected_scoring import Verdict, closure_of, rates, sco
 
 def answer(*names: str, outcome: str = "attributed", left: float = 1.0, **members: Any) -> dict[str, Any]:
     which = [
-        {"effect": name, "parameters": rows[0], "further_members": list(rows[1:])} for name, rows in members.items()
+        {"effect": name, "parameters": rows[0], "further_members": list(rows[1:]), "acts": rows[0].pop("acts", None)}
+        for name, rows in members.items()
     ]
     verdict = {"outcome": outcome, "effects": list(names), "equivalent": [], "partly": []}
     return {"verdict": verdict, "which": which, "how_far": {"gap_after": {"force_N": left}}}
@@ -25,8 +26,10 @@ def pitch(number: float) -> dict[str, Any]:
     return {"pitch": {"value": number, "unit": "m", "std": 1e-6, "role": "period"}}
 
 
-def height(number: float) -> dict[str, Any]:
-    return {"amplitude": {"value": number, "unit": "N", "std": 0.1, "role": "amplitude"}}
+def height(number: float, force: float | None = None) -> dict[str, Any]:
+    """An amplitude, of a law that acts with so much force [N], by default as much as its amplitude."""
+    acts = {"force_N": abs(number) if force is None else force, "position_m": None}
+    return {"amplitude": {"value": number, "unit": "N", "std": 0.1, "role": "amplitude"}, "acts": acts}
 
 
 def body(name: str, kind: str = "single", **period: float) -> dict[str, Any]:
@@ -58,6 +61,9 @@ BEFORE = answer("cogging", "stribeck", cogging=[pitch(2.5e-3)], stribeck=[height
         (body("thrust_ripple", pitch=4e-3), answer("thrust_ripple", thrust_ripple=[pitch(9e-3)]), False, False),
         (body("stribeck"), answer("stribeck", stribeck=[height(2.0)]), True, False),
         (body("stribeck"), answer("stribeck", stribeck=[height(1.1)]), False, False),
+        (body("stribeck"), answer("stribeck", stribeck=[height(-1.0)]), True, False),
+        (body("stribeck"), answer("stribeck", stribeck=[height(1.1, force=4.0)]), True, False),
+        (body("stribeck"), answer("stribeck", stribeck=[height(3.0, force=1.01)]), False, False),
         (body("bump", "outsider"), answer("cogging", cogging=[pitch(2.5e-3)]), True, False),
         (body("bump", "outsider"), answer("cogging", cogging=[pitch(7.1e-3)]), False, True),
         (body("bump", "outsider"), answer("play"), False, True),

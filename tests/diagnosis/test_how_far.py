@@ -1,0 +1,59 @@
+"""How much an effect does along records, in newtons and metres, beside what its law says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from diagnosis.how_far import acting
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate, SmoothedPath, smooth
+from diagnosis.model.start_states import static_equilibrium_start
+from models.effects.base import Effect
+from models.effects.catalogue import in_order
+from models.effects.friction_laws import ViscousFriction
+from models.effects.scale import ScalePeriodicError
+from models.effects.structure import CableSpring
+from models.records.record import Record
+from tests.diagnosis.tables import recorded, short, table
+
+MACHINE = table()
+EFFECTS: tuple[Effect, ...] = (ViscousFriction(40.0), CableSpring(300.0), ScalePeriodicError(1e-7, 4e-5, 1.0))
+Seen = tuple[Candidate, tuple[Record, ...], tuple[SmoothedPath, ...]]
+
+
+@pytest.fixture(scope="module")
+def seen() -> Seen:
+    """A model with the effects that its records were made with."""
+    records = recorded(MACHINE, (short(MACHINE),), EFFECTS, seed=3, wrong=0.0)
+    layout = parameters(MACHINE, 1)
+    candidate = Candidate(layout, static_equilibrium_start(layout, records), in_order(EFFECTS))
+    return candidate, records, smooth(candidate, records)
+
+
+def rms(signal: object) -> float:
+    return float(np.sqrt(np.mean(np.square(np.asarray(signal)))))
+
+
+def test_an_effect_of_a_force_acts_in_newtons(seen: Seen) -> None:
+    """Drag is in proportion to the speed, and a spring to the way, whatever else acts."""
+    candidate, (record,), paths = seen
+    drag, spring = (acting(name, candidate, (record,), paths) for name in ("viscous_friction", "cable_spring"))
+    assert drag is not None
+    assert spring is not None
+    assert drag.force == pytest.approx(40.0 * rms(np.diff(record.position) / record.sample_time), rel=0.02)
+    assert spring.force == pytest.approx(300.0 * rms(record.position), rel=1e-3)
+    assert drag.position is None
+
+
+def test_an_effect_on_the_reading_acts_in_metres(seen: Seen) -> None:
+    candidate, (record,), paths = seen
+    ripple = acting("scale_periodic_error", candidate, (record,), paths)
+    assert ripple is not None
+    assert ripple.force is None
+    own = 1e-7 * np.sin(2 * np.pi * record.position / 4e-5 + 1.0)
+    assert ripple.position == pytest.approx(rms(own), rel=0.02)
+
+
+def test_what_is_not_in_the_model_does_nothing(seen: Seen) -> None:
+    assert acting("cogging", *seen) is None
