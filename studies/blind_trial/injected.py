@@ -63,7 +63,7 @@ from studies.study import Answer, Check, Progress
 ROOT: Final = Path(__file__).parents[2]
 INJECTION_FOLDER: Final = Path(__file__).with_name("injection")
 NOT_SHARED: Final = ("models/effects", "diagnosis")
-QUICK: Final = 4
+QUICK: Final = 2
 SEALING: Final = 0.05  # share of the time for what is written before the answers
 ANSWERED: Final = 0.95  # share of the time after which the uninjected records are left
 SOURCE: Final = "what the injection is to reach"

@@ -15,7 +15,7 @@ class TrialOptions(RecordOptions):
 
     cases: int | None = whole(
         "N",
-        "number of cases to seal and answer, from 1 on (default: 60, or all with --inject; 4 with --quick). The total "
+        "number of cases to seal and answer, from 1 on (default: 60, or all with --inject; 2 with --quick). The total "
         "time is checked too from 300 cases on, on two cores, if --output holds nothing of an earlier run",
         1,
     )
