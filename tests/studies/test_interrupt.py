@@ -20,7 +20,7 @@ from studies.command import DONE, guarded
 from studies.interrupt import INTERRUPTED
 
 ROOT = Path(__file__).parents[2]
-MOMENTS = 5  # at which each study is interrupted, one in each fifth of the way to the last
+MOMENTS = 3  # at which each study is interrupted, one in each third of the way to the last
 LONGEST = 3.0  # s to the last of them
 AT_ONCE = 3.0  # s in which it has to end, and takes 0.1 s where the machine is not busy
 RESUMED = {"blind_trial": {"sealed", "answers.json"}}  # what a study goes on from when it is run again
