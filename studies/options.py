@@ -58,8 +58,8 @@ def _field(
 
 
 def _named(name: str, option: Option) -> str:
-    """The option as it is typed."""
-    return name.upper() if option.positional else f"--{name.replace('_', '-')}"
+    """The option as it is typed; a field whose name would be a word of Python's own has an underscore behind it."""
+    return name.upper() if option.positional else f"--{name.rstrip('_').replace('_', '-')}"
 
 
 def _read_path(text: str) -> Path:
@@ -327,4 +327,7 @@ def add_options(parser: argparse.ArgumentParser, options: type[Options], study: 
     for field in sorted(dataclasses.fields(options), key=lambda field: field.name in common):
         option: Option = field.metadata["option"]
         keywords = {**option.keywords, "help": option.keywords["help"].replace("{study}", study)}
-        parser.add_argument(field.name if option.positional else _named(field.name, option), **keywords)
+        if option.positional:
+            parser.add_argument(field.name, **keywords)
+        else:
+            parser.add_argument(_named(field.name, option), dest=field.name, **keywords)

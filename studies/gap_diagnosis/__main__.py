@@ -5,6 +5,7 @@ from studies.interrupt import supervise
 if __name__ == "__main__":
     supervise()  # before anything that takes time is imported
 
+import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,12 +23,27 @@ STUDY = Study(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command and returns its exit status; writes the draft of an effect where one is asked for."""
+    """Runs the command and returns its exit status."""
     return guarded(lambda: _run(arguments))
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    given = parser_of(STUDY).parse_args(arguments)
+    parser = parser_of(STUDY)
+    given = parser.parse_args(arguments)
+    folder, given.continue_ = given.continue_, None  # which the study itself is not asked
+    if folder is None:
+        return _drafted(given)
+    from studies.gap_diagnosis import earlier
+
+    before = earlier.read(folder)
+    given = earlier.continued(given, before, parser.parse_args([]))
+    status = _drafted(given)
+    print(earlier.since(before, earlier.results_in(given.output)))
+    return status
+
+
+def _drafted(given: argparse.Namespace) -> int:
+    """Runs the study, and writes the draft of an effect where one is asked for."""
     file, given.draft_effect = given.draft_effect, None  # which the study itself does not write
     if file is None:
         return run(STUDY, given)

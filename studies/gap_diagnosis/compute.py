@@ -58,6 +58,8 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     """Answers the study's question. Raises BadInputError for records or options that can't be used."""
     if options.draft_effect is not None:
         raise BadInputError("--draft-effect: is for the command line; call draft.draft from Python")
+    if options.continue_ is not None:
+        raise BadInputError("--continue: is for the command line; give all records from Python")
     require_stable(machine)  # as thresholds are those of simulated tables, whose loop is closed by the machine's PID
     if not options.record:
         require_designable(machine)

@@ -33,6 +33,12 @@ class DiagnosisOptions(RecordOptions):
     disable: tuple[str, ...] = texts(
         "NAME", "an effect of the catalogue to exclude, such as cogging; may be repeated", reviewable=True
     )
+    continue_: Path | None = path(
+        "FOLDER",
+        "go on from the run that wrote this folder: its machine, records and options, and the new RECORD, such as the "
+        "one that its next_experiment.csv asked for. Results go into the same folder unless --output says otherwise. "
+        "Thresholds are those of one look at the records: over several, chances of a false name add up",
+    )
     draft_effect: Path | None = path(
         "FILE",
         "where a law is learned, as no effect explains the records: write it as a draft of an effect, a file for "

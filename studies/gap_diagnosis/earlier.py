@@ -1,0 +1,138 @@
+"""--continue: a diagnosis goes on from an earlier one, with the records of that one and the new ones.
+
+What is run then is an ordinary diagnosis of all records: its manifest and its report are those of one that was given
+them all at once. Thresholds are those of one look; the chances of a false name add up over the looks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from models.machine import DEFAULT
+from models.quantity import show
+from studies.manifest import FORMAT, ROOT, sha256
+from studies.options import BadInputError
+
+STUDY: Final = "gap_diagnosis"
+TAKEN: Final = ("column", "recipe", "disable", "trust_records", "quick", "seed", "most_samples")
+"""Options that count as in the earlier run where this one is given none."""
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """The folder of an earlier run, its manifest.json and its results.json."""
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    results: Mapping[str, Any]
+
+
+def read(folder: Path) -> Earlier:
+    """What an earlier diagnosis wrote. Raises BadInputError for a folder of something else."""
+    manifest, results = _content(folder, "manifest.json"), results_in(folder)
+    if manifest.get("format") != FORMAT or manifest.get("study") != STUDY:
+        raise BadInputError(f"--continue {folder}: was not written by {STUDY}; give the --output folder of such a run")
+    if not any(one["option"] == "record" for one in manifest["inputs"]["files"]):
+        raise BadInputError(
+            f"--continue {folder}: diagnosed simulated records, which nothing can be added to; give records alone"
+        )
+    return Earlier(folder, manifest, results)
+
+
+def results_in(folder: Path) -> Mapping[str, Any]:
+    """The results.json of a run. Raises BadInputError."""
+    return _content(folder, "results.json")
+
+
+def _content(folder: Path, name: str) -> Mapping[str, Any]:
+    try:
+        content = json.loads((folder / name).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInputError(
+            f"--continue {folder}: {name} in it can't be read; give the --output folder of an earlier run"
+        ) from error
+    return content if isinstance(content, dict) else {}
+
+
+def continued(given: argparse.Namespace, earlier: Earlier, usual: argparse.Namespace) -> argparse.Namespace:
+    """The options of a run over the earlier records and the new ones; what is given now goes before what was given then
+    (usual: the options where none are given). Without --output it goes into the earlier folder.
+
+    Raises BadInputError where no new record is given, and for files that have changed or are missing.
+    """
+    if not given.record:
+        raise BadInputError("--continue: needs the record that was made since; give it as well")
+    whole = argparse.Namespace(**vars(given))
+    known = {one["sha256"]: one["file"] for one in earlier.manifest["inputs"]["files"] if one["option"] == "record"}
+    for file in given.record:
+        if file.is_file() and sha256(file) in known:
+            raise BadInputError(f"{file}: is {known[sha256(file)]} of the earlier run; give the records made since")
+    for name in TAKEN:
+        if getattr(given, name) == getattr(usual, name):
+            setattr(whole, name, earlier.manifest["options"].get(name, getattr(usual, name)))
+    whole.record = [*_files(earlier, "record"), *given.record]
+    whole.hold_out = given.hold_out or _files(earlier, "hold_out")
+    for name in ("mapping", "controller"):
+        if getattr(given, name) is None:
+            setattr(whole, name, next(iter(_files(earlier, name)), None))
+    if given.machine is None:
+        whole.machine = _machine(earlier)
+    whole.output = given.output or earlier.folder
+    return whole
+
+
+def _files(earlier: Earlier, option: str) -> list[Path]:
+    """The files of an option of the earlier run, as they were then."""
+    return [
+        _unchanged(earlier, one["file"], one["sha256"])
+        for one in earlier.manifest["inputs"]["files"]
+        if one["option"] == option
+    ]
+
+
+def _unchanged(earlier: Earlier, name: str, digest: str) -> Path:
+    places = [Path(name), ROOT / name, earlier.folder / "given_controller.json"]  # which keeps the --controller
+    there = [place for place in places if place.is_file()]
+    for place in there:
+        if sha256(place) == digest:
+            return place
+    if there and there[0].name == Path(name).name:
+        raise BadInputError(f"{name}: has changed since the run in {earlier.folder}; give all records anew")
+    raise BadInputError(f"{name}: of the run in {earlier.folder} is not there; work where that run did, or put it back")
+
+
+def _machine(earlier: Earlier) -> Path | None:
+    """The machine file as it was; None for the default one, unless that has changed."""
+    said = earlier.manifest["inputs"]["machine"]
+    if said["default"] and sha256(DEFAULT) == said["sha256"]:
+        return None
+    copy = earlier.folder / str(said["copy"])
+    if not copy.is_file() or sha256(copy) != said["sha256"]:
+        raise BadInputError(f"--continue {earlier.folder}: machine.toml in it has changed since; give --machine")
+    return copy
+
+
+def since(earlier: Earlier, now: Mapping[str, Any]) -> str:
+    """What the answer was, and what it is with the new records."""
+    before, after = (_answered(one["results"]) for one in (earlier.results, now))
+    count = len(now["results"]["records"]) - len(earlier.results["results"]["records"])
+    return f"before the {'new record' if count == 1 else f'{count} new records'}: {before}\nand with: {after}"
+
+
+def _answered(results: Mapping[str, Any]) -> str:
+    verdict, far = results["verdict"], results["how_far"]
+    likely = {row["effect"]: row["probability"] for row in results["which"]}
+    named = ", ".join(
+        f"{name} ({100 * likely[name]:.0f} %)" if likely.get(name) is not None else str(name)
+        for name in verdict["effects"]
+    )
+    told = f"{verdict['outcome'].replace('_', ' ')}{f': {named}' if named else ''}"
+    return (
+        f"{told}; the unknown force is {show(far['gap_as_delivered']['force_N'], 'N', 3)} as delivered and "
+        f"{show(far['gap_improved']['force_N'], 'N', 3)} with the file handed over"
+    )
