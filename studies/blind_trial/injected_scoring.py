@@ -141,10 +141,12 @@ def _has_period(effect: str, wanted: Mapping[str, float], answer: Answer) -> boo
 
 
 def _changed(effect: str, answer: Answer, uninjected: Answer) -> bool:
-    """Whether what it does along the records, with its sign, is another than before by CHANGED of both deviations; also
+    """Whether what it does along the records, with its sign, is another than before by CHANGED of both deviations; not
     where that can't be compared. Amplitudes themselves may be shares of a friction that was fitted anew."""
     (now, own), (before, other) = (_size(effect, one) for one in (answer, uninjected))
-    return now is None or before is None or abs(now - before) > CHANGED * math.hypot(own, other)
+    if now is None or before is None:
+        return False
+    return abs(now - before) > CHANGED * math.hypot(own, other)
 
 
 def _size(effect: str, answer: Answer) -> tuple[float | None, float]:

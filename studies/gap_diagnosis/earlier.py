@@ -15,104 +15,99 @@ from typing import Any, Final
 
 from models.machine import DEFAULT
 from models.quantity import show
-from studies.manifest import FORMAT, ROOT, sha256
+from studies.manifest import ROOT, sha256
 from studies.options import BadInputError
+from studies.review.claims import Claim, GivenFile, read_claim, read_manifest
 
 STUDY: Final = "gap_diagnosis"
-TAKEN: Final = ("column", "recipe", "disable", "trust_records", "quick", "seed", "most_samples")
-"""Options that count as in the earlier run where this one is given none."""
+LISTS: Final = ("column", "disable")
+"""Options that add up with those of the earlier run."""
+TAKEN: Final = ("recipe", "trust_records", "quick", "seed", "most_samples")
+"""Options that are as in the earlier run where this one is given none."""
 
 
 @dataclass(frozen=True)
 class Earlier:
-    """The folder of an earlier run, its manifest.json and its results.json."""
+    """The folder of an earlier run, what its manifest says, and its results.json."""
 
     folder: Path
-    manifest: Mapping[str, Any]
+    claim: Claim
     results: Mapping[str, Any]
 
 
 def read(folder: Path) -> Earlier:
     """What an earlier diagnosis wrote. Raises BadInputError for a folder of something else."""
-    manifest, results = _content(folder, "manifest.json"), results_in(folder)
-    if manifest.get("format") != FORMAT or manifest.get("study") != STUDY:
+    claim = read_claim(read_manifest(folder, str(folder)), str(folder))
+    if claim.study.name != STUDY:
         raise BadInputError(f"--continue {folder}: was not written by {STUDY}; give the --output folder of such a run")
-    if not any(one["option"] == "record" for one in manifest["inputs"]["files"]):
+    if not any(one.option == "record" for one in claim.files):
         raise BadInputError(
             f"--continue {folder}: diagnosed simulated records, which nothing can be added to; give records alone"
         )
-    return Earlier(folder, manifest, results)
+    return Earlier(folder, claim, results_in(folder))
 
 
 def results_in(folder: Path) -> Mapping[str, Any]:
     """The results.json of a run. Raises BadInputError."""
-    return _content(folder, "results.json")
-
-
-def _content(folder: Path, name: str) -> Mapping[str, Any]:
     try:
-        content = json.loads((folder / name).read_text(encoding="utf-8"))
+        content: Mapping[str, Any] = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise BadInputError(
-            f"--continue {folder}: {name} in it can't be read; give the --output folder of an earlier run"
-        ) from error
-    return content if isinstance(content, dict) else {}
+        raise BadInputError(f"{folder}: results.json in it can't be read; run the diagnosis again") from error
+    return content
 
 
 def continued(given: argparse.Namespace, earlier: Earlier, usual: argparse.Namespace) -> argparse.Namespace:
     """The options of a run over the earlier records and the new ones; what is given now goes before what was given then
-    (usual: the options where none are given). Without --output it goes into the earlier folder.
+    (usual: the options where none are given), and lists add up. Without --output it goes into the earlier folder.
 
     Raises BadInputError where no new record is given, and for files that have changed or are missing.
     """
     if not given.record:
         raise BadInputError("--continue: needs the record that was made since; give it as well")
-    whole = argparse.Namespace(**vars(given))
-    known = {one["sha256"]: one["file"] for one in earlier.manifest["inputs"]["files"] if one["option"] == "record"}
+    known = {one.sha256: one.path for one in earlier.claim.files if one.option == "record"}
     for file in given.record:
         if file.is_file() and sha256(file) in known:
             raise BadInputError(f"{file}: is {known[sha256(file)]} of the earlier run; give the records made since")
+    whole, options = argparse.Namespace(**vars(given)), earlier.claim.options
     for name in TAKEN:
         if getattr(given, name) == getattr(usual, name):
-            setattr(whole, name, earlier.manifest["options"].get(name, getattr(usual, name)))
-    whole.record = [*_files(earlier, "record"), *given.record]
-    whole.hold_out = given.hold_out or _files(earlier, "hold_out")
+            setattr(whole, name, options.get(name, getattr(usual, name)))
+    for name in LISTS:
+        setattr(whole, name, [*options.get(name, ()), *getattr(given, name)])
+    for name in ("record", "hold_out"):
+        setattr(whole, name, [*_files(earlier, name), *getattr(given, name)])
     for name in ("mapping", "controller"):
         if getattr(given, name) is None:
             setattr(whole, name, next(iter(_files(earlier, name)), None))
-    if given.machine is None:
-        whole.machine = _machine(earlier)
+    whole.machine = given.machine or _machine(earlier)
     whole.output = given.output or earlier.folder
     return whole
 
 
 def _files(earlier: Earlier, option: str) -> list[Path]:
     """The files of an option of the earlier run, as they were then."""
-    return [
-        _unchanged(earlier, one["file"], one["sha256"])
-        for one in earlier.manifest["inputs"]["files"]
-        if one["option"] == option
-    ]
+    return [_unchanged(earlier, one) for one in earlier.claim.files if one.option == option]
 
 
-def _unchanged(earlier: Earlier, name: str, digest: str) -> Path:
-    places = [Path(name), ROOT / name, earlier.folder / "given_controller.json"]  # which keeps the --controller
-    there = [place for place in places if place.is_file()]
+def _unchanged(earlier: Earlier, file: GivenFile) -> Path:
+    """A file of the earlier run, whose name counts from where that ran, or from the project. Raises BadInputError."""
+    there = [place for place in (Path(file.path), ROOT / file.path) if place.is_file()]
     for place in there:
-        if sha256(place) == digest:
+        if sha256(place) == file.sha256:
             return place
-    if there and there[0].name == Path(name).name:
-        raise BadInputError(f"{name}: has changed since the run in {earlier.folder}; give all records anew")
-    raise BadInputError(f"{name}: of the run in {earlier.folder} is not there; work where that run did, or put it back")
+    if there:
+        raise BadInputError(f"{file.path}: has changed since the run in {earlier.folder}; give all records anew")
+    raise BadInputError(
+        f"{file.path}: of the run in {earlier.folder} is not there; work where that ran, or put it back"
+    )
 
 
 def _machine(earlier: Earlier) -> Path | None:
     """The machine file as it was; None for the default one, unless that has changed."""
-    said = earlier.manifest["inputs"]["machine"]
-    if said["default"] and sha256(DEFAULT) == said["sha256"]:
+    if earlier.claim.default_machine and sha256(DEFAULT) == earlier.claim.machine:
         return None
-    copy = earlier.folder / str(said["copy"])
-    if not copy.is_file() or sha256(copy) != said["sha256"]:
+    copy = earlier.folder / "machine.toml"
+    if not copy.is_file() or sha256(copy) != earlier.claim.machine:
         raise BadInputError(f"--continue {earlier.folder}: machine.toml in it has changed since; give --machine")
     return copy
 

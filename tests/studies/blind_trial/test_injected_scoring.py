@@ -62,6 +62,7 @@ BEFORE = answer("cogging", "stribeck", cogging=[pitch(2.5e-3)], stribeck=[height
         (body("stribeck"), answer("stribeck", stribeck=[height(2.0)]), True, False),
         (body("stribeck"), answer("stribeck", stribeck=[height(1.1)]), False, False),
         (body("stribeck"), answer("stribeck", stribeck=[height(-1.0)]), True, False),
+        (body("stribeck"), answer("stribeck"), False, False),
         (body("stribeck"), answer("stribeck", stribeck=[height(1.1, force=4.0)]), True, False),
         (body("stribeck"), answer("stribeck", stribeck=[height(3.0, force=1.01)]), False, False),
         (body("bump", "outsider"), answer("cogging", cogging=[pitch(2.5e-3)]), True, False),

@@ -60,12 +60,14 @@ def test_it_asks_what_all_records_at_once_would_be_asked(first: Path, asked: Ask
     assert asked == [whole]
 
 
-def test_what_is_given_now_goes_before_what_was_given_then(first: Path, asked: Asked, tmp_path: Path) -> None:
+def test_what_is_given_now_goes_before_what_was_given_then_and_lists_add_up(
+    first: Path, asked: Asked, tmp_path: Path
+) -> None:
     shutil.copytree(first / "out", tmp_path / "elsewhere")  # the run that is left out would write it
     more = ["--seed", "4", "--disable", "play", "--output", str(tmp_path / "elsewhere")]
     assert command.main([str(first / "two.csv"), "--continue", str(first / "out"), *more]) == DONE
     (given,) = asked
-    assert (given.seed, given.disable, given.output) == (4, ["play"], tmp_path / "elsewhere")
+    assert (given.seed, given.disable, given.output) == (4, ["cogging", "play"], tmp_path / "elsewhere")
 
 
 def test_the_answer_is_told_beside_the_earlier_one(
@@ -113,11 +115,14 @@ def test_records_and_machines_that_are_not_as_they_were_are_refused(
 
 def test_a_folder_of_something_else_is_refused(first: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     two = str(first / "two.csv")
-    assert "manifest.json in it can't be read" in error_of(capsys, two, "--continue", str(tmp_path))
-    for name in ("manifest.json", "results.json"):
-        (tmp_path / name).write_text("{}", encoding="utf-8")
-    assert "was not written by gap_diagnosis" in error_of(capsys, two, "--continue", str(tmp_path))
+    assert "has no manifest.json" in error_of(capsys, two, "--continue", str(tmp_path))
     manifest = json.loads((first / "out" / "manifest.json").read_text(encoding="utf-8"))
-    manifest["inputs"]["files"] = []
-    (tmp_path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    assert "diagnosed simulated records" in error_of(capsys, two, "--continue", str(tmp_path))
+    without = {"options": {}, "inputs": {**manifest["inputs"], "files": []}}
+    for changes, says in (
+        ({}, "results.json in it can't be read"),
+        ({"options": []}, "is not the manifest of a study"),
+        ({"study": "export", **without}, "was not written by gap_diagnosis"),
+        (without, "diagnosed simulated records"),
+    ):
+        (tmp_path / "manifest.json").write_text(json.dumps({**manifest, **changes}), encoding="utf-8")
+        assert says in error_of(capsys, two, "--continue", str(tmp_path))
