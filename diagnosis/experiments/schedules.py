@@ -392,5 +392,5 @@ def to_csv(planned: Schedule, sample_time: float) -> str:
     lines = ["time_s,target_m,reference_m,feedforward_N"]
     force = given.feedforward + given.compensation
     for k, (target, reference, pushed) in enumerate(zip(planned.target, given.position, force, strict=True)):
-        lines.append(f"{k * sample_time:.9g},{target:.9g},{reference:.9g},{pushed:.9g}")
+        lines.append(f"{k * sample_time:.12g},{target:.9g},{reference:.9g},{pushed:.9g}")
     return "\n".join(lines) + "\n"
