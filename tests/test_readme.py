@@ -74,6 +74,15 @@ def test_every_study_that_it_lists_is_there_and_every_one_there_is_listed() -> N
     assert listed == there
 
 
+def test_its_layout_names_every_room_of_a_library_and_no_other() -> None:
+    layout = README.partition("## Layout\n")[2].partition("\n## ")[0]
+    for library in ("models", "design", "diagnosis"):
+        row = re.search(rf"^ +{library}/ .*\n +(.*)$", layout, re.MULTILINE)
+        assert row is not None, library
+        rooms = {f"{path.parent.name}/" for path in (ROOT / library).glob("*/__init__.py")}
+        assert set(row[1].split()) == rooms
+
+
 def test_the_files_that_it_names_exist() -> None:
     for name in re.findall(r"`((?:models|tests|reports/baseline)/[\w/.]+)`|\]\((reports/[\w/.]+)\)", README):
         assert (ROOT / (name[0] or name[1])).exists(), name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import gzip
 import json
+import os
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from collections import Counter
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from textwrap import dedent
 
 import numpy as np
 import pytest
@@ -299,6 +301,20 @@ def test_the_program_writes_the_layout_of_a_pack(sealed: tuple[Path, Path]) -> N
     for case in ("case-01", "case-02"):
         assert {"sequential.csv.gz", "suite.csv.gz"} <= {one.name for one in (pack / case).iterdir()}
         assert json.loads(json.loads(key.read_text(encoding="utf-8"))[case]["body"])["case"] == case
+
+
+@pytest.mark.parametrize("module", ["pack", "on_request"])
+def test_it_computes_on_one_thread_as_the_studies_do(module: str) -> None:
+    """Threads of the matrices would take the other processes' cores, and sum in another order by their number."""
+    script = f"""
+        import importlib, threadpoolctl
+        importlib.import_module("studies.blind_trial.sealer.{module}")
+        print(*{{one["num_threads"] for one in threadpoolctl.threadpool_info() if one["user_api"] == "blas"}})
+    """
+    free = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    command = [sys.executable, "-c", dedent(script)]
+    done = subprocess.run(command, cwd=ROOT, env=free, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["1"]
 
 
 def test_a_key_in_the_pack_is_refused(tmp_path: Path) -> None:
