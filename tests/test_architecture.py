@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from models.effects.catalogue import every
 from tests import conftest
 
 ROOT = Path(__file__).parents[1]
@@ -96,6 +97,37 @@ RULES = (wrong_directions, cycles, crowded, ambiguous)
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 def test_the_layout_keeps_its_rules(rule: Callable[[Path], list[str]]) -> None:
     assert rule(ROOT) == []
+
+
+# What proposes one effect, in diagnosis/which, and what simulates the table whose answer is known, in the study.
+ABOUT_ONE_EFFECT = {"detectors.py", "random_force.py", "command_jitter.py", "own_records.py"}
+
+
+def special_cases(root: Path) -> list[str]:
+    """Where a diagnosis, or what its study says of it, knows one effect of the catalogue by its class or its name."""
+    effects = every()
+    families = {kind.__module__ for kind in effects.values()}
+    found = []
+    for path in (*modules("diagnosis", root), *modules("studies/gap_diagnosis", root)):
+        if path.name in ABOUT_ONE_EFFECT:
+            continue
+        found += [f"{path.relative_to(root)} imports {name}" for name in imported(path, families) if name in families]
+        texts = {node.value for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.Constant)}
+        found += [f"{path.relative_to(root)} names {name}" for name in effects if name in texts]
+    return found
+
+
+def test_no_effect_is_special_cased_by_name(tmp_path: Path) -> None:
+    assert special_cases(ROOT) == []
+    files = {
+        "diagnosis/which/scan.py": "from models.effects.motor import Cogging\n",
+        "diagnosis/verdict.py": "def f(names):\n    return 'stribeck' in names\n",
+        "diagnosis/which/random_force.py": "from models.effects.structure import FloorVibration\n",
+    }
+    assert special_cases(planted(tmp_path, files)) == [
+        "diagnosis/verdict.py names stribeck",
+        "diagnosis/which/scan.py imports models.effects.motor",
+    ]
 
 
 def planted(root: Path, files: Mapping[str, str]) -> Path:

@@ -252,7 +252,8 @@ class Effect(ABC):
     positioning table may have it; what is not is considered only in a machine whose file states its sizes. shows_in:
     where it shows in a record of position and command: as a "force", in the scale's "reading", only in the "log" of
     what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`. coordinate,
-    parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its own. tabulated: its
+    parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its own. delayed_by: the
+    parameter [s] by which a thrust acts later than its command in all but fast changes, if there is one. tabulated: its
     fields are measured values of one machine: a file may hold it, but nothing looks for it, and it has no `parameters`.
     """
 
@@ -267,6 +268,7 @@ class Effect(ABC):
     coordinate: ClassVar[str] = ""
     parity: ClassVar[str] = ""
     remembers: ClassVar[bool] = False
+    delayed_by: ClassVar[str] = ""
     tabulated: ClassVar[bool] = False
 
     @classmethod
@@ -289,6 +291,19 @@ class Effect(ABC):
     def modes(self) -> tuple[Mode, ...]:
         """Vibration modes that the effect adds to the plant's."""
         return ()
+
+    def input_delay(self) -> float:
+        """By how much later it makes a thrust act [s], see `delayed_by`."""
+        return float(getattr(self, self.delayed_by)) if self.delayed_by else 0.0
+
+    def viscous_drag(self) -> float:
+        """Of its friction, what grows in proportion to the speed [N s/m], alike in both directions."""
+        return 0.0
+
+    def larger_forwards(self) -> tuple[float, float]:
+        """How much larger than the mean of both directions friction is forwards: by a part of all other friction [1],
+        and by a drag [N s/m]."""
+        return 0.0, 0.0
 
     @classmethod
     def typical(cls, priors: Priors = USUAL) -> Self:

@@ -129,6 +129,10 @@ class ViscousFriction(Effect):
     hooks: ClassVar = {Place.FRICTION: _viscous}
     coefficient: float = parameter("N s/m", "drag c", 10.0, 100.0, "amplitude", at_least=0)
 
+    def viscous_drag(self) -> float:
+        """The coefficient [N s/m]."""
+        return self.coefficient
+
 
 @hook
 def _stribeck(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
@@ -220,6 +224,10 @@ class DirectionalFriction(Effect):
     def memory(self, elements: int) -> int:
         """The direction s."""
         return 1
+
+    def larger_forwards(self) -> tuple[float, float]:
+        """The asymmetry [1] and the further difference of the drag [N s/m]."""
+        return self.asymmetry, self.drag
 
 
 @hook

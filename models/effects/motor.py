@@ -114,6 +114,7 @@ class CurrentLoopLag(Effect):
     coordinate: ClassVar = "change of the command"
     parity: ClassVar = "odd"
     remembers: ClassVar = True
+    delayed_by: ClassVar = "time"
     equation: ClassVar = r"\tau\dot u_i+u_i=u"
     source: ClassVar = "assumed: a current control of first order; 0.2 ms is a bandwidth of 800 Hz"
     hooks: ClassVar = {Place.THRUST: _lagging}

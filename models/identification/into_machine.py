@@ -86,12 +86,12 @@ def with_lag(machine: Machine, lag: tuple[float, float] | None, found: Found) ->
 
 def lag_of(machine: Machine) -> float:
     """The time constant [s] of the machine's current loop beside its dead time; 0 without one."""
-    return sum(effect.time for effect in machine.effects if isinstance(effect, CurrentLoopLag))
+    return sum(effect.input_delay() for effect in machine.effects)
 
 
 def drag_of(machine: Machine) -> float:
     """The viscous drag [N s/m] among the machine's effects; 0 without one."""
-    return sum(effect.coefficient for effect in machine.effects if isinstance(effect, ViscousFriction))
+    return sum(effect.viscous_drag() for effect in machine.effects)
 
 
 def with_friction(machine: Machine, fit: ForceFit, found: Found) -> Machine:

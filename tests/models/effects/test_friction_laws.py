@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.effects.base import Effect
+from models.effects.catalogue import every
 from models.effects.friction_laws import FORGOTTEN, REST_SPEED
 from models.machine import load
 from models.simulation.effect_kernel import Path, replay
@@ -61,6 +62,21 @@ def test_laws_with_a_time_constant_depend_on_the_rate(law: tuple[str, *tuple[flo
     effect = make(*law)
     usual, slow = through(SLIDE), through(SLIDE, sample_time=3 * TS)
     assert np.max(np.abs(rubbing(usual, effect) - rubbing(slow, effect))) > 1e-3
+
+
+@pytest.mark.parametrize("name", [name for name, kind in every().items() if kind.family == "friction"])
+@pytest.mark.parametrize("speed", [0.02, 0.1])
+def test_what_an_effect_states_of_drag_and_direction_is_what_its_law_does(name: str, speed: float) -> None:
+    """What it states of neither it may still do in another form, but no effect states what its law does not do."""
+    effect = every()[name].typical()
+    (part, further), drag = effect.larger_forwards(), effect.viscous_drag()
+    forwards, backwards = (float(rubbing(steady(way, 400), effect)[-1, -1]) for way in (speed, -speed))
+    if part or further:
+        assert forwards + backwards == pytest.approx(2 * (part * COULOMB + further * speed))
+    if drag:
+        assert forwards - backwards == pytest.approx(2 * (COULOMB + drag * speed))
+    assert bool(part or further) == (name == "directional_friction")
+    assert bool(drag) == (name == "viscous_friction")
 
 
 @given(st.floats(0.05, 0.3), st.floats(0.05, 1.0))

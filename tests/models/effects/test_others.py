@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.effects.base import Effect
+from models.effects.catalogue import every
 from models.machine import load
 from models.records.record import feeding_sequence
 from models.simulation.effect_kernel import Replayed, replay
@@ -54,6 +55,15 @@ def test_cogging_is_a_force_of_place_and_ripple_a_gain_of_place(amplitude: float
     assert driven(make("cogging", amplitude, pitch, phase)).force == pytest.approx(amplitude * wave)
     rippled = driven(make("thrust_ripple", 0.01 * amplitude, pitch, phase))
     assert rippled.thrust == pytest.approx(driven().thrust * (1 + 0.01 * amplitude * wave))
+
+
+def test_an_effect_that_states_a_delay_delays_a_slow_command_by_it() -> None:
+    stated = {name: kind.typical() for name, kind in every().items() if kind.delayed_by}
+    assert list(stated) == ["current_loop_lag"]
+    rising = steady(0.2, 200)._replace(command=np.linspace(0.0, 40.0, 200))
+    for effect in stated.values():
+        late = replay(FRICTION, (), rising, 0.0).thrust - replay(FRICTION, (effect,), rising, 0.0).thrust
+        assert late[100:].mean() == pytest.approx(40.0 / (199 * TS) * effect.input_delay())
 
 
 def test_asymmetry_and_saturation_of_the_thrust() -> None:
