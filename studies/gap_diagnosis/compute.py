@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -72,6 +72,19 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         samples = sum(record.position.size for record in given.records)
         _foresee(machine, samples * (1 + TRANSFERRED * (len(given.records) > 1)), options, progress)
 
+    return answered(given, apart, unused, options, progress)[1]
+
+
+def answered(
+    given: Given,
+    apart: Sequence[Loaded],
+    unused: Sequence[str],
+    options: DiagnosisOptions,
+    progress: Callable[[float, str], None],
+) -> tuple[Diagnosis, Answer]:
+    """The diagnosis of what is given, and the study's answer to it; apart: records that nothing is fitted to; unused:
+    effects that are not considered."""
+
     def say(share: float, text: str) -> None:
         progress(0.05 + 0.8 * share, text)
 
@@ -88,7 +101,7 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     results["settling"] = settling_told(files, found.baseline.records, found.baseline.driving, options.seed)
     written = {"improved.toml": to_toml(better)}
     if not options.record:
-        written["suite.csv"] = to_csv(suite(machine), machine.sample_time)
+        written["suite.csv"] = to_csv(suite(given.machine), given.machine.sample_time)
     if beside.proposal is not None:
         written["next_experiment.csv"] = to_csv(beside.proposal.schedule, given.machine.sample_time)
     summary = [
@@ -96,7 +109,7 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         for part, text in results["answer"].items()
         if part in {"where", "which", "how_far"}
     ]
-    return Answer(results, tuple(_checks(found, given)), written, summary)
+    return found, Answer(results, tuple(_checks(found, given)), written, summary)
 
 
 def _foresee(machine: Machine, samples: float, options: DiagnosisOptions, progress: Progress) -> None:
@@ -110,10 +123,7 @@ def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> G
     if options.record:
         progress(0.01, "reading " + ", ".join(path.name for path in options.record))
         found = loaded(machine, options, progress)
-        records = tuple(one.content for one in found if isinstance(one.content, Record))
-        return Given(
-            machine, records, tuple(_shown(one.name, one.sha256, one.content, one.findings) for one in found), None
-        )
+        return given_of(machine, found)
     progress(0.01, "simulating a table with an effect that its model lacks")
     made = own_records.made(machine, options.seed, quick=options.quick)
     names = ("simulated suite",) if len(made.records) == 1 else ("simulated sequence", "simulated suite")
@@ -125,6 +135,13 @@ def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> G
         for item in parameters(type(made.effect))
     }
     return Given(made.machine, made.records, shown, {"effect": made.effect.name, "parameters": size})
+
+
+def given_of(machine: Machine, found: Sequence[Loaded]) -> Given:
+    """What is diagnosed where records were read from files."""
+    records = tuple(one.content for one in found if isinstance(one.content, Record))
+    shown = tuple(_shown(one.name, one.sha256, one.content, one.findings) for one in found)
+    return Given(machine, records, shown, None)
 
 
 def _shown(name: str, sha256: str, record: Any, findings: Sequence[str]) -> dict[str, Any]:

@@ -37,7 +37,7 @@ def loaded(
 
     Raises BadInputError for one that can't be read or diagnosed.
     """
-    return _loaded(machine, options, options.record, progress)
+    return loaded_of(machine, options, options.record, progress)
 
 
 def held_out(
@@ -55,12 +55,16 @@ def held_out(
     for path in options.hold_out:
         if path.resolve() in fitted:
             raise BadInputError(f"--hold-out {path}: is among the records that are fitted to; give it once")
-    return _loaded(machine, options, options.hold_out, progress)
+    return loaded_of(machine, options, options.hold_out, progress)
 
 
-def _loaded(
+def loaded_of(
     machine: Machine, options: DiagnosisOptions, paths: Sequence[Path], progress: Progress
 ) -> tuple[Loaded, ...]:
+    """These records, which the columns of the options' records are mapped for; progress is told how each was read.
+
+    Raises BadInputError for one that can't be read or diagnosed.
+    """
     mapping, control = mapped(machine, options, (*options.record, *options.hold_out)), machine.control
     found, most = list[Loaded](), options.most_samples
     limits = replace(

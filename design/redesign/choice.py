@@ -1,0 +1,92 @@
+"""Which design runs next: the old one stays unless another one is surely better, and comes back where it was worse."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from design.redesign.designs import Design
+from design.redesign.outcome import Outcome
+from design.redesign.prediction import LEVEL, Interval, Prediction, interval_of
+from models.machine import Machine
+from models.quantity import show
+
+WORSE: Final = 0.05  # relative, from which on a design counts as worse
+SATURATED: Final = 0.1  # share of the runs in which a new design may ask for more than the rated thrust
+
+UNITS: Final = {"settling": "s", "dispersion": "m"}
+CALLED: Final = {"settling": "settling of the slowest motion", "dispersion": "3 sigma"}
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The design to run, and of every other one that was looked at why it was not taken; gains: of the chosen one over
+    the old one, in seconds and metres, each with the interval over the machines that the records allow."""
+
+    design: Design
+    kept: bool
+    reasons: Mapping[str, str]
+    gains: Mapping[str, Interval]
+
+
+def chosen(designs: Sequence[Design], predictions: Sequence[Prediction], machine: Machine) -> Chosen:
+    """The design that is surely better than all before it in the list, the old one first.
+
+    Better: the whole interval of its gain, run by run on the same machines, is above 0 in settling or in 3 sigma, and
+    in neither is it worse by more than WORSE in the median; and it does not saturate the drive in more than
+    SATURATED of the runs, or at least in no more than the design before it.
+    """
+    best, reasons = 0, dict[str, str]()
+    for i in range(1, len(designs)):
+        why = _why_not(predictions[best], predictions[i], machine)
+        if why:
+            reasons[designs[i].name] = f"{why} (against {designs[best].name})"
+        else:
+            if best > 0:
+                reasons[designs[best].name] = f"{designs[i].name} is surely better"
+            best = i
+    gains = {name: _gain(predictions[0], predictions[best], name) for name in UNITS}
+    return Chosen(designs[best], best == 0, reasons, gains)
+
+
+def _gain(old: Prediction, new: Prediction, name: str) -> Interval:
+    return interval_of(getattr(old, name) - getattr(new, name), LEVEL)
+
+
+def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
+    """Why a design does not take the old one's place; empty where it does."""
+    if new.saturated > max(old.saturated, SATURATED * new.settling.size):
+        return f"it asks for more than the rated thrust in {new.saturated} of {new.settling.size} simulated runs"
+    for name, unit in UNITS.items():
+        before, after = (float(np.median(getattr(one, name))) for one in (old, new))
+        if after > before * (1 + WORSE) + _least(machine)[name]:
+            return f"{CALLED[name]} gets worse, from {show(before, unit, 3)} to {show(after, unit, 3)} in the median"
+    gains = {name: _gain(old, new, name) for name in UNITS}
+    if any(gain.low > 0 for gain in gains.values()):
+        return ""
+    told = " and ".join(
+        f"{show(gain.low, UNITS[name], 2)} to {show(gain.high, UNITS[name], 2)} of {CALLED[name]}"
+        for name, gain in gains.items()
+    )
+    return f"its gain is not sure: {told}"
+
+
+def _least(machine: Machine) -> dict[str, float]:
+    """What of each quantity the scale's noise and the samples make: a sample [s], three deviations of a reading [m]."""
+    scale = machine.scale
+    reading = float(np.hypot(scale.noise, scale.resolution / np.sqrt(12)))
+    return {"settling": machine.sample_time, "dispersion": 3 * reading}
+
+
+def worse(before: Outcome, after: Outcome, machine: Machine) -> tuple[str, ...]:
+    """In what a record of the new design is worse than one of the old, by more than WORSE and what noise makes;
+    empty where it stays (SI). Not to be asked of machines of different specifications."""
+    found = []
+    for name, unit in UNITS.items():
+        old, new = float(getattr(before, name)), float(getattr(after, name))
+        if new > old * (1 + WORSE) + _least(machine)[name]:
+            found.append(f"{CALLED[name]}: {show(new, unit, 3)} instead of {show(old, unit, 3)}")
+    return tuple(found)

@@ -1,0 +1,87 @@
+"""What of a specification a design cannot meet, and why: by what would have to be absent for it to be met."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from design.effect_compensation import left_out
+from design.judging.known_range import APART, excess
+from design.redesign.designs import Design
+from design.redesign.prediction import Prediction, predicted
+from design.validation import sequence
+from models.controller import references
+from models.effects.catalogue import named
+from models.machine import Machine
+from models.quantity import listed, show
+
+RUNS: Final = 5  # of each machine that lacks something, from other pasts of the friction
+
+
+def unmet(design: Design, machine: Machine, prediction: Prediction, seed: int = 0) -> tuple[str, ...]:
+    """Sentences: what is not met, each with its reason; empty where the specification is met in every run (SI).
+
+    machine: as it is known now. prediction: the design's, on machines that the records allow.
+    """
+    wanted, told = machine.specification, list(design.notes)
+    settling = prediction.interval("settling")
+    if settling.high > wanted.settling_time * (1 + 1e-9):
+        told.append(_late(design, machine, prediction, seed))
+    floor = 3 * float(np.hypot(machine.scale.noise, machine.scale.resolution / np.sqrt(12)))
+    dispersion = prediction.interval("dispersion")
+    if dispersion.median < 2 * floor:
+        told.append(
+            f"3 sigma of {show(dispersion.median, 'm', 2)} is the scale's own: noise and rounding of its readings "
+            f"alone make {show(floor, 'm', 2)}"
+        )
+    return (*told, *_beyond(design, machine))
+
+
+def _late(design: Design, machine: Machine, prediction: Prediction, seed: int) -> str:
+    """Why motions settle late: the first of these that, left out, makes them settle in time."""
+    wanted, settling = machine.specification, prediction.interval("settling")
+    head = (
+        f"settling within {show(wanted.settling_time, 's')} is not met in every run: {show(settling.low, 's', 3)} to "
+        f"{show(settling.high, 's', 3)}"
+    )
+    stays = left_out(machine)
+    quiet = replace(machine, scale=replace(machine.scale, noise=0.0))
+    plain = replace(machine, effects=tuple(one for name, one in named(machine.effects).items() if name not in stays))
+    ways: list[tuple[str, Machine]] = [
+        ("it is the uncertainty of the parameters; a further record would narrow it", machine),
+        ("it is the scale's noise", quiet),
+    ]
+    if stays:
+        names = listed([name.replace("_", " ") for name in stays])
+        ways.append((f"it is {names}, which cannot be met ahead", plain))
+    for why, without in ways:
+        if _in_time(design, without, seed):
+            return f"{head}; {why}"
+    if design.settling_time + machine.plant.dead_time > wanted.settling_time:
+        return (
+            f"{head}; x_T* rests after {show(design.settling_time, 's')}, and the table follows it by the dead time of "
+            f"{show(machine.plant.dead_time, 's')}"
+        )
+    return f"{head}; the friction that the compensator does not know at the start, and the feedback's own speed, decide"
+
+
+def _in_time(design: Design, machine: Machine, seed: int) -> bool:
+    """Whether the machine itself, with nothing drawn but the past of its friction, settles in time."""
+    found = predicted(design, [machine] * RUNS, seed)
+    return float(np.max(found.settling)) <= machine.specification.settling_time * (1 + 1e-9)
+
+
+def _beyond(design: Design, machine: Machine) -> Sequence[str]:
+    """What the design asks for beyond the records."""
+    known = references(design.controller, sequence(machine, None, 1))
+    force = float(np.max(np.abs(known.feedforward + known.compensation)))
+    moved = np.abs(known.position[APART:] - known.position[:-APART])
+    speed = float(np.max(moved, initial=0.0)) / (APART * machine.sample_time)
+    return [
+        f"its {one.what} of {show(one.needed, one.unit, 3)} is beyond the records, which cover "
+        f"{show(one.covered, one.unit, 3)}: there the model is extrapolated"
+        for one in excess(machine, force, speed)
+    ]

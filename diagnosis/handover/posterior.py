@@ -1,0 +1,60 @@
+"""Machines that the records allow: draws of every fitted value from its distribution after the fit.
+
+Values are drawn together, as records of an axis leave their sums and ratios far better known than each of them. The
+covariance is that of the table of effects: of what is left within a motion as dependent, and never less than if it were
+white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.diagnose import Diagnosis
+from diagnosis.handover.files import machine_of
+from diagnosis.model.fit import Fit, coordinates, with_coordinates
+from diagnosis.model.parameters import bounded
+from diagnosis.model.residual import Candidate
+from diagnosis.which.table import covariance_of
+from models.machine import Machine
+
+LEAST: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
+
+
+def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[Machine, ...]:
+    """`count` machines, each the file that was handed over with its fitted values drawn anew (SI).
+
+    Where the file is the machine as delivered, the draws are of the re-fit, which says what the records leave open.
+    """
+    handover, nominal = diagnosis.how_far.handover, diagnosis.baseline.machine
+    adopted = handover.adopted if handover.adopted.finished is not None else handover.named("re-fitted")
+    fitted = diagnosis.baseline.nominal if adopted is None or adopted.finished is None else adopted.finished.fitted
+    found = drawn(fitted, diagnosis.baseline.segment, count, seed)
+    return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)
+
+
+def drawn(fitted: Fit, segment: NDArray[np.int64] | None, count: int, seed: int = 0) -> list[Candidate]:
+    """`count` candidates around the fitted one, theta [SI and logarithms] and effects drawn together; segment: see
+    `covariance_of`. Each value stays within its bounds."""
+    candidate, layout = fitted.candidate, fitted.candidate.layout
+    covariance = covariance_of(fitted, segment)
+    wide = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(wide > 0, wide, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = vectors * np.sqrt(np.maximum(values, LEAST * values.max()))
+    normal = np.random.default_rng([seed, 29]).standard_normal((count, scale.size))
+    steps = scale * (normal @ root.T)
+    found = []
+    for step in steps:
+        theta = bounded(layout, candidate.theta + step[: layout.count])
+        effects, begin = [], layout.count
+        for effect in candidate.effects:
+            here = coordinates(effect)
+            moved = here + step[begin : begin + here.size]
+            effects.append(with_coordinates(effect, moved, candidate.nominal.priors) if here.size else effect)
+            begin += here.size
+        found.append(replace(candidate, theta=theta, effects=tuple(effects)))
+    return found

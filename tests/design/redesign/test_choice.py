@@ -1,0 +1,68 @@
+"""The old design stays unless another is surely better, and comes back where it was worse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from design.redesign.choice import Chosen, chosen, worse
+from design.redesign.designs import Design, designed
+from design.redesign.outcome import Outcome
+from design.redesign.prediction import Prediction
+from tests.design.redesign.axes import KNOWN
+
+OLD = designed(KNOWN, "old")
+RNG = np.random.default_rng(5)
+SETTLING, DISPERSION = 40e-3 + 5e-3 * RNG.random(40), 1e-6 + 1e-7 * RNG.random(40)
+BEFORE = Prediction(SETTLING, DISPERSION)
+
+
+def among(*others: Prediction) -> Chosen:
+    designs: Sequence[Design] = [replace(OLD, name=name) for name in ("old", "first", "second")[: 1 + len(others)]]
+    return chosen(designs, (BEFORE, *others), KNOWN)
+
+
+def test_a_design_that_is_better_on_every_machine_is_taken() -> None:
+    found = among(Prediction(SETTLING - 10e-3, DISPERSION))
+    assert (found.design.name, found.kept, dict(found.reasons)) == ("first", False, {})
+    assert found.gains["settling"].low > 9e-3
+
+
+def test_one_that_is_better_in_the_median_alone_is_not() -> None:
+    """Better by 1 ms in the median, and worse on a fifth of the machines."""
+    change = np.where(np.arange(40) % 5 == 0, 6e-3, -1e-3)
+    found = among(Prediction(SETTLING + change, DISPERSION))
+    assert found.kept
+    assert "its gain is not sure" in found.reasons["first"]
+
+
+def test_what_one_quantity_gains_the_other_must_not_lose() -> None:
+    found = among(Prediction(SETTLING - 10e-3, 1.5 * DISPERSION))
+    assert found.kept
+    assert "3 sigma gets worse" in found.reasons["first"]
+
+
+def test_one_that_saturates_the_drive_is_not_taken() -> None:
+    found = among(Prediction(SETTLING - 10e-3, DISPERSION, saturated=5))
+    assert found.kept
+    assert "in 5 of 40 simulated runs" in found.reasons["first"]
+    assert not among(Prediction(SETTLING - 10e-3, DISPERSION, saturated=4)).kept
+
+
+def test_a_richer_design_has_to_be_surely_better_than_the_simpler_one() -> None:
+    first = Prediction(SETTLING - 10e-3, DISPERSION)
+    assert among(first, first).design.name == "first"
+    assert among(first, Prediction(SETTLING - 15e-3, DISPERSION)).design.name == "second"
+
+
+def test_a_verification_is_worse_beyond_five_per_cent_and_noise() -> None:
+    before = Outcome(40e-3, 1e-6, 10, 0)
+    assert worse(before, replace(before, settling=41.5e-3), KNOWN) == ()
+    assert worse(before, replace(before, settling=44e-3), KNOWN) == (
+        "settling of the slowest motion: 44 ms instead of 40 ms",
+    )
+    assert len(worse(before, Outcome(50e-3, 2e-6, 10, 0), KNOWN)) == 2
+    fine = replace(before, dispersion=1e-9)
+    assert worse(fine, replace(fine, dispersion=5e-8), KNOWN) == ()  # below three deviations of a reading
