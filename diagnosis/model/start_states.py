@@ -24,7 +24,7 @@ from diagnosis.model.kalman import SUBSTEPS, responses
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, initial_state
 from diagnosis.model.residual import Candidate, initial_command
-from models.compiled import compiled
+from models.compiled import compiled, inlined
 from models.friction import deflections
 from models.records.record import Record
 
@@ -39,18 +39,34 @@ TAIL: Final = 1000  # samples after the last slip that still count
 
 
 class StartCost(NamedTuple):
-    """The chi-square of a record as a quadratic function of the elements' initial displacements.
+    """The chi-square of a record as a quadratic function of the elements' initial displacements, the elements by
+    increasing limit.
 
-    limit (N,) [m] of each element; order (N,): the elements by increasing limit; steps (N,) [m]: the differences of
-    the limits in that order; gram (GRID N, GRID N) and slope (GRID N,) [1]: the normal equations of the responses to
-    each start on the grid, of which those between two points of the grid are interpolated.
+    limit (N,) [m]; steps (N,) [m]: the differences of the limits; gram (N, GRID, N, GRID) and slope (N, GRID) [1]: the
+    normal equations of the responses to each start on the grid, of which those between two points of the grid are
+    interpolated.
     """
 
     limit: Array
-    order: NDArray[np.int64]
     steps: Array
     gram: Array
     slope: Array
+
+
+class Fixed(NamedTuple):
+    """The elements below one that moves: the displacement [m] of the last of them, and the slope (N, GRID) [1] of the
+    chi-square by each start of the others beside them."""
+
+    displacement: float
+    slope: Array
+
+
+class Places(NamedTuple):
+    """Where the elements' displacements lie on their grids: the points (N,) below, and the shares (N,) [1] of those
+    above."""
+
+    low: NDArray[np.int64]
+    share: Array
 
 
 def static_equilibrium_start(layout: Parameters, records: Sequence[Record]) -> Array:
@@ -104,18 +120,27 @@ def _normal(columns: Array, basis: Array, e: Array) -> tuple[Array, Array]:
 
 
 def best_starts(limit: Array, gram: Array, slope: Array) -> Array:
-    """The displacements (N,) [m] with the least chi-square; limit (N,) [m], gram, slope: see `StartCost`."""
-    order = np.argsort(limit)
-    problem = StartCost(limit, order, np.diff(limit[order], prepend=0.0), gram, slope)
-    patterns = np.array(list(_patterns(limit.size)))
-    costs = np.array([_cost(slopes, problem) for slopes in patterns])
+    """The displacements (N,) [m] with the least chi-square; limit (N,) [m], gram (GRID N, GRID N) and slope (GRID N,)
+    [1]: the normal equations of the responses, all elements at the first point of the grid, then at the next."""
+    order, count = np.argsort(limit), limit.size
+    by_element = (np.arange(GRID) * count + order[:, None]).ravel()
+    problem = StartCost(
+        limit[order],
+        np.diff(limit[order], prepend=0.0),
+        np.ascontiguousarray(gram[np.ix_(by_element, by_element)]).reshape(count, GRID, count, GRID),
+        slope[by_element].reshape(count, GRID),
+    )
+    patterns = np.array(list(_patterns(count)))
+    costs = _costs(patterns, problem)
     least, best = np.inf, patterns[0]
     for i in np.argsort(costs, kind="stable")[:REFINED]:
         slopes = patterns[i].copy()
         cost = _refine(slopes, problem)
         if cost < least:
             least, best = cost, slopes
-    return _displacements(best, problem)
+    displacements = np.empty(count)
+    displacements[order] = np.cumsum(best * problem.steps)
+    return displacements
 
 
 def _patterns(count: int) -> list[Array]:
@@ -130,58 +155,85 @@ def _patterns(count: int) -> list[Array]:
     return patterns
 
 
-@compiled
-def _displacements(slopes: Array, problem: StartCost) -> Array:
-    """Displacements (N,) [m] whose curve over the limit has the slopes (N,) [1]."""
-    displacements, at = np.empty(slopes.size), 0.0
-    for i in range(slopes.size):
-        at += slopes[i] * problem.steps[i]
-        displacements[problem.order[i]] = at
-    return displacements
+@inlined
+def _placed(displacement: float, limit: float) -> tuple[int, float]:
+    """Where a displacement [m] lies on an element's grid: the point below, and the share [1] of the one above."""
+    at = (displacement / limit + 1.0) / 2.0 * (GRID - 1)
+    low = min(max(int(at), 0), GRID - 2)
+    return low, at - low
 
 
 @compiled
-def _cost(slopes: Array, problem: StartCost) -> float:
-    """Change in chi-square against the present start; responses between points of the grid are interpolated."""
+def _costs(patterns: Array, problem: StartCost) -> Array:
+    """Change in chi-square (k,) [1] against the present start, for each of k rows of slopes (k, N)."""
     count = problem.limit.size
-    displacements = _displacements(slopes, problem)
-    column, weight = np.empty(2 * count, np.int64), np.empty(2 * count)
-    for i in range(count):
-        at = (displacements[i] / problem.limit[i] + 1.0) / 2.0 * (GRID - 1)
-        low = min(max(int(at), 0), GRID - 2)
-        column[2 * i], column[2 * i + 1] = low * count + i, (low + 1) * count + i
-        weight[2 * i], weight[2 * i + 1] = 1.0 - (at - low), at - low
-    total = 0.0
-    for a in range(2 * count):
-        row = 2.0 * problem.slope[column[a]]
-        for b in range(2 * count):
-            row += weight[b] * problem.gram[column[a], column[b]]
-        total += weight[a] * row
+    costs, places = np.empty(len(patterns)), Places(np.empty(count, np.int64), np.empty(count))
+    for i in range(costs.size):
+        costs[i] = _cost_from(0, patterns[i], Fixed(0.0, problem.slope), problem, places)
+    return costs
+
+
+@compiled
+def _cost_from(first: int, slopes: Array, fixed: Fixed, problem: StartCost, places: Places) -> float:
+    """Change in chi-square by the elements from `first` on, beside those below it; places: written to."""
+    total, at = 0.0, fixed.displacement
+    low, share = places.low, places.share
+    for k in range(first, problem.limit.size):
+        at += slopes[k] * problem.steps[k]
+        low[k], share[k] = _placed(at, problem.limit[k])
+        below = above = 0.0
+        for j in range(first, k):
+            a, b, s = problem.gram[k, low[k], j], problem.gram[k, low[k] + 1, j], share[j]
+            below += (1.0 - s) * a[low[j]] + s * a[low[j] + 1]
+            above += (1.0 - s) * b[low[j]] + s * b[low[j] + 1]
+        i, s = low[k], share[k]
+        own = problem.gram[k, :, k]
+        below += fixed.slope[k, i] + 0.5 * ((1.0 - s) * own[i, i] + s * own[i, i + 1])
+        above += fixed.slope[k, i + 1] + 0.5 * ((1.0 - s) * own[i + 1, i] + s * own[i + 1, i + 1])
+        total += 2.0 * ((1.0 - s) * below + s * above)
     return total
+
+
+@compiled
+def _fixed(first: int, slopes: Array, problem: StartCost) -> Fixed:
+    """The elements below `first`, as they are with the slopes (N,)."""
+    slope, at = problem.slope.copy(), 0.0
+    for j in range(first):
+        at += slopes[j] * problem.steps[j]
+        low, share = _placed(at, problem.limit[j])
+        for k in range(first, slopes.size):
+            for i in range(GRID):
+                row = problem.gram[k, i, j]
+                slope[k, i] += (1.0 - share) * row[low] + share * row[low + 1]
+    return Fixed(at, slope)
 
 
 @compiled
 def _refine(slopes: Array, problem: StartCost) -> float:
     """Improves two slopes (N,) at a time, in place, until no pair gains; the cost."""
-    cost = _cost(slopes, problem)
+    places = Places(np.empty(slopes.size, np.int64), np.empty(slopes.size))
+    cost = _cost_from(0, slopes, Fixed(0.0, problem.slope), problem, places)
     for _ in range(ROUNDS):
         before = cost
         for i in range(slopes.size):
+            fixed = _fixed(i, slopes, problem)
+            below = cost - _cost_from(i, slopes, fixed, problem, places)
             for j in range(i + 1, slopes.size):
-                cost = _refine_pair(slopes, i, j, cost, problem)
+                cost = below + _refine_pair(slopes, i, j, cost - below, fixed, problem, places)
         if cost > before - 1e-6:
             break
     return cost
 
 
 @compiled
-def _refine_pair(slopes: Array, i: int, j: int, cost: float, problem: StartCost) -> float:
-    """Sets the slopes i and j to the best pair of SLOPES, where that is better than they are; the cost."""
+def _refine_pair(slopes: Array, i: int, j: int, cost: float, fixed: Fixed, problem: StartCost, places: Places) -> float:
+    """Sets the slopes i and j > i to the best pair of SLOPES, where that is better than they are; the cost by the
+    elements from i on."""
     first, second = slopes[i], slopes[j]
     for one in SLOPES:
         for other in SLOPES:
             slopes[i], slopes[j] = one, other
-            tried = _cost(slopes, problem)
+            tried = _cost_from(i, slopes, fixed, problem, places)
             if tried < cost - 1e-9:
                 cost, first, second = tried, one, other
     slopes[i], slopes[j] = first, second

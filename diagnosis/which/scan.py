@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -66,10 +67,18 @@ class NuisanceProjection:
     basis: Array
     factor: tuple[Array, bool]
 
-    def __call__(self, given: NDArray[Any]) -> Array:
-        """Columns (n, k) with the model's parameters partialled out [1]."""
-        out = self.basis @ cho_solve(self.factor, self.basis.T @ given)
+    def __call__(self, given: NDArray[Any]) -> NDArray[Any]:
+        """Columns (n, k) with the model's parameters partialled out [1], in the precision in which they are given."""
+        basis = self._single if given.dtype == np.float32 else self.basis
+        parts = cho_solve(self.factor, (basis.T @ given).astype(float, copy=False))
+        out = basis @ parts.astype(given.dtype, copy=False)
         return np.asarray(np.subtract(given, out, out=out))
+
+    @cached_property
+    def _single(self) -> NDArray[np.float32]:
+        """The basis in single precision, in which a scan's thousand columns are projected three times as fast. Its
+        rounding is a ten-millionth of a column, and so far below what any column has to gain."""
+        return self.basis.astype(np.float32)
 
 
 def partial_out(fitted: Fit, segment: NDArray[np.int64], seed: int = 0) -> NuisanceProjection:
@@ -129,7 +138,7 @@ def _findings(
     batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection, known: Columns
 ) -> tuple[list[Finding], Columns]:
     raw = [known[effect] for effect in batch] if batch[0] in known else linear_columns(batch, fitted, records)
-    products, slopes = by_segment(projection(np.hstack(raw)), projection)
+    products, slopes = by_segment(projection(np.hstack(raw, dtype=np.float32)), projection)
     found, kept, begin = list[Finding](), dict[Effect, NDArray[Any]](), 0
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
@@ -180,7 +189,7 @@ def _possible(effect: Effect, factor: Array) -> bool:
     return bool(factor[0] > 0 or item.low < 0)
 
 
-def by_segment(given: Array, projection: NuisanceProjection) -> tuple[Array, Array]:
+def by_segment(given: NDArray[Any], projection: NuisanceProjection) -> tuple[Array, Array]:
     """Sums over each of S motions of products of columns (n, k) after the projection: of each with itself and with the
     next (S, k, 2), and with the innovations (S, k); all [1]. One pass, because the columns of a batch are large."""
     products, slopes = (
@@ -192,7 +201,7 @@ def by_segment(given: Array, projection: NuisanceProjection) -> tuple[Array, Arr
 
 
 @compiled
-def _sums(given: Array, e: Array, segment: NDArray[np.int64], products: Array, slopes: Array) -> None:
+def _sums(given: NDArray[Any], e: Array, segment: NDArray[np.int64], products: Array, slopes: Array) -> None:
     n, k = given.shape
     for t in range(n):
         s = segment[t]
