@@ -31,6 +31,7 @@ LADDER: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1)  # of the longest move
 DWELL_STROKE: Final = 0.865  # specified strokes
 RESTS: Final = (2.4, 4.8, 10, 20, 40, 60)  # pauses
 SPEEDS: Final = (0.0021, 0.0083, 0.021, 0.042)  # of the rated speed
+LONGEST: Final = 200.0  # pauses that a stroke may take: slower ones would take minutes where the rated speed is low
 FAR: Final = (
     (15, 0.1, 0.0021, 1),
     (60, 0.3, 0.0083, 1),
@@ -108,6 +109,13 @@ def quickest(machine: Machine, distance: float, share: float) -> float:
 def allowed(machine: Machine, distance: float, speed: float, share: float = 0.6) -> float:
     """The peak speed [m/s] of a move of `distance` [m], reduced to what a share [1] of the rated thrust can reach."""
     return min(speed, PEAK_SPEED * distance / quickest(machine, distance, share))
+
+
+def at_share(machine: Machine, distance: float, share: float) -> float:
+    """The peak speed [m/s] of a stroke of `distance` [m]: a share [1] of the rated speed, but within LONGEST pauses and
+    what the thrust allows."""
+    slowest = PEAK_SPEED * distance / (LONGEST * pause(machine))
+    return allowed(machine, distance, max(rounded(share * machine.drive.rated_speed), slowest))
 
 
 def _multisine(excitation: Excitation, sample_time: float) -> Array:
@@ -291,7 +299,7 @@ def suite(machine: Machine) -> Schedule:
 def _far(machine: Machine, distances: float, stroke: float, share: float, passes: int) -> Schedule:
     """Strokes of so many presliding distances or specified strokes at a share [1] of the rated speed."""
     size = length(machine, distances, stroke)
-    return strokes(machine, size, (allowed(machine, size, rounded(share * machine.drive.rated_speed)),), passes)
+    return strokes(machine, size, (at_share(machine, size, share),), passes)
 
 
 @dataclass(frozen=True)
@@ -308,9 +316,8 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     high, each_way = top(machine), 8 * pause(machine)
     stroke, longest, short = length(machine, 100, 0.1), length(machine, 600, 3), length(machine, 10, 0.1)
     apart = length(machine, 100, 0.5)
-    speeds = tuple(rounded(allowed(machine, stroke, rounded(share * machine.drive.rated_speed)), 3) for share in SPEEDS)
-    slow = speeds[0]
-    fast = rounded(allowed(machine, longest, rounded(machine.drive.rated_speed / 16)), 3)
+    speeds = tuple(dict.fromkeys(rounded(at_share(machine, stroke, share), 3) for share in SPEEDS))
+    slow, fast = speeds[0], rounded(at_share(machine, longest, 1 / 16), 3)
     loops = tuple(rounded(share * reach(machine)) for share in (0.3, 0.1, 0.03, 0.01))
     strong, gentle = shaking(machine), shaking(machine, 0.018)
     return (
