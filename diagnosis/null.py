@@ -31,11 +31,10 @@ from diagnosis.model.parameters import Parameters, bounded, initial_state
 from diagnosis.model.residual import STARTING, Candidate
 from diagnosis.model.roughness import WhiteForce, variance_by_record
 from diagnosis.model.units import loop_time, slow_walk
-from diagnosis.which.command_jitter import lateness
+from diagnosis.which.command_jitter import gained_by_chance
 from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
 from models.effects.catalogue import in_order
-from models.effects.motor import TimingJitter
 from models.machine import Machine, to_json
 from models.records.record import Record
 from models.simulation.simulator import simulate
@@ -228,7 +227,7 @@ def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
     """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation."""
     fitted, made, _ = drawn
     gains = {finding.effect.name: finding.held_out for finding in findings}
-    gains[TimingJitter.name] = lateness(fitted, made).gain
+    gains |= gained_by_chance(fitted, made)
     return gains, tuple(variance_by_record(fitted).tolist()), largest(fitted).deviations
 
 

@@ -114,6 +114,12 @@ def coordinates(effect: Effect) -> Array:
     return np.array([size * np.cos(phase), size * np.sin(phase), *rows])
 
 
+def coordinate_of(effect: Effect, name: str) -> int:
+    """Where among the effect's coordinates the logarithm of a size stands, of a role in POSITIVE; no unit."""
+    sizes = [item.name for item in parameters(type(effect)) if item.role in POSITIVE]
+    return coordinates(effect).size - len(sizes) + sizes.index(name)
+
+
 def amplitudes(effect: Effect) -> list[float]:
     """The effect's amplitudes with their signs [SI]; none of one that has a width."""
     return [getattr(effect, item.name) for item in parameters(type(effect)) if item.role == "amplitude"]

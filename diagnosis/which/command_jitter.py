@@ -25,6 +25,7 @@ from diagnosis.model.kalman import SUBSTEPS, Predictor, responses
 from diagnosis.model.motions import Piece, pieces, repeated
 from diagnosis.model.residual import STARTING
 from diagnosis.model.units import loop_time, noise
+from models.effects.motor import TimingJitter
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -72,6 +73,11 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
     size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
     return Lateness(ts * float(np.sqrt(size)), max(slope / spread, 0.0) ** 2, ts**2 * spread)
+
+
+def gained_by_chance(fitted: Fit, records: Sequence[Record]) -> dict[str, float]:
+    """By the effect's name, what it gains [1] on a table without any."""
+    return {TimingJitter.name: lateness(fitted, records).gain}
 
 
 def _predictor(fitted: Fit, records: Sequence[Record]) -> Predictor:

@@ -1,7 +1,8 @@
 """What proposes an effect: each detector looks at one stage of the search in its own way.
 
 A detector is a function of a `View`. It returns proposals, those of the catalogue scan with what each gains, the
-others only where the gain is more than chance; no other module knows which effect a detector is about.
+others only where the gain is more than chance. Only here, in random_force.py and in command_jitter.py is it known which
+effect a detector is about.
 """
 
 from __future__ import annotations

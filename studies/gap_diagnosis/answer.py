@@ -103,7 +103,7 @@ def _another_form(verdict: Results, name: str) -> str:
 def _said_beside(verdict: Results) -> str:
     """Which way friction is larger, which effects are excluded by their sign, and the input delay where it moved."""
     told, way, delay = "", verdict["direction"], verdict["input_delay"]
-    if way and "directional_friction" in verdict["effects"]:
+    if way and not set(way["effects"]).isdisjoint(verdict["effects"]):
         told += (
             f" Friction is larger {way['larger']}, by {show(way['difference_N'], 'N', 2)} at "
             f"{show(way['speed_m_per_s'], 'm/s', 2)}; what differs is {way['part']}."
