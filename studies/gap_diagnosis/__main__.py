@@ -31,6 +31,8 @@ def _run(arguments: Sequence[str] | None) -> int:
     parser = parser_of(STUDY)
     given = parser.parse_args(arguments)
     folder, given.continue_ = given.continue_, None  # which the study itself is not asked
+    if given.machine_process is not None:
+        return _asking(given, folder)
     if folder is None:
         return _drafted(given)
     from studies.gap_diagnosis import earlier
@@ -39,6 +41,24 @@ def _run(arguments: Sequence[str] | None) -> int:
     given = earlier.continued(given, before, parser.parse_args([]))
     status = _drafted(given)
     print(earlier.since(before, earlier.results_in(given.output)))
+    return status
+
+
+def _asking(given: argparse.Namespace, folder: Path | None) -> int:
+    """Asks the machine for records first, and tells the course of it last."""
+    from studies.gap_diagnosis.asking import asked_for
+    from studies.gap_diagnosis.course import course, told
+    from studies.options import BadInputError
+
+    if folder is not None:
+        raise BadInputError("--machine-process: begins anew; give the earlier records as RECORD instead of --continue")
+    if given.looks is not None:
+        raise BadInputError("--machine-process: writes its own looks; leave --looks out")
+    whole = asked_for(given)
+    status = _drafted(whole)
+    looks = course(whole.looks)
+    assert looks is not None
+    print(told(looks))
     return status
 
 

@@ -34,6 +34,8 @@ def effects_listed(names: Sequence[str], last: str = "and") -> str:
 
 
 def _outcome(verdict: Results) -> str:
+    if _is_unsure(verdict):
+        return f"No name is sure; it looks like {effects_listed(verdict['partly'])}"
     alike = f"; in part it resembles {effects_listed(verdict['partly'])}" if verdict["partly"] else ""
     return {
         "attributed": f"Attributed to {effects_listed(verdict['effects'])}",
@@ -42,6 +44,20 @@ def _outcome(verdict: Results) -> str:
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {effects_listed(verdict['effects'])}",
     }[verdict["outcome"]]
+
+
+def _is_unsure(verdict: Results) -> bool:
+    """Whether the records alone would give names, which no record confirmed that had not chosen them."""
+    return verdict.get("confirmed") is False and verdict["outcome"] == "none_of_these"
+
+
+def _unsure(results: Results) -> str:
+    """What is said of names that are not sure; empty where they are, or where there are none."""
+    verdict = results["verdict"]
+    if not _is_unsure(verdict):
+        return ""
+    names, reason = effects_listed(verdict["partly"]), results["asked"]["reason"]
+    return f"It looks like {names}, but no record that had not chosen this name confirms it: {reason}"
 
 
 def _rivals(verdict: Results) -> Sequence[str]:
@@ -71,11 +87,11 @@ def _which(results: Results) -> str:
             f"Nominal values are off, {effects_listed(names)}; re-fitted within their tolerances, no effect is missing."
         )
     if outcome == "none_of_these":
-        told = (
+        told = _unsure(results) or (
             "No effect of the catalogue, alone or with others, explains it within its prior range: the cause is out of "
             "catalogue"
         )
-        if verdict["partly"]:
+        if verdict["partly"] and not _is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]

@@ -32,6 +32,7 @@ from studies.beforehand import require_designable, require_stable
 from studies.effort import DIAGNOSED, DIAGNOSING, MOST, foresee, seconds_a_sample
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
+from studies.gap_diagnosis.course import confirmed, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
 from studies.gap_diagnosis.settling import settling_told
@@ -60,6 +61,8 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         raise BadInputError("--draft-effect: is for the command line; call draft.draft from Python")
     if options.continue_ is not None:
         raise BadInputError("--continue: is for the command line; give all records from Python")
+    if options.machine_process is not None:
+        raise BadInputError("--machine-process: is for the command line; call diagnosis.experiments.active from Python")
     require_stable(machine)  # as thresholds are those of simulated tables, whose loop is closed by the machine's PID
     if not options.record:
         require_designable(machine)
@@ -67,7 +70,7 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         _foresee(machine, samples, options, progress)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
-    apart = held_out(machine, options, progress)
+    apart, looks = held_out(machine, options, progress), course(options.looks)
     if options.record:
         samples = sum(record.position.size for record in given.records)
         _foresee(machine, samples * (1 + TRANSFERRED * (len(given.records) > 1)), options, progress)
@@ -95,7 +98,7 @@ def answered(
     if options.record and better != given.machine:
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
-    results = {**_results(found, beside, given, _elsewhere(found, apart), quick=options.quick), "adopted": adopted}
+    results = {**_results(found, beside, given, _elsewhere(found, apart), options, looks), "adopted": adopted}
     handover = found.how_far.handover
     files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)
     results["settling"] = settling_told(files, found.baseline.records, found.baseline.driving, options.seed)
@@ -169,18 +172,24 @@ def _elsewhere(found: Diagnosis, apart: Sequence[Loaded]) -> dict[str, Any] | No
 
 
 def _results(
-    found: Diagnosis, beside: Evidence, given: Given, elsewhere: Mapping[str, Any] | None, *, quick: bool
+    found: Diagnosis,
+    beside: Evidence,
+    given: Given,
+    elsewhere: Mapping[str, Any] | None,
+    options: DiagnosisOptions,
+    looks: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """The agreed keys, and what the report needs besides."""
     more, plain = beside.to_json(), verdict_of(found)
     plain["how_far"]["hold_out"] = elsewhere
-    verdict = {**plain["verdict"], **more["verdict"]}
+    verdict = confirmed({**plain["verdict"], **more["verdict"]}, looks)
     results = {
         **plain,
         "verdict": verdict,
         "where": more["where"],
         "confusability": more["confusability"],
-        "quick": quick,
+        "quick": options.quick,
+        "asked": looks,
         "truth": given.truth,
         "records": _with_motions(given.shown, found.baseline.pieces),
         "shifts": _shifts(found),

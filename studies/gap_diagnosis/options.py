@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from models.records.tables.formats import LISTED
-from studies.options import files, path, paths, texts, whole
+from studies.options import files, path, paths, quantity, text, texts, whole
 from studies.record_options import RecordOptions
 
 # Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
@@ -38,6 +38,27 @@ class DiagnosisOptions(RecordOptions):
         "go on from the run that wrote this folder: its machine, records and options, and the new RECORD, such as the "
         "one that its next_experiment.csv asked for. Results go into the same folder unless --output says otherwise. "
         "Thresholds are those of one look at the records: over several, chances of a false name add up",
+    )
+    machine_process: str | None = text(
+        "CMD",
+        "ask a machine for records until the diagnosis is sure, beginning with the RECORD that there are or, without "
+        "any, with the specified motions. CMD is started as CMD --folder FOLDER, writes limits.json (distance_m, "
+        "speed_m_per_s, feedforward_N, machine_time_s, records) into FOLDER and, without --machine, nominal.json, and "
+        "then runs one table of references for each path on its input; studies/machine_process.py says how to put an "
+        "axis behind it. What is asked stays within these limits, and within 6 records",
+    )
+    seconds: float | None = quantity(
+        "s",
+        "TIME",
+        "of the machine's time that --machine-process takes at most (default: 60 s, or what its limits leave)",
+        above=0,
+        reviewable=False,
+    )
+    looks: Path | None = path(
+        "FILE",
+        "looks.json of a --machine-process run whose records these are: its course is told, and a name that no later "
+        "record confirmed is not given",
+        reviewable=True,
     )
     draft_effect: Path | None = path(
         "FILE",

@@ -9,7 +9,7 @@ from typing import Any
 
 from reports.markup import Markdown
 from reports.report import Figure, Report
-from studies.gap_diagnosis import figures, unknown_law
+from studies.gap_diagnosis import course, figures, unknown_law
 from studies.gap_diagnosis.answer import bounds_told, effects_listed, harm_told
 from studies.wording import filters, fitted
 
@@ -40,6 +40,9 @@ def tell(whole: Results) -> Report:
         "share": _share,
         "sized": partial(fitted, digits=4),
         "over": unknown_law.OVER.__getitem__,
+        "found": course.found,
+        "evalue": course.e_value,
+        "ended": course.ended,
     }
     title = f"Diagnosis: {whole['machine']['name']}"
     question = (
@@ -52,12 +55,14 @@ def tell(whole: Results) -> Report:
         "holdout": results["how_far"]["hold_out"] is not None,
         "bytype": unknown_law.has_curve(results.get("learned")),
         "hanging": results["settling"] is not None,
+        "looks": results.get("asked") is not None,
     }
     tables = {name: keys for name, keys in TABLES.items() if there.get(name, True)}
     return Report(title, question, Path(__file__).parent / "report.md", tuple(shown), {**filters(), **extra}, tables)
 
 
 TABLES = {
+    "looks": ("results.asked",),
     "records": ("results.records",),
     "files": ("results.how_far",),
     "hanging": ("results.settling",),

@@ -1,0 +1,238 @@
+"""A diagnosis that asks for its own records: look, choose what to run next, run it, look again; see policy.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.baseline import refit_and_null
+from diagnosis.criteria import Criteria
+from diagnosis.diagnose import Diagnosis, diagnosed
+from diagnosis.experiments import policy
+from diagnosis.experiments.e_process import EProcess, tested
+from diagnosis.experiments.information import Told, told
+from diagnosis.experiments.policy import Choice, Choose, Found, Knowledge, Stop
+from diagnosis.experiments.schedules import Schedule, together
+from diagnosis.experiments.within_limits import Bounds, experiments
+from diagnosis.verdict import Outcome
+from models.machine import Machine
+from models.records.record import Record
+
+Run = Callable[[Schedule], Record | str]
+"""Has the machine run references: its record, or why there is none."""
+Say = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What may be taken of the machine: within which bounds, its time [s] and its records; and the probability of a
+    false name over all looks [1]."""
+
+    bounds: Bounds
+    seconds: float = 60.0
+    records: int = 6
+    chance: float = policy.CHANCE
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How every look is taken: thresholds, the seed, the effects that are not to be used, and a folder that keeps the
+    null from run to run."""
+
+    criteria: Criteria = Criteria()
+    seed: int = 0
+    disabled: tuple[str, ...] = ()
+    cache: Path | None = None
+
+
+@dataclass(frozen=True)
+class Look:
+    """One record and what is known with it: what was asked in words, why, its time [s]; what was found before and
+    after; the e-process; failed: why there is no record."""
+
+    asked: str
+    why: str
+    seconds: float
+    before: Found | None
+    found: Found | None
+    process: EProcess
+    failed: str = ""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The whole diagnosis: how it ended and why, the names that are sure, the looks, the records, the last diagnosis,
+    the effects that none of the records could show, and the probability of a false name [1]."""
+
+    stop: Stop
+    reason: str
+    names: tuple[str, ...]
+    looks: tuple[Look, ...]
+    records: tuple[Record, ...]
+    diagnosis: Diagnosis | None
+    hidden: tuple[str, ...]
+    chance: float = policy.CHANCE
+
+
+def ask(
+    machine: Machine,
+    run: Run,
+    budget: Budget,
+    settings: Settings = Settings(),
+    *,
+    choose: Choose = policy.active,
+    have: Sequence[Record] = (),
+    say: Say = lambda _share, _text: None,
+) -> Asked:
+    """Runs experiments on a machine within its bounds until the diagnosis is sure or the budget is spent [SI].
+
+    have: records that there are already; without any, the first one is the user's own test, the specified motions.
+    choose: how the others are chosen. say is told the share of the budget that is spent, and what comes next.
+    """
+    say(0.0, "what each experiment would tell, by simulation")
+    kinds = machine.kinds
+    names = tuple(one for one in kinds if kinds[one].shown_in() != "log" and one not in settings.disabled)
+    menu = told(machine, experiments(machine, budget.bounds), names, settings.seed)
+    known = Knowledge(names, menu, (0,) * len(menu), (), EProcess(), budget.seconds, budget.records)
+    course = _Course(known, records=tuple(have))
+    if have:
+        course = _looked(course, machine, settings, Choice((), "records that there were"), known)
+    choice = _next(course.known, choose, settings.criteria)
+    while choice is not None and policy.ending(course.known, budget.chance) is None:
+        parts = [course.known.experiments[i] for i in choice.places]
+        share = 1 - course.known.seconds / budget.seconds
+        say(share, f"asked {_words(parts)}, {choice.why}")
+        result = run(_joined(parts))
+        begun, course = course.known, replace(course, known=_taken(course.known, parts, choice))
+        if isinstance(result, str):
+            say(share, f"the machine did not: {result}")
+            looks = (*course.looks, _look(parts, choice, begun, None, failed=result))
+            course = replace(course, known=_without(course.known, choice), looks=looks)
+        else:
+            course = replace(course, records=(*course.records, result))
+            say(1 - course.known.seconds / budget.seconds, f"a diagnosis of {len(course.records)} records")
+            course = _looked(course, machine, settings, choice, begun)
+        choice = _next(course.known, choose, settings.criteria)
+    return _asked(course, budget)
+
+
+@dataclass(frozen=True)
+class _Course:
+    known: Knowledge
+    records: tuple[Record, ...] = ()
+    looks: tuple[Look, ...] = ()
+    last: Diagnosis | None = None
+
+
+def _looked(course: _Course, machine: Machine, settings: Settings, choice: Choice, begun: Knowledge) -> _Course:
+    """One diagnosis of all records, after the last one was tested against what the look before had named."""
+    baseline = refit_and_null(machine, course.records, criteria=settings.criteria, cache=settings.cache)
+    known, last = course.known, course.last
+    process = tested(last, baseline, known.process) if last is not None else known.process
+    now = diagnosed(baseline, seed=settings.seed, disabled=settings.disabled)
+    known = replace(known, found=(*known.found, _found(now)), process=process)
+    look = _look([begun.experiments[i] for i in choice.places], choice, begun, known)
+    return _Course(known, course.records, (*course.looks, look), now)
+
+
+def _next(known: Knowledge, choose: Choose, criteria: Criteria) -> Choice | None:
+    fits = [i for i, one in enumerate(known.experiments) if one.seconds <= known.seconds]
+    if not fits or known.records < 1:
+        return None
+    if known.found:
+        return choose(known, criteria)
+    return Choice((fits[0],), "to begin with what the axis runs anyway")
+
+
+def _taken(known: Knowledge, parts: list[Told], choice: Choice) -> Knowledge:
+    runs = tuple(n + choice.places.count(i) for i, n in enumerate(known.runs))
+    seconds = sum(one.seconds for one in parts)
+    return replace(known, runs=runs, seconds=known.seconds - seconds, records=known.records - 1)
+
+
+def _without(known: Knowledge, choice: Choice) -> Knowledge:
+    """Without the experiments that the machine did not run."""
+    kept = [i for i in range(len(known.experiments)) if i not in choice.places]
+    return replace(
+        known,
+        experiments=tuple(known.experiments[i] for i in kept),
+        runs=tuple(known.runs[i] for i in kept),
+    )
+
+
+def _joined(parts: list[Told]) -> Schedule:
+    schedules = [one.experiment.schedule for one in parts]
+    return schedules[0] if len(schedules) == 1 else together("asked", schedules)
+
+
+def _found(last: Diagnosis) -> Found:
+    gains = {row.name: float(row.gain) for row in last.which if np.isfinite(row.gain)}
+    named = last.effects if last.outcome in {Outcome.ATTRIBUTED, Outcome.AMBIGUOUS} else ()
+    return Found(last.outcome, named, last.equivalent, gains)
+
+
+def _words(parts: Sequence[Told]) -> str:
+    return "; then ".join(one.experiment.words for one in parts)
+
+
+def _look(parts: list[Told], choice: Choice, begun: Knowledge, known: Knowledge | None, failed: str = "") -> Look:
+    return Look(
+        _words(parts),
+        choice.why,
+        sum(one.seconds for one in parts),
+        begun.found[-1] if begun.found else None,
+        known.found[-1] if known else None,
+        (known or begun).process,
+        failed,
+    )
+
+
+def _asked(course: _Course, budget: Budget) -> Asked:
+    known = course.known
+    if course.last is None:
+        reason = "nothing that stays within the limits was run"
+        return Asked(Stop.CANNOT_TELL, reason, (), course.looks, (), None, known.effects)
+    end = policy.ending(known, budget.chance)
+    if end is None:
+        fits = any(one.seconds <= known.seconds for one in known.experiments) and known.records > 0
+        reason = "nothing within the limits would tell more" if fits else "the machine's time is spent"
+        end = policy.spent(known, budget.chance, reason)
+    names = tuple(name for name in known.found[-1].names if known.process.sure(name, budget.chance))
+    named = names if end[0] is Stop.NAMED else ()
+    return Asked(*end, named, course.looks, course.records, course.last, policy.hidden(known), budget.chance)
+
+
+def to_json(asked: Asked) -> dict[str, Any]:
+    """The course of it as results.json holds it; seconds [s], logarithms of e-values [1]."""
+    return {
+        "outcome": str(asked.stop),
+        "reason": asked.reason,
+        "effects": list(asked.names),
+        "not_shown": list(asked.hidden),
+        "chance": asked.chance,
+        "needed": 1 / asked.chance,
+        "seconds": sum(one.seconds for one in asked.looks),
+        "looks": [
+            {
+                "asked": one.asked,
+                "why": one.why,
+                "seconds": one.seconds,
+                "failed": one.failed,
+                "before": _shown(one.before),
+                "after": _shown(one.found),
+                "log10_e_value": one.process.any / np.log(10),
+                "log10_e_values": {name: log / np.log(10) for name, log in one.process.names.items()},
+            }
+            for one in asked.looks
+        ],
+    }
+
+
+def _shown(found: Found | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {"outcome": str(found.outcome), "names": list(found.names), "alike": [list(one) for one in found.alike]}

@@ -1,0 +1,77 @@
+"""The course of a diagnosis that asked for its records: read from its file, told, and what it means for the verdict."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from models.quantity import listed, show
+from studies.options import BadInputError
+
+LOOKS: Final = "looks.json"
+MANY: Final = 6.0  # powers of ten of an e-value that are not told any more
+
+
+def course(file: Path | None) -> Mapping[str, Any] | None:
+    """The course of the looks in a file that `--machine-process` wrote. Raises BadInputError."""
+    if file is None:
+        return None
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInputError(f"--looks {file}: can't be read; give the {LOOKS} that --machine-process wrote") from error
+    if not isinstance(content, dict) or not isinstance(content.get("looks"), list) or "outcome" not in content:
+        raise BadInputError(f"--looks {file}: is not the course of a diagnosis; give the {LOOKS} beside the records")
+    return content
+
+
+def confirmed(verdict: Mapping[str, Any], looks: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The verdict without the names that the looks did not make sure; as it is where there were none.
+
+    A diagnosis of the last records alone has the chance of a false name that one look has; over several looks only
+    names count that a record confirmed which had not chosen them.
+    """
+    if looks is None or verdict["outcome"] not in {"attributed", "ambiguous"}:
+        return dict(verdict)
+    sure = [name for name in verdict["effects"] if name in looks["effects"]]
+    there = verdict["outcome"] == "ambiguous" and 10 ** looks["looks"][-1]["log10_e_value"] >= looks["needed"]
+    if sure or there:
+        return {**verdict, "confirmed": len(sure) == len(verdict["effects"])}
+    return {**verdict, "outcome": "none_of_these", "effects": [], "partly": verdict["effects"], "confirmed": False}
+
+
+def told(content: Mapping[str, Any]) -> str:
+    """The course in lines of text: what was asked, what was open before and after, and how it ended."""
+    lines = [
+        f"{i + 1}. {show(look['seconds'], 's', 3)} ({look['why']}): {look['asked']} -> {_found(look)}"
+        for i, look in enumerate(content["looks"])
+    ]
+    return "\n".join([*lines, ended(content)])
+
+
+def ended(content: Mapping[str, Any]) -> str:
+    """How it ended, after how much of the machine's time, and why."""
+    names = f" {listed(content['effects'])}" if content["effects"] else ""
+    after = show(content["seconds"], "s", 3)
+    told = f"{content['outcome'].replace('_', ' ')}{names} after {after} of machine time: {content['reason']}."
+    return f"{told[0].upper()}{told[1:]}"
+
+
+def e_value(look: Mapping[str, Any]) -> str:
+    """The e-value over all looks so far; only that it is large where it is."""
+    logarithm = look["log10_e_value"]
+    return "over a million" if logarithm > MANY else f"{10**logarithm:.2g}"
+
+
+def found(after: Mapping[str, Any] | None) -> str:
+    """What a look found, in a few words."""
+    if after is None:
+        return "–"
+    names = f": {listed([name.replace('_', ' ') for name in after['names']])}" if after["names"] else ""
+    return f"{after['outcome'].replace('_', ' ')}{names}"
+
+
+def _found(look: Mapping[str, Any]) -> str:
+    return f"not run: {look['failed']}" if look["failed"] else f"{found(look['after'])}, e-value {e_value(look)}"

@@ -1,0 +1,122 @@
+"""A diagnosis that asks for its records: the course of it, with the diagnosis itself replaced by a script."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.experiments import active
+from diagnosis.experiments.active import Budget, ask, to_json
+from diagnosis.experiments.e_process import EProcess
+from diagnosis.experiments.policy import Stop
+from diagnosis.experiments.schedules import Schedule
+from diagnosis.experiments.within_limits import Bounds
+from diagnosis.verdict import Outcome
+from models.machine import load
+from models.records.record import Record
+
+BUDGET = Budget(Bounds(0.05, 0.3, 100.0), 30.0, 4)
+MACHINE = load()
+
+
+def answer(outcome: Outcome, *names: str) -> Any:
+    rows = tuple(SimpleNamespace(name=name, gain=1e6) for name in names)
+    return SimpleNamespace(outcome=outcome, effects=names, equivalent=(), which=rows)
+
+
+NOTHING, COGGING = answer(Outcome.NOTHING), answer(Outcome.ATTRIBUTED, "cogging")
+
+
+@pytest.fixture
+def script(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Lets the looks give these answers, one after another, and each test of a name this e-value."""
+
+    def prepared(answers: Sequence[Any], gain: float) -> None:
+        left = list(answers)
+        monkeypatch.setattr(active, "refit_and_null", lambda _machine, records, **_: records)
+        monkeypatch.setattr(active, "diagnosed", lambda *_, **__: left.pop(0) if len(left) > 1 else left[0])
+
+        def tested(before: Any, _now: Any, process: EProcess) -> EProcess:
+            return process.after(gain, dict.fromkeys(before.effects, gain)) if before.effects else process
+
+        monkeypatch.setattr(active, "tested", tested)
+
+    return prepared
+
+
+class Bench:
+    """A machine that follows exactly, or fails in its first runs."""
+
+    def __init__(self, failing: int = 0) -> None:
+        self.asked: list[Schedule] = []
+        self.failing = failing
+
+    def run(self, references: Schedule) -> Record | str:
+        self.asked.append(references)
+        if len(self.asked) <= self.failing:
+            return "tripped"
+        given = references.given
+        force = given.feedforward
+        return Record(MACHINE.sample_time, references.target, given.position, force, force, given.position)
+
+    @property
+    def seconds(self) -> float:
+        return sum(one.target.size for one in self.asked) * MACHINE.sample_time
+
+
+def test_it_begins_with_the_own_test_and_ends_when_a_name_is_confirmed(script: Any) -> None:
+    script([NOTHING, COGGING, COGGING], 40.0)
+    bench = Bench()
+    found = ask(MACHINE, bench.run, BUDGET)
+    assert bench.asked[0].name == "own test"
+    assert (found.stop, found.names, len(found.records)) == (Stop.NAMED, ("cogging",), 3)
+    assert bench.seconds < BUDGET.seconds
+    shown = to_json(found)
+    assert [look["after"]["outcome"] for look in shown["looks"]] == ["nothing_to_explain", "attributed", "attributed"]
+    assert [look["log10_e_value"] > np.log10(shown["needed"]) for look in shown["looks"]] == [False, False, True]
+    assert shown["seconds"] == pytest.approx(bench.seconds)
+
+
+@pytest.mark.parametrize(("answers", "stop"), [([NOTHING], Stop.NOTHING), ([COGGING], Stop.CANNOT_TELL)])
+def test_it_takes_no_more_than_its_budget_and_gives_no_name_that_is_not_sure(
+    answers: list[Any], stop: Stop, script: Any
+) -> None:
+    script(answers, 0.0)
+    bench = Bench()
+    found = ask(MACHINE, bench.run, BUDGET)
+    assert (found.stop, found.names) == (stop, ())
+    assert bench.seconds <= BUDGET.seconds
+    assert len(bench.asked) <= BUDGET.records
+    assert all(BUDGET.bounds.keep(one, MACHINE.sample_time) for one in bench.asked)
+
+
+def test_what_the_machine_does_not_run_is_told_paid_for_and_not_asked_again(script: Any) -> None:
+    script([NOTHING], 0.0)
+    bench = Bench(failing=2)
+    found = ask(MACHINE, bench.run, BUDGET)
+    assert [look.failed for look in found.looks[:3]] == ["tripped", "tripped", ""]
+    assert len({one.name for one in bench.asked[:3]}) == 3
+    assert len(bench.asked) <= BUDGET.records
+    assert found.stop is Stop.NOTHING
+
+
+def test_a_machine_that_runs_nothing_cannot_tell(script: Any) -> None:
+    script([NOTHING], 0.0)
+    found = ask(MACHINE, Bench(failing=99).run, BUDGET)
+    assert (found.stop, found.diagnosis) == (Stop.CANNOT_TELL, None)
+    assert "nothing that stays within the limits was run" in found.reason
+
+
+def test_records_that_there_are_come_first_and_cost_nothing(script: Any) -> None:
+    script([COGGING, COGGING], 40.0)
+    bench = Bench()
+    had = Bench().run(active.experiments(MACHINE, BUDGET.bounds)[0].schedule)
+    assert isinstance(had, Record)
+    found = ask(MACHINE, bench.run, BUDGET, have=[had])
+    assert found.looks[0].seconds == 0.0
+    assert bench.asked[0].name != "own test"
+    assert found.records[0] is had

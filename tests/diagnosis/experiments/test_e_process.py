@@ -1,0 +1,79 @@
+"""e-values on new records: the predictive density against a plain one, and false alarms over many looks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, predictive, staked
+
+CHANCE = 0.05
+
+
+def test_the_predictive_density_is_that_of_a_conditional_normal() -> None:
+    """Against the density of all samples and of the earlier ones, from their covariances."""
+    rng = np.random.default_rng(1)
+    left, slopes, earlier = rng.standard_normal(9), rng.standard_normal((9, 3)), 5
+    whole = multivariate_normal(np.zeros(9), np.eye(9) + slopes @ slopes.T)
+    before = multivariate_normal(np.zeros(earlier), np.eye(earlier) + slopes[:earlier] @ slopes[:earlier].T)
+    expected = whole.logpdf(left) - before.logpdf(left[:earlier])
+    constant = -0.5 * (9 - earlier) * np.log(2 * np.pi)
+    assert predictive(left, slopes, earlier) + constant == pytest.approx(expected, abs=1e-12)
+
+
+def _log_ratio(left: np.ndarray, slopes: np.ndarray, effect: np.ndarray, earlier: int) -> float:
+    with_it = predictive(left + effect, np.hstack([slopes, SPREAD * effect[:, None]]), earlier)
+    return with_it - predictive(left, slopes, earlier)
+
+
+def _largest(rng: np.random.Generator, looks: int, variance: float, size: float, there: float) -> float:
+    """The largest logarithm of the product over looks in which a machine without the effect, or with it, is named."""
+    n, product, most = 12, 0.0, -np.inf
+    parameters = rng.standard_normal(2)
+    slopes, effect = np.zeros((0, 2)), np.zeros(0)
+    left = np.zeros(0)
+    for _ in range(looks):
+        more, column = rng.standard_normal((n, 2)), size * rng.standard_normal(n)
+        slopes, effect = np.vstack([slopes, more]), np.append(effect, column)
+        seen = np.sqrt(variance) * rng.standard_normal(n) - more @ parameters - there * column
+        left = np.append(left, seen)
+        product += staked(_log_ratio(left, slopes, effect, left.size - n))
+        most = max(most, product)
+    return most
+
+
+@pytest.mark.parametrize("size", [0.1, 0.5, 2.0])
+@pytest.mark.parametrize("variance", [1.0, 1 / TEMPER])
+def test_false_alarms_over_all_looks_stay_below_the_chance(size: float, variance: float) -> None:
+    """Also where the noise has twice the variance that the model states."""
+    rng = np.random.default_rng([round(10 * size), round(10 * variance)])
+    alarms = np.mean([_largest(rng, 6, variance, size, there=0.0) > -np.log(CHANCE) for _ in range(600)])
+    assert alarms <= CHANCE
+
+
+def test_an_effect_that_is_there_is_confirmed_even_at_another_size() -> None:
+    rng = np.random.default_rng(4)
+    found = np.mean([_largest(rng, 3, 1.0, 3.0, there=0.6) > -np.log(CHANCE) for _ in range(100)])
+    assert found > 0.95
+
+
+def test_untempered_ratios_would_raise_false_alarms_where_the_noise_is_larger() -> None:
+    """What the power is for: without it the chance is exceeded."""
+    rng = np.random.default_rng(5)
+    n, alarms = 12, 0
+    for _ in range(600):
+        column = 2.0 * rng.standard_normal(n)
+        ratio = _log_ratio(np.sqrt(3 / TEMPER) * rng.standard_normal(n), np.zeros((n, 1)), column, 0)
+        alarms += ratio > -np.log(CHANCE)
+    assert alarms / 600 > CHANCE
+
+
+def test_a_wrong_choice_costs_half_and_names_are_kept_apart() -> None:
+    process = EProcess().after(-1e6, {"cogging": -1e6}).after(20.0, {"stribeck": 20.0})
+    assert process.any == pytest.approx(-np.log(2) + staked(20.0))
+    assert process.of("cogging") == pytest.approx(-np.log(2))
+    assert process.of("play") == 0.0
+    assert process.sure("stribeck", 0.02)
+    assert not process.sure("cogging", 0.02)
+    assert not process.sure("stribeck", 1e-6)
