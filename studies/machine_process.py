@@ -24,7 +24,7 @@ import shlex
 import subprocess
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,6 +126,15 @@ def duration(asked: Schedule, sample_time: float) -> float:
     return asked.target.size * sample_time
 
 
+@dataclass(frozen=True)
+class Channel:
+    """The lines to a machine's program and from it, and whether it has ended."""
+
+    requests: IO[str]
+    answers: IO[str]
+    ended: Callable[[], bool]
+
+
 class MachineProcess:
     """A machine that can do one thing: run references. It keeps to its limits, and so does this side of it.
 
@@ -133,12 +142,12 @@ class MachineProcess:
     nominal.json where it wrote one.
     """
 
-    def __init__(self, process: subprocess.Popen[str], command: str, work: Path, columns: Columns | None) -> None:
-        self._process, self._command, self._work, self._columns = process, command, work, columns
+    def __init__(self, channel: Channel, command: str, work: Path, columns: Columns | None = None) -> None:
+        """Waits for the limits; command: as messages have it; work: a folder for what is asked, in which the machine's
+        folder is. Raises MachineProcessError."""
+        self._channel, self._command, self._work, self._columns = channel, command, work, columns
         self._lines: queue.Queue[str] = queue.Queue()
-        assert process.stdout is not None
-        reader = threading.Thread(target=_pass_on, args=(process.stdout, self._lines), daemon=True)
-        reader.start()
+        threading.Thread(target=_pass_on, args=(channel.answers, self._lines), daemon=True).start()
         self._asked = 0
         self.folder = work / "machine"
         self.limits = self._stated_limits()
@@ -181,7 +190,7 @@ class MachineProcess:
                 content = None
             if content is not None:
                 return self._limits(content)
-            if self._process.poll() is not None:
+            if self._channel.ended():
                 raise self._fault("ended before it had written limits.json")
             time.sleep(LOOKING)
         raise self._fault(f"has written no limits.json in {STARTING:g} s")
@@ -206,10 +215,9 @@ class MachineProcess:
         return float(number)
 
     def _answer(self, line: str, seconds: float) -> Mapping[str, Any]:
-        assert self._process.stdin is not None
         try:
-            self._process.stdin.write(line + "\n")
-            self._process.stdin.flush()
+            self._channel.requests.write(line + "\n")
+            self._channel.requests.flush()
             text = self._lines.get(timeout=seconds)
         except (BrokenPipeError, queue.Empty) as error:
             ended = isinstance(error, BrokenPipeError)
@@ -248,7 +256,21 @@ def started(
     work: an existing folder for what is asked and the machine's own folder. first: a line that the program reads before
     all others, as a sealed machine does. columns: how its records call their signals. Raises MachineProcessError.
     """
-    words, shown = _words(command), command if isinstance(command, str) else shlex.join(command)
+    shown = command if isinstance(command, str) else shlex.join(command)
+    with program(command, work, first) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        channel = Channel(process.stdin, process.stdout, lambda: process.poll() is not None)
+        yield MachineProcess(channel, shown, work.absolute(), columns)
+
+
+@contextmanager
+def program(command: str | Sequence[str], work: Path, first: str | None = None) -> Iterator[subprocess.Popen[str]]:
+    """A machine's program, with its folder in `work`, ended when the block is left; first: as in `started`.
+
+    Raises MachineProcessError where it can't be started.
+    """
+    words = _words(command)
     folder = (work / "machine").absolute()
     folder.mkdir()
     with (work / "stderr.txt").open("wb") as errors:
@@ -264,7 +286,7 @@ def started(
             )
         except OSError as error:
             raise MachineProcessError(
-                f"--machine-process {shown}: can't be started ({error.strerror}); give a command that can"
+                f"--machine-process {shlex.join(words)}: can't be started ({error.strerror}); give a command that can"
             ) from error
     try:
         if first is not None:
@@ -272,7 +294,7 @@ def started(
             with suppress(BrokenPipeError):
                 process.stdin.write(first + "\n")
                 process.stdin.flush()
-        yield MachineProcess(process, shown, work.absolute(), columns)
+        yield process
     finally:
         _end(process)
 
@@ -302,3 +324,6 @@ def _end(process: subprocess.Popen[str]) -> None:
         except subprocess.TimeoutExpired:
             ask()
     process.wait()
+    assert process.stdout is not None
+    with suppress(OSError, ValueError):
+        process.stdout.close()

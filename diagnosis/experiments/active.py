@@ -11,14 +11,13 @@ import numpy as np
 
 from diagnosis.baseline import refit_and_null
 from diagnosis.criteria import Criteria
-from diagnosis.diagnose import Diagnosis, diagnosed
 from diagnosis.experiments import policy
 from diagnosis.experiments.e_process import EProcess, tested
 from diagnosis.experiments.information import Told, told
-from diagnosis.experiments.policy import Choice, Choose, Found, Knowledge, Stop
+from diagnosis.experiments.look import Found, Look, look
+from diagnosis.experiments.policy import Choice, Choose, Knowledge, Stop
 from diagnosis.experiments.schedules import Schedule, together
 from diagnosis.experiments.within_limits import Bounds, experiments
-from diagnosis.verdict import Outcome
 from models.machine import Machine
 from models.records.record import Record
 
@@ -50,7 +49,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Look:
+class Step:
     """One record and what is known with it: what was asked in words, why, its time [s]; what was found before and
     after; the e-process; failed: why there is no record."""
 
@@ -65,15 +64,15 @@ class Look:
 
 @dataclass(frozen=True)
 class Asked:
-    """The whole diagnosis: how it ended and why, the names that are sure, the looks, the records, the last diagnosis,
+    """The whole diagnosis: how it ended and why, the names that are sure, the steps, the records, the last look,
     the effects that none of the records could show, and the probability of a false name [1]."""
 
     stop: Stop
     reason: str
     names: tuple[str, ...]
-    looks: tuple[Look, ...]
+    steps: tuple[Step, ...]
     records: tuple[Record, ...]
-    diagnosis: Diagnosis | None
+    last: Look | None
     hidden: tuple[str, ...]
     chance: float = policy.CHANCE
 
@@ -110,8 +109,8 @@ def ask(
         begun, course = course.known, replace(course, known=_taken(course.known, parts, choice))
         if isinstance(result, str):
             say(share, f"the machine did not: {result}")
-            looks = (*course.looks, _look(parts, choice, begun, None, failed=result))
-            course = replace(course, known=_without(course.known, choice), looks=looks)
+            steps = (*course.steps, _step(parts, choice, begun, None, failed=result))
+            course = replace(course, known=_without(course.known, choice), steps=steps)
         else:
             course = replace(course, records=(*course.records, result))
             say(1 - course.known.seconds / budget.seconds, f"a diagnosis of {len(course.records)} records")
@@ -124,8 +123,8 @@ def ask(
 class _Course:
     known: Knowledge
     records: tuple[Record, ...] = ()
-    looks: tuple[Look, ...] = ()
-    last: Diagnosis | None = None
+    steps: tuple[Step, ...] = ()
+    last: Look | None = None
 
 
 def _looked(course: _Course, machine: Machine, settings: Settings, choice: Choice, begun: Knowledge) -> _Course:
@@ -133,10 +132,10 @@ def _looked(course: _Course, machine: Machine, settings: Settings, choice: Choic
     baseline = refit_and_null(machine, course.records, criteria=settings.criteria, cache=settings.cache)
     known, last = course.known, course.last
     process = tested(last, baseline, known.process) if last is not None else known.process
-    now = diagnosed(baseline, seed=settings.seed, disabled=settings.disabled)
-    known = replace(known, found=(*known.found, _found(now)), process=process)
-    look = _look([begun.experiments[i] for i in choice.places], choice, begun, known)
-    return _Course(known, course.records, (*course.looks, look), now)
+    now = look(baseline, seed=settings.seed, disabled=settings.disabled)
+    known = replace(known, found=(*known.found, now.found), process=process)
+    step = _step([begun.experiments[i] for i in choice.places], choice, begun, known)
+    return _Course(known, course.records, (*course.steps, step), now)
 
 
 def _next(known: Knowledge, choose: Choose, criteria: Criteria) -> Choice | None:
@@ -169,18 +168,12 @@ def _joined(parts: list[Told]) -> Schedule:
     return schedules[0] if len(schedules) == 1 else together("asked", schedules)
 
 
-def _found(last: Diagnosis) -> Found:
-    gains = {row.name: float(row.gain) for row in last.which if np.isfinite(row.gain)}
-    named = last.effects if last.outcome in {Outcome.ATTRIBUTED, Outcome.AMBIGUOUS} else ()
-    return Found(last.outcome, named, last.equivalent, gains)
-
-
 def _words(parts: Sequence[Told]) -> str:
     return "; then ".join(one.experiment.words for one in parts)
 
 
-def _look(parts: list[Told], choice: Choice, begun: Knowledge, known: Knowledge | None, failed: str = "") -> Look:
-    return Look(
+def _step(parts: list[Told], choice: Choice, begun: Knowledge, known: Knowledge | None, failed: str = "") -> Step:
+    return Step(
         _words(parts),
         choice.why,
         sum(one.seconds for one in parts),
@@ -195,7 +188,7 @@ def _asked(course: _Course, budget: Budget) -> Asked:
     known = course.known
     if course.last is None:
         reason = "nothing that stays within the limits was run"
-        return Asked(Stop.CANNOT_TELL, reason, (), course.looks, (), None, known.effects)
+        return Asked(Stop.CANNOT_TELL, reason, (), course.steps, (), None, known.effects)
     end = policy.ending(known, budget.chance)
     if end is None:
         fits = any(one.seconds <= known.seconds for one in known.experiments) and known.records > 0
@@ -203,7 +196,7 @@ def _asked(course: _Course, budget: Budget) -> Asked:
         end = policy.spent(known, budget.chance, reason)
     names = tuple(name for name in known.found[-1].names if known.process.sure(name, budget.chance))
     named = names if end[0] is Stop.NAMED else ()
-    return Asked(*end, named, course.looks, course.records, course.last, policy.hidden(known), budget.chance)
+    return Asked(*end, named, course.steps, course.records, course.last, policy.hidden(known), budget.chance)
 
 
 def to_json(asked: Asked) -> dict[str, Any]:
@@ -215,7 +208,7 @@ def to_json(asked: Asked) -> dict[str, Any]:
         "not_shown": list(asked.hidden),
         "chance": asked.chance,
         "needed": 1 / asked.chance,
-        "seconds": sum(one.seconds for one in asked.looks),
+        "seconds": sum(one.seconds for one in asked.steps),
         "looks": [
             {
                 "asked": one.asked,
@@ -227,7 +220,7 @@ def to_json(asked: Asked) -> dict[str, Any]:
                 "log10_e_value": one.process.any / np.log(10),
                 "log10_e_values": {name: log / np.log(10) for name, log in one.process.names.items()},
             }
-            for one in asked.looks
+            for one in asked.steps
         ],
     }
 

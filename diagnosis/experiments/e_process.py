@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
-from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.look import Look
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.residual import STARTING, Residual, columns, evaluate
 from diagnosis.which.command_jitter import lateness
@@ -81,10 +81,10 @@ def staked(ratio: float) -> float:
     return float(np.logaddexp(0.0, TEMPER * ratio) - np.log(2.0))
 
 
-def tested(before: Diagnosis, now: Baseline, process: EProcess) -> EProcess:
+def tested(before: Look, now: Baseline, process: EProcess) -> EProcess:
     """The e-process with the last record of `now`, by what the look `before` it named; as it is where that was
     nothing. Logarithms [1]."""
-    named = [name for name in before.effects if name in now.machine.kinds]
+    named = [name for name in before.found.names if name in now.machine.kinds]
     if not named:
         return process
     logged = {name: _in_the_log(name, before, now) for name in named if _is_logged(name, before)}
@@ -92,15 +92,15 @@ def tested(before: Diagnosis, now: Baseline, process: EProcess) -> EProcess:
     forces = _by_name(before, named)
     ratios = _ratios(now, forces) if forces else {}
     each = {**logged, **{name: random for name in named if name not in logged and name not in forces}, **ratios}
-    parts = [ratios[""]] * bool(ratios) + list(logged.values()) + [random] * bool(before.final.candidate.random_forces)
+    parts = [ratios[""]] * bool(ratios) + list(logged.values()) + [random] * bool(before.fitted.candidate.random_forces)
     whole = float(np.logaddexp.reduce(parts) - np.log(len(parts)))  # a mean of e-values is one, their product is not
     return process.after(whole, {name: each[name] for name in named})
 
 
-def _by_name(before: Diagnosis, named: list[str]) -> dict[str, list[Effect]]:
+def _by_name(before: Look, named: list[str]) -> dict[str, list[Effect]]:
     """The named effects that are in the model, members of one class together."""
     found: dict[str, list[Effect]] = {}
-    for effect in before.final.candidate.added_effects:
+    for effect in before.fitted.candidate.added_effects:
         if effect.name in named:
             found.setdefault(effect.name, []).append(effect)
     return found
@@ -149,12 +149,12 @@ def evidence_of(left: Array, slopes: Array) -> float:
     return float(-0.5 * (left @ left - onto @ cho_solve(factor, onto)) - np.sum(np.log(np.diag(factor[0]))))
 
 
-def _is_logged(name: str, before: Diagnosis) -> bool:
+def _is_logged(name: str, before: Look) -> bool:
     kinds = before.baseline.machine.kinds
     return name == TimingJitter.name or Place.CONTROL in kinds[name].hooks
 
 
-def _in_the_log(name: str, before: Diagnosis, now: Baseline) -> float:
+def _in_the_log(name: str, before: Look, now: Baseline) -> float:
     """Logarithm of LR [1] of what no force law shows: a replay that fails again, commands that are late again."""
     if name != TimingJitter.name:
         return -CERTAIN if now.replays[-1].replays else CERTAIN
@@ -166,9 +166,9 @@ def _in_the_log(name: str, before: Diagnosis, now: Baseline) -> float:
     return float(expected * (found - 0.5 * expected))
 
 
-def _of_random_forces(before: Diagnosis, now: Baseline) -> float:
+def _of_random_forces(before: Look, now: Baseline) -> float:
     """Logarithm of LR [1] of the random forces in the model: what the filter with them leaves of the last record."""
-    forces = before.final.candidate.random_forces
+    forces = before.fitted.candidate.random_forces
     if not forces:
         return 0.0
     fitted = now.nominal

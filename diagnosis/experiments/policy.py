@@ -15,7 +15,7 @@ time or its records are spent.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.information import Told
+from diagnosis.experiments.look import Found
 from diagnosis.verdict import Outcome
 from models.quantity import listed
 
@@ -44,17 +45,6 @@ class Stop(StrEnum):
     NOTHING = "nothing_to_explain"
     NONE = "none_of_these"
     CANNOT_TELL = "cannot_tell"
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a look found: the outcome, the names, groups of effects that are alike, and by name the chi-square [1] that
-    an effect gained on motions it was not fitted to."""
-
-    outcome: Outcome
-    names: tuple[str, ...]
-    alike: tuple[tuple[str, ...], ...]
-    gains: Mapping[str, float]
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ STUDY = Study(
     "gap_diagnosis",
     "Where does the real machine deviate from its model, which effect causes it, how much of the gap does it close?",
     DiagnosisOptions,
-    writes=("improved.toml", "suite.csv", "next_experiment.csv"),
+    writes=("improved.toml", "suite.csv", "next_experiment.csv", "asked/*"),
 )
 
 

@@ -1,8 +1,9 @@
 """`--machine-process`: a diagnosis that asks a machine for its records, and what is kept and told of it.
 
-What was asked and what came back stays in the folder ASKED of --output: the references, the records, what the
-machine's program wrote, and LOOKS, the course of the looks. The study itself then diagnoses these records like any
-others, so that `review` and --continue do not need the machine.
+What was asked and what came back stays beside --output, in a folder of the same name with BESIDE behind it: the
+references, the records, what the machine's program wrote, and LOOKS, the course of the looks. The study itself then
+diagnoses these records like any others, and keeps a copy of them among its results, so that `review` and --continue do
+not need the machine.
 """
 
 from __future__ import annotations
@@ -29,19 +30,18 @@ from studies.machine_process import MachineProcess, Ran, started
 from studies.options import BadInputError
 from studies.study import Progress, machine_for, machine_of
 
-ASKED: Final = "asked"
+BESIDE: Final = "-machine"
 
 
 def asked_for(given: argparse.Namespace) -> argparse.Namespace:
     """The options of a run over the records that the machine made when it was asked. Raises BadInputError."""
     options = DiagnosisOptions(**{**vars(given), "machine_process": None, "seconds": None})
     output = Path(given.output or Path("reports/out") / "gap_diagnosis")
-    work, progress = output / ASKED, Progress()
+    work, progress = output.with_name(output.name + BESIDE), Progress()
     require_writable(output)
     if work.exists():
         raise BadInputError(
-            f"--output {output}: {ASKED} in it holds records that a machine made before; give another folder, or "
-            "--continue to go on from them"
+            f"--output {output}: {work} holds what a machine made before; give another folder, or its records as RECORD"
         )
     work.mkdir(parents=True)
     try:

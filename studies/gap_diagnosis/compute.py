@@ -32,7 +32,7 @@ from studies.beforehand import require_designable, require_stable
 from studies.effort import DIAGNOSED, DIAGNOSING, MOST, foresee, seconds_a_sample
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import sentences
-from studies.gap_diagnosis.course import confirmed, course
+from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
 from studies.gap_diagnosis.settling import settling_told
@@ -102,7 +102,9 @@ def answered(
     handover = found.how_far.handover
     files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)
     results["settling"] = settling_told(files, found.baseline.records, found.baseline.driving, options.seed)
-    written = {"improved.toml": to_toml(better)}
+    written: dict[str, Any] = {"improved.toml": to_toml(better)}
+    if options.looks is not None:
+        written |= copies(options.record, options.looks)
     if not options.record:
         written["suite.csv"] = to_csv(suite(given.machine), given.machine.sample_time)
     if beside.proposal is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,6 +11,7 @@ from models.quantity import listed, show
 from studies.options import BadInputError
 
 LOOKS: Final = "looks.json"
+ASKED: Final = "asked"  # the folder of the records among the results
 MANY: Final = 6.0  # powers of ten of an e-value that are not told any more
 
 
@@ -25,6 +26,12 @@ def course(file: Path | None) -> Mapping[str, Any] | None:
     if not isinstance(content, dict) or not isinstance(content.get("looks"), list) or "outcome" not in content:
         raise BadInputError(f"--looks {file}: is not the course of a diagnosis; give the {LOOKS} beside the records")
     return content
+
+
+def copies(records: Sequence[Path], looks: Path) -> dict[str, bytes]:
+    """The records and the course as files among the results."""
+    named = [(f"{i + 1}-{file.name}", file) for i, file in enumerate(records)]
+    return {f"{ASKED}/{name}": file.read_bytes() for name, file in [*named, (LOOKS, looks)]}
 
 
 def confirmed(verdict: Mapping[str, Any], looks: Mapping[str, Any] | None) -> dict[str, Any]:

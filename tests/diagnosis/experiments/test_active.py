@@ -12,9 +12,10 @@ import pytest
 from diagnosis.experiments import active
 from diagnosis.experiments.active import Budget, ask, to_json
 from diagnosis.experiments.e_process import EProcess
+from diagnosis.experiments.look import Found
 from diagnosis.experiments.policy import Stop
 from diagnosis.experiments.schedules import Schedule
-from diagnosis.experiments.within_limits import Bounds
+from diagnosis.experiments.within_limits import Bounds, experiments
 from diagnosis.verdict import Outcome
 from models.machine import load
 from models.records.record import Record
@@ -24,8 +25,7 @@ MACHINE = load()
 
 
 def answer(outcome: Outcome, *names: str) -> Any:
-    rows = tuple(SimpleNamespace(name=name, gain=1e6) for name in names)
-    return SimpleNamespace(outcome=outcome, effects=names, equivalent=(), which=rows)
+    return SimpleNamespace(found=Found(outcome, names, (), dict.fromkeys(names, 1e6)))
 
 
 NOTHING, COGGING = answer(Outcome.NOTHING), answer(Outcome.ATTRIBUTED, "cogging")
@@ -38,10 +38,10 @@ def script(monkeypatch: pytest.MonkeyPatch) -> Any:
     def prepared(answers: Sequence[Any], gain: float) -> None:
         left = list(answers)
         monkeypatch.setattr(active, "refit_and_null", lambda _machine, records, **_: records)
-        monkeypatch.setattr(active, "diagnosed", lambda *_, **__: left.pop(0) if len(left) > 1 else left[0])
+        monkeypatch.setattr(active, "look", lambda *_, **__: left.pop(0) if len(left) > 1 else left[0])
 
         def tested(before: Any, _now: Any, process: EProcess) -> EProcess:
-            return process.after(gain, dict.fromkeys(before.effects, gain)) if before.effects else process
+            return process.after(gain, dict.fromkeys(before.found.names, gain)) if before.found.names else process
 
         monkeypatch.setattr(active, "tested", tested)
 
@@ -98,7 +98,7 @@ def test_what_the_machine_does_not_run_is_told_paid_for_and_not_asked_again(scri
     script([NOTHING], 0.0)
     bench = Bench(failing=2)
     found = ask(MACHINE, bench.run, BUDGET)
-    assert [look.failed for look in found.looks[:3]] == ["tripped", "tripped", ""]
+    assert [look.failed for look in found.steps[:3]] == ["tripped", "tripped", ""]
     assert len({one.name for one in bench.asked[:3]}) == 3
     assert len(bench.asked) <= BUDGET.records
     assert found.stop is Stop.NOTHING
@@ -107,16 +107,16 @@ def test_what_the_machine_does_not_run_is_told_paid_for_and_not_asked_again(scri
 def test_a_machine_that_runs_nothing_cannot_tell(script: Any) -> None:
     script([NOTHING], 0.0)
     found = ask(MACHINE, Bench(failing=99).run, BUDGET)
-    assert (found.stop, found.diagnosis) == (Stop.CANNOT_TELL, None)
+    assert (found.stop, found.last) == (Stop.CANNOT_TELL, None)
     assert "nothing that stays within the limits was run" in found.reason
 
 
 def test_records_that_there_are_come_first_and_cost_nothing(script: Any) -> None:
     script([COGGING, COGGING], 40.0)
     bench = Bench()
-    had = Bench().run(active.experiments(MACHINE, BUDGET.bounds)[0].schedule)
+    had = Bench().run(experiments(MACHINE, BUDGET.bounds)[0].schedule)
     assert isinstance(had, Record)
     found = ask(MACHINE, bench.run, BUDGET, have=[had])
-    assert found.looks[0].seconds == 0.0
+    assert found.steps[0].seconds == 0.0
     assert bench.asked[0].name != "own test"
     assert found.records[0] is had

@@ -11,7 +11,8 @@ from diagnosis.criteria import Criteria
 from diagnosis.experiments import policy
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.information import Told
-from diagnosis.experiments.policy import Found, Knowledge, Stop
+from diagnosis.experiments.look import Found
+from diagnosis.experiments.policy import Knowledge, Stop
 from diagnosis.experiments.schedules import Experiment, Move, schedule
 from diagnosis.verdict import Outcome
 from models.machine import load
@@ -31,7 +32,7 @@ def one(name: str, seconds: float, distance: np.ndarray, information: float = 1.
 
 def apart(cogging: float, stribeck: float, play: float, alike: float = 1.0) -> np.ndarray:
     """Squared distances: of each effect alone, and of each pair this part of the row's."""
-    rows = np.array([cogging, stribeck, play])[:, None] * np.full((3, 3), alike)
+    rows: np.ndarray = np.array([cogging, stribeck, play])[:, None] * np.full((3, 3), alike)
     np.fill_diagonal(rows, (cogging, stribeck, play))
     return rows
 

@@ -1,0 +1,64 @@
+"""One look at the records so far: the outcome and the names of a diagnosis, without the file that it hands over.
+
+As `diagnosis.diagnose.diagnosed` up to its answer; how far the gap shrinks, the laws that are learned and the values of
+the table are for the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.answer import largest_adequate, rivalling, with_forms, with_the_log
+from diagnosis.baseline import Baseline
+from diagnosis.model.fit import Fit
+from diagnosis.model.parallel import on_single_blas_thread
+from diagnosis.verdict import Outcome
+from diagnosis.which.prune import prune
+from diagnosis.which.select import select
+from diagnosis.which.stage import Stage
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a look found: the outcome, the names, groups of effects that are alike, and by name the chi-square [1] that
+    an effect gained on motions it was not fitted to."""
+
+    outcome: Outcome
+    names: tuple[str, ...]
+    alike: tuple[tuple[str, ...], ...]
+    gains: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Look:
+    """A look's finding, the model with what it named, and what that was judged against."""
+
+    found: Found
+    fitted: Fit
+    baseline: Baseline
+
+
+@on_single_blas_thread
+def look(baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = ()) -> Look:
+    """Which effects explain what the baseline leaves, if any; disabled: effects that are not to be used; SI."""
+    pruned = prune(select(baseline, disabled), baseline)
+    answer = largest_adequate(pruned.stages, baseline, seed)
+    answer = with_forms(answer, pruned, baseline, seed)
+    answer = with_the_log(answer, pruned, baseline, seed)
+    alike = rivalling(answer.stages, baseline.criteria) if answer.outcome is Outcome.ATTRIBUTED else ()
+    outcome = Outcome.AMBIGUOUS if alike else answer.outcome
+    names = answer.names if outcome in {Outcome.ATTRIBUTED, Outcome.AMBIGUOUS} else ()
+    return Look(Found(outcome, names, alike, _gains(answer.stages)), answer.stages[-1].fitted, baseline)
+
+
+def _gains(stages: tuple[Stage, ...]) -> dict[str, float]:
+    """By effect, the largest gain [1] over all stages."""
+    found: dict[str, float] = {}
+    for stage in stages:
+        for proposal in stage.scanned:
+            if np.isfinite(proposal.gain):
+                found[proposal.name] = max(proposal.gain, found.get(proposal.name, 0.0))
+    return found
