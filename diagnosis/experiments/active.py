@@ -192,7 +192,8 @@ def _asked(course: _Course, budget: Budget) -> Asked:
     end = policy.ending(known, budget.chance)
     if end is None:
         fits = any(one.seconds <= known.seconds for one in known.experiments) and known.records > 0
-        reason = "nothing within the limits would tell more" if fits else "the machine's time is spent"
+        left = "its records are spent" if known.records < 1 else f"no experiment fits into {known.seconds:.2g} s"
+        reason = "nothing within the limits would tell more" if fits else f"of the budget, {left}"
         end = policy.spent(known, budget.chance, reason)
     names = tuple(name for name in known.found[-1].names if known.process.sure(name, budget.chance))
     named = names if end[0] is Stop.NAMED else ()

@@ -42,7 +42,6 @@ from diagnosis.model.residual import STARTING, Residual, columns, evaluate
 from diagnosis.which.command_jitter import lateness
 from models.effects.base import Effect, Place
 from models.effects.catalogue import in_order
-from models.effects.motor import TimingJitter
 
 Array = NDArray[np.float64]
 
@@ -150,13 +149,12 @@ def evidence_of(left: Array, slopes: Array) -> float:
 
 
 def _is_logged(name: str, before: Look) -> bool:
-    kinds = before.baseline.machine.kinds
-    return name == TimingJitter.name or Place.CONTROL in kinds[name].hooks
+    return before.baseline.machine.kinds[name].shown_in() == "log"
 
 
 def _in_the_log(name: str, before: Look, now: Baseline) -> float:
     """Logarithm of LR [1] of what no force law shows: a replay that fails again, commands that are late again."""
-    if name != TimingJitter.name:
+    if Place.CONTROL in now.machine.kinds[name].hooks:
         return -CERTAIN if now.replays[-1].replays else CERTAIN
     last = replace(now.nominal, residuals=now.nominal.residuals[-1:], paths=now.nominal.paths[-1:])
     seen, known = lateness(last, now.records[-1:]), lateness(before.baseline.nominal, before.baseline.records)

@@ -74,9 +74,12 @@ def main() -> None:
 
         traceback.print_exc()
         answer = {"error": f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"}
-    if attempts:
-        answer = {"error": f"refused: {attempts[0]}"}
-    print(json.dumps(plain(answer)), file=out, flush=True)
+    print(json.dumps(plain(answer_of(answer, attempts))), file=out, flush=True)
+
+
+def answer_of(answer: dict[str, Any], attempts: list[str]) -> dict[str, Any]:
+    """The answer, which counts only if nothing sealed was tried to be opened."""
+    return {"error": f"refused: {attempts[0]}"} if attempts else answer
 
 
 if __name__ == "__main__":

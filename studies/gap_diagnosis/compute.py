@@ -70,7 +70,7 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         _foresee(machine, samples, options, progress)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
-    apart, looks = held_out(machine, options, progress), course(options.looks)
+    apart, _ = held_out(machine, options, progress), course(options.looks)  # what can't be read is said before the work
     if options.record:
         samples = sum(record.position.size for record in given.records)
         _foresee(machine, samples * (1 + TRANSFERRED * (len(given.records) > 1)), options, progress)
@@ -98,6 +98,7 @@ def answered(
     if options.record and better != given.machine:
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
+    looks = course(options.looks)
     results = {**_results(found, beside, given, _elsewhere(found, apart), options, looks), "adopted": adopted}
     handover = found.how_far.handover
     files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)
