@@ -112,7 +112,7 @@ def _ratios(now: Baseline, forces: Mapping[str, list[Effect]]) -> dict[str, floa
     moved = columns(fitted.candidate, trials, records, fitted.paths, fitted.residuals, fitted.walk)
     moved = moved * weights(records)[:, None]
     earlier = sum(record.position.size for record in records[:-1])
-    base, slopes = _at_the_priors(fitted)
+    base, slopes = at_the_priors(fitted)
 
     def predicted(kept: NDArray[np.bool_]) -> float:
         shifts = moved[:, kept]
@@ -126,9 +126,9 @@ def _ratios(now: Baseline, forces: Mapping[str, list[Effect]]) -> dict[str, floa
     return ratios
 
 
-def _at_the_priors(fitted: Fit) -> tuple[Array, Array]:
-    """What is left with every nominal parameter at its prior's mean (n,), and how it depends on them, in deviations of
-    their priors (n, P), as the fit's linearisation has it."""
+def at_the_priors(fitted: Fit) -> tuple[Array, Array]:
+    """What is left [1] with every nominal parameter at its prior's mean (n,), and how it depends on them, in deviations
+    of their priors (n, P), as the fit's linearisation has it."""
     deviation = fitted.candidate.layout.deviation
     slopes = fitted.slopes * deviation
     return fitted.innovations - slopes @ (fitted.candidate.theta / deviation), slopes

@@ -1,14 +1,16 @@
 """The process that diagnoses a sealed machine by asking it; it can open neither the sealer's code nor the case's seed.
 
-The first line on its input is JSON: {"forbidden", "work", "policy", "seed", "seconds", "records", "chance", "disabled",
-"cache"}. Each line that it puts out is the path of references, which whoever started it hands to the machine, whose
-answer is the next line of its input; the last one is JSON, what it found.
+The first line on its input is JSON: {"forbidden", "work", "policy", "seed", "seconds", "records", "samples", "chance",
+"disabled", "cache"}. Each line that it puts out is the path of references, which whoever started it hands to the
+machine, whose answer is the next line of its input; the last one is JSON, what it found.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -23,7 +25,6 @@ def found(task: dict[str, Any], channel: Any) -> dict[str, Any]:
     from diagnosis.experiments import active
     from studies.full_circle.policies import POLICIES
     from studies.gap_diagnosis.asking import budget_of
-    from studies.gap_diagnosis.options import MOST_SAMPLES
     from studies.machine_process import MachineProcess, Ran
     from studies.study import machine_of
 
@@ -44,7 +45,7 @@ def found(task: dict[str, Any], channel: Any) -> dict[str, Any]:
         machine,
         run,
         replace(
-            budget_of(process, machine, task["seconds"], MOST_SAMPLES),
+            budget_of(process, machine, task["seconds"], task["samples"]),
             records=task["records"],
             chance=task["chance"],
         ),
@@ -59,8 +60,20 @@ def found(task: dict[str, Any], channel: Any) -> dict[str, Any]:
     return {"course": course, "verdict": verdict, "refused": refused, "cpu_seconds": time.process_time() - begun}
 
 
+def end_with(parent: int) -> None:
+    """Ends this process once the one that started it has ended: it would look at its records to the end otherwise."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 def main() -> None:
     """Forbids what is sealed to this process, then diagnoses one machine."""
+    end_with(os.getppid())
     task = json.loads(sys.stdin.readline())
     attempts = forbid(task.pop("forbidden"))
     out, sys.stdout = sys.stdout, sys.stderr  # anything that is printed must not mix with what is asked

@@ -27,6 +27,7 @@ from studies.blind_trial.guard import SEALER_FOLDER
 from studies.blind_trial.scoring import WITHOUT_EFFECT, Label, Score, label_of, score
 from studies.folder import write_at_once
 from studies.gap_diagnosis.course import confirmed
+from studies.gap_diagnosis.options import MOST_SAMPLES
 from studies.machine_process import program
 
 ROOT: Final = Path(__file__).parents[2]
@@ -44,11 +45,12 @@ POLICIES: Final[Mapping[str, Callable[[int], Choose]]] = {
 
 @dataclass(frozen=True)
 class Terms:
-    """On which terms every policy works: machine time [s], records, the probability of a false name over all looks [1],
-    the seed of its own, and a folder for thresholds."""
+    """On which terms every policy works: machine time [s], records, samples of all records together, the probability of
+    a false name over all looks [1], the seed of its own, and a folder for thresholds."""
 
     seconds: float = 60.0
     records: int = 6
+    samples: int = MOST_SAMPLES
     chance: float = policy.CHANCE
     seed: int = 0
     cache: Path = Path("reports/out/.null")
@@ -92,9 +94,14 @@ def answered(seed: int, case: int, name: str, terms: Terms) -> dict[str, Any]:
         with program(SEALED, work, f"{seed} {case}") as machine, _asker(work) as asker:
             lines = _between(asker, machine, {**task, "work": str(work)})
             answer: dict[str, Any] = json.loads(lines)
-        log = (work / "machine" / "log.jsonl").read_text(encoding="utf-8").splitlines()
-    beyond = sum("refused" in json.loads(line) for line in log)
+        beyond = _beyond(work / "machine" / "log.jsonl")
     return {**answer, "beyond": beyond, "body": json.dumps(plan.body())}
+
+
+def _beyond(log: Path) -> int:
+    """How many requests the machine refused, as it logged them itself; none where it was never asked."""
+    lines = log.read_text(encoding="utf-8").splitlines() if log.is_file() else []
+    return sum("refused" in json.loads(line) for line in lines)
 
 
 def _plan(seed: int, case: int) -> Any:
@@ -198,7 +205,7 @@ def run(
     same program on the same terms. jobs: processes beside one another. Times in [s]."""
     from joblib import Parallel, delayed
 
-    mark = f"{seed} {terms.seconds:g} {terms.records} {terms.chance:g} {terms.seed} {program_hash()}"
+    mark = f"{seed} {terms.seconds:g} {terms.records} {terms.samples} {terms.chance:g} {terms.seed} {program_hash()}"
     kept = _kept(file, mark)
     tasks = [(case, name) for case in cases for name in names]
     left = [task for task in tasks if _key(*task) not in kept]

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, predictive, staked
+from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, predictive, staked
+from diagnosis.experiments.schedules import Experiment
+from diagnosis.experiments.within_limits import Bounds, experiments
+from diagnosis.model.fit import one_step, weights
+from diagnosis.model.parameters import Parameters, bounded, parameters
+from diagnosis.model.residual import Candidate, columns
+from diagnosis.model.units import slow_walk, with_units
+from diagnosis.null import simulated
+from models.effects.base import Effect
+from models.effects.catalogue import in_order
+from models.machine import Machine, load
+from models.records.record import Record
 
 CHANCE = 0.05
+AMPLE = Bounds(0.05, 0.3, 100.0)
 
 
 def test_the_predictive_density_is_that_of_a_conditional_normal() -> None:
@@ -77,3 +91,41 @@ def test_a_wrong_choice_costs_half_and_names_are_kept_apart() -> None:
     assert process.sure("stribeck", 0.02)
     assert not process.sure("cogging", 0.02)
     assert not process.sure("stribeck", 1e-6)
+
+
+def test_on_simulated_tables_without_an_effect_the_mean_e_value_is_one_at_most() -> None:
+    """What the linear model promises, of nonsmooth simulations whose nominal values are off by their tolerances: each
+    force law at the size that it seems to have in the first record, tested on the second one."""
+    machine = with_units(load(), [])
+    menu = [one for one in experiments(machine, AMPLE) if one.schedule.name in {"own test", "equal strokes"}]
+    layout = parameters(machine, len(menu))
+    laws = [kind.typical(machine.priors) for kind in machine.kinds.values() if kind.shown_in() == "force"]
+    values = [value for seed in range(3) for value in _e_values(layout, menu, laws, seed)]
+    assert len(values) > 40
+    assert np.mean(values) <= 1.0
+    assert max(values) < 1 / CHANCE
+
+
+def _e_values(layout: Parameters, menu: Sequence[Experiment], laws: Sequence[Effect], seed: int) -> list[float]:
+    rng, machine = np.random.default_rng([seed, 77]), layout.machine
+    theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
+    truth = Candidate(layout, theta)
+    made = [simulated(truth, _template(machine, one), i, 5000 * seed + i) for i, one in enumerate(menu)]
+    fitted = one_step(truth, made, walk=slow_walk(machine))
+    base, slopes = at_the_priors(fitted)
+    alone = [in_order((law,)) for law in laws]
+    moved = columns(fitted.candidate, alone, made, fitted.paths, fitted.residuals, fitted.walk)
+    moved, first = moved * weights(made)[:, None], made[0].position.size
+    inner = np.eye(slopes.shape[1]) + slopes[:first].T @ slopes[:first]
+    found = []
+    for column in moved.T:
+        free = column[:first] - slopes[:first] @ np.linalg.solve(inner, slopes[:first].T @ column[:first])
+        if (energy := free @ column[:first]) > 1e-6:
+            shift = -(free @ base[:first]) / energy * column
+            found.append(float(np.exp(staked(_log_ratio(base, slopes, shift, first)))))
+    return found
+
+
+def _template(machine: Machine, one: Experiment) -> Record:
+    nothing, given = np.zeros(one.schedule.target.size), one.schedule.given
+    return Record(machine.sample_time, one.schedule.target, given.position, given.feedforward, nothing, nothing)

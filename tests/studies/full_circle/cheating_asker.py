@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,9 +22,13 @@ def main() -> None:
         elif way == "imports the sealer":
             __import__("studies.blind_trial.sealer.machines.cases")
         elif way == "asks for too much":
-            limits = json.loads((Path(task["work"]) / "machine" / "limits.json").read_text(encoding="utf-8"))
+            folder = Path(task["work"]) / "machine"
+            while not (folder / "log.jsonl").is_file():  # from then on it listens
+                time.sleep(0.1)
+            limits = json.loads((folder / "limits.json").read_text(encoding="utf-8"))
+            step = json.loads((folder / "nominal.json").read_text(encoding="utf-8"))["sample_time_s"]
             asked = Path(task["work"]) / "far.csv"
-            rows = [f"{k * 1e-3},0,{9 * limits['distance_m']},0" for k in range(200)]
+            rows = [f"{k * step:.12g},0,{1.1 * limits['distance_m']},0" for k in range(200)]
             asked.write_text("time_s,target_m,reference_m,feedforward_N\n" + "\n".join(rows), encoding="utf-8")
             print(asked, flush=True)
             sys.stdin.readline()
