@@ -59,7 +59,8 @@ def parameters(machine: Machine, records: int) -> Parameters:
     far[np.array(names) == "payload_mass"] = LOADED
     high = far * wide
     start = np.array(names) == "initial_friction_state"
-    high[start] = np.tile(machine.friction.limit, records)
+    farthest = np.array(machine.friction.limit) * np.exp(FAR * machine.tolerance.limit)  # the limits are fitted, too
+    high[start] = np.tile(farthest, records)
     low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
     return Parameters(machine, records, names, wide, low, high)
 
