@@ -122,7 +122,7 @@ class Parameter:
     points_per_decade: int = 0
     linear_within: float = 0.0
     stated: bool = False
-    counted_in: Powers | None = None
+    counted_in: tuple[Powers, ...] = ()
 
     @property
     def is_frequency(self) -> bool:
@@ -158,9 +158,10 @@ def parameter(
     return _field(replace(prior, points=points, points_per_decade=points_per_decade), **limits)
 
 
-def counted(size: Any, **powers: int) -> Any:
-    """A `parameter` whose usual range is in proportion to a product of powers of `Units` [1], whatever its unit."""
-    prior = replace(size.metadata["prior"], counted_in=tuple(powers.items()))
+def counted(size: Any, *powers: Mapping[str, int]) -> Any:
+    """A `parameter` whose usual range is in proportion to a product of powers of `Units` [1], whatever its unit; of
+    several products to whichever makes it wider."""
+    prior = replace(size.metadata["prior"], counted_in=tuple(tuple(one.items()) for one in powers))
     return dataclasses.field(default=size.default, metadata={**size.metadata, "prior": prior})
 
 
@@ -346,15 +347,15 @@ def _counted(item: Parameter, units: Units) -> Parameter:
         return item
     if item.role == "period" and item.periodic_in in {"position", "reading"}:
         return _along(item, units)
-    factor = units.over(REFERENCE, BY_UNIT.get(item.unit, ()) if item.counted_in is None else item.counted_in)
-    low, high = item.low * factor, item.high * factor
+    powers = item.counted_in or (BY_UNIT.get(item.unit, ()),)
     if item.unit == "m/s" and item.role == "shape":  # contacts are of one length and the ways of another
-        way = units.over(REFERENCE, (("travel", 1), ("loop", -1)))
-        low, high = min(low, item.low * way), max(high, item.high * way)
-        return replace(item, low=low, high=high, typical=math.sqrt(low * high))
-    if item.unit != "Hz":
-        return replace(item, low=low, high=high, typical=item.typical * factor)
-    low, high = _below_nyquist(low, high, units)
+        powers = (*powers, (("travel", 1), ("loop", -1)))
+    factors = [units.over(REFERENCE, one) for one in powers]
+    low, high = item.low * min(factors), item.high * max(factors)
+    if len(factors) == 1 and item.unit != "Hz":
+        return replace(item, low=low, high=high, typical=item.typical * factors[0])
+    if item.unit == "Hz":
+        low, high = _below_nyquist(low, high, units)
     return replace(item, low=low, high=high, typical=math.sqrt(low * high))
 
 

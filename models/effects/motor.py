@@ -91,7 +91,9 @@ class ThrustSaturation(Effect):
     equation: ClassVar = r"K_t\left(1-a\,(u/100\,\mathrm{N})^2\right)u"
     source: ClassVar = "assumed: the first term of iron that saturates alike both ways"
     hooks: ClassVar = {Place.THRUST: _saturating}
-    loss: float = counted(parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0), thrust=-2)
+    loss: float = counted(
+        parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0), {"thrust": -2}
+    )
 
 
 @hook
@@ -118,7 +120,9 @@ class CurrentLoopLag(Effect):
     equation: ClassVar = r"\tau\dot u_i+u_i=u"
     source: ClassVar = "assumed: a current control of first order; 0.2 ms is a bandwidth of 800 Hz"
     hooks: ClassVar = {Place.THRUST: _lagging}
-    time: float = counted(parameter("s", "time constant tau", 1e-4, 5e-4, "width", at_least=0), sample=1)
+    time: float = counted(
+        parameter("s", "time constant tau", 1e-4, 5e-4, "width", at_least=0), {"sample": 1}, {"loop": 1}
+    )
 
     def memory(self, elements: int) -> int:
         """The current at the end of the last substep, in newtons, and whether there was one."""

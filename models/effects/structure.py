@@ -96,5 +96,5 @@ class CableSpring(Effect):
     source: ClassVar = "assumed: a linear spring; sizes assumed"
     hooks: ClassVar = {Place.FORCE: _pulling}
     stiffness: float = counted(
-        parameter("N/m", "stiffness k", 50.0, 500.0, "amplitude", at_least=0), force=1, travel=-1
+        parameter("N/m", "stiffness k", 50.0, 500.0, "amplitude", at_least=0), {"force": 1, "travel": -1}
     )
