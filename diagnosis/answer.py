@@ -41,7 +41,8 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
     for count in range(len(stages), min(len(stages), 2) - 1, -1):
         some = stages[:count]
         closure = held_out_closure(some, baseline, seed)
-        names = (*strongest_first(some), *(proposal.name for proposal in random))
+        parts = form_parts(some, baseline.criteria)
+        names = (*(n for n in strongest_first(some) if n not in parts), *(proposal.name for proposal in random))
         fitted = some[-1].fitted
         explains = Explanation(
             names,
@@ -70,6 +71,7 @@ def with_forms(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) ->
     if answer.outcome is Outcome.ATTRIBUTED:
         gained = gains_by_name(answer.stages)
         found = forms(answer.stages[-1].fitted, gained, baseline)
+        found |= dict.fromkeys(form_parts(answer.stages, criteria).values(), Form.OTHER)
         unshown = [
             effect.name
             for effect in answer.stages[-1].fitted.candidate.added_effects
@@ -100,6 +102,20 @@ def gains_by_name(stages: Sequence[Stage]) -> dict[str, float]:
     return gained
 
 
+def form_parts(stages: Sequence[Stage], criteria: Criteria) -> dict[str, str]:
+    """Effects that are a part of another one's form, each with the name of that one: what a law of the same kind adds
+    to one that gained far more is the error of its curve, as that of a falling friction beside a drag."""
+    gained = gains_by_name(stages)
+    kinds = {effect.name: type(effect).kind() for effect in stages[-1].fitted.candidate.added_effects}
+    found: dict[str, str] = {}
+    for name, kind in kinds.items():
+        same = [other for other in kinds if other != name and kinds[other] == kind]
+        first = max(same, key=lambda other: gained.get(other, 0.0), default=name)
+        if gained.get(name, 0.0) < criteria.form_part * gained.get(first, 0.0):
+            found[name] = first
+    return found
+
+
 def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
     """The answer with what the log itself shows, whatever else is left; and where effects have no whole explanation,
     with those that are a part of one."""
@@ -119,11 +135,11 @@ def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) 
 def rivalling(stages: Sequence[Stage], criteria: Criteria) -> tuple[tuple[str, ...], ...]:
     """Sets of effects that explain as much as one another: those tried for a stage, of another class than the best.
 
-    One that a later stage takes up beside the best is not in its place.
+    One that a later stage takes up beside the best is not in its place, and a part of another's form is no name.
     """
-    groups, inside = [], set(strongest_first(stages))
+    groups, inside, parts = [], set(strongest_first(stages)), form_parts(stages, criteria)
     for before, after in pairwise(stages):
-        if not after.rivals:
+        if not after.rivals or after.added in parts:
             continue
         best, least = after.rivals[0]
         margin = max(criteria.rival_margin, criteria.rival_share * (before.fitted.cost - least))

@@ -196,6 +196,13 @@ class Criteria:
     max_rival_kind: float = _criterion(
         0.6, "1", "part of that share which another kind in whatever form may close", "as above"
     )
+    form_part: float = _criterion(
+        0.2,
+        "1",
+        "part of an effect's gain, below which that of another law of its kind is the error of its form and no second "
+        "effect",
+        "a drag that grows with the square of speed, too, left 0.11 to a falling friction; a case on a drawn machine",
+    )
     min_periods: float = _criterion(
         2.0,
         "1",

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.answer import Answer, largest_adequate, rivalling, with_forms, with_the_log
+from diagnosis.answer import Answer, form_parts, largest_adequate, rivalling, with_forms, with_the_log
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.handover.hand_over import MEASURED, HowFar, how_far
@@ -143,7 +143,8 @@ def diagnosed(
 def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     stages, names, outcome, closure = answer.stages, answer.names, answer.outcome, answer.closure
     criteria = baseline.criteria
-    partly = strongest_first(stages) if outcome is Outcome.NONE else ()
+    parts = form_parts(stages, criteria)
+    partly = tuple(n for n in strongest_first(stages) if n not in parts) if outcome is Outcome.NONE else ()
     rivals = rivalling(stages, criteria) if outcome is Outcome.ATTRIBUTED else ()
     if rivals:
         outcome = Outcome.AMBIGUOUS
@@ -161,8 +162,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
         names = ()
     if outcome is Outcome.PARAMETERS:
         names = wrong_parameters(stages[0].fitted, criteria)
-    kept = {name: share for name, share in pruned.shares.items() if name in (*names, *partly)}
-    shares = {name: share / sum(kept.values()) for name, share in kept.items()}
+    shares = _shares(pruned.shares, (*names, *partly), parts)
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
     unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))
     found = {name: answer.forms.get(name, Form.CATALOGUE) for name in names if outcome in NAMED}
@@ -170,6 +170,15 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     return Diagnosis(
         outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline, found, curves, unknown
     )
+
+
+def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:
+    """Each name's share of what was closed [1], that of a part of its form included; parts: see `form_parts`."""
+    kept = dict.fromkeys((name for name in found if name in names), 0.0)
+    for name, share in found.items():
+        if parts.get(name, name) in kept:
+            kept[parts.get(name, name)] += share
+    return {name: share / sum(kept.values()) for name, share in kept.items()}
 
 
 def _curves(names: Sequence[str], fitted: Fit, baseline: Baseline) -> dict[str, LawCurve]:

@@ -108,6 +108,7 @@ class Parameter:
     each decade. linear_within: the relative change [1] to which the law's response is linear, where it is far below the
     size as there are very many periods in a record; 0: some per cent. stated: a machine states the range in place of
     the usual one. counted_in: the machine's quantities that the usual range is in proportion to; else by BY_UNIT.
+    Of several, the one that makes the least counts for its lower end and the one that makes the most for its upper.
     """
 
     name: str

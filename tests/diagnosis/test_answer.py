@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.answer import overfitting_series, rivalling, strongest_at_bound
+from diagnosis.answer import form_parts, overfitting_series, rivalling, strongest_at_bound
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, at_bounds
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which.stage import Proposal, Stage, strongest_first
 from models.effects.base import Effect
+from models.effects.friction_laws import Stribeck, ViscousFriction
 from models.effects.motor import Cogging
 from tests.diagnosis.tables import table
 
@@ -69,3 +70,27 @@ def test_a_found_effect_at_the_end_of_its_range_is_seen() -> None:
     own = Cogging(0.1, 0.03, 0.0)
     bent = Cogging(1.0, 9.0, 0.0)
     assert strongest_at_bound([_with(own, cost=9000.0), _with(own, bent, cost=1000.0)])
+
+
+def test_a_law_of_the_same_kind_that_gains_little_beside_another_is_a_part_of_its_form() -> None:
+    """A drag and a falling friction are both odd laws of the speed; cogging is none."""
+    drag, falling, cogging = ViscousFriction.typical(), Stribeck.typical(), Cogging.typical()
+    first = replace(_stage(10000.0), fitted=_fit(10000.0))
+    second = replace(_stage(2000.0, "viscous_friction"), fitted=_fit(2000.0, [drag]))
+    for left, parts in ((1000.0, {"stribeck": "viscous_friction"}), (200.0, {})):
+        third = replace(_stage(left, "stribeck"), fitted=_fit(left, [drag, falling]))
+        assert form_parts([first, second, third], CRITERIA) == parts
+    other = replace(_stage(1000.0, "cogging"), fitted=_fit(1000.0, [drag, cogging]))
+    assert form_parts([first, second, other], CRITERIA) == {}
+
+
+def test_a_part_of_a_form_has_no_rivals() -> None:
+    drag, falling = ViscousFriction.typical(), Stribeck.typical()
+    stages = [
+        _stage(10000.0),
+        replace(_stage(2000.0, "viscous_friction"), fitted=_fit(2000.0, [drag])),
+        replace(
+            _stage(1500.0, "stribeck", [("stribeck", 1500.0), ("play", 1501.0)]), fitted=_fit(1500.0, [drag, falling])
+        ),
+    ]
+    assert rivalling(stages, CRITERIA) == ()
