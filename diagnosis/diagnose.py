@@ -153,6 +153,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     far = how_far(stages, outcome, closure.floor, baseline, law)
     handed = far.handover.named("with effects")  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
+    if outcome in NAMED and len(stages) > 1 and far.interval[1] <= 0:  # the gap surely shrinks nowhere
+        return _diagnosis(replace(answer, outcome=Outcome.NONE), pruned, baseline)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()
     rough = stages[-1].fitted.candidate.rough

@@ -28,6 +28,7 @@ FIRST_ITERATIONS, LAST_ITERATIONS = 3, 6  # of each of them, and of the last ste
 RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
 AGAIN: Final = 2  # times that the starts are searched once more
+FURTHER: Final = 6  # times that a fit which has not converged is continued
 ENOUGH: Final = 20.0  # chi-square
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
 LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
@@ -123,6 +124,10 @@ def started(fitted: Fit, records: Sequence[Record]) -> Fit:
         if fitted.cost - better.cost < ENOUGH:
             break
         fitted = better
+    for _ in range(FURTHER):  # a scale that resolves the friction finely needs the starts to many digits
+        if fitted.converged:
+            break
+        fitted = fit(fitted.candidate, records, paths=fitted.paths, iterations=LAST_ITERATIONS, walk=fitted.walk)
     return fitted
 
 

@@ -47,7 +47,8 @@ MIN_GAIN: Final = 10.0  # A step that gains less chi-square than this ends the f
 class Fit:
     """A fitted candidate with its smoothed paths and residuals, and its last linearisation: the weighted innovations e
     (n,) of all records, their Jacobians with respect to theta (n, P) and to the effects' coordinates (n, Q), the cost,
-    and the deviation of the unknown force's random walk [usual white forces a sample]."""
+    the deviation of the unknown force's random walk [usual white forces a sample], and whether the last step gained
+    next to nothing, so that no further one would."""
 
     candidate: Candidate
     paths: tuple[SmoothedPath, ...]
@@ -57,6 +58,7 @@ class Fit:
     effect_jacobian: Array
     cost: float
     walk: float
+    converged: bool = True
 
 
 def weights(records: Sequence[Record]) -> Array:
@@ -245,19 +247,21 @@ def fit(
     weight = weights(records)
     known = tuple(paths) if paths else smooth(candidate, records)
     residuals = evaluate(candidate, records, known, walk)
-    cost, damping = _cost(candidate, residuals, weight), 1.0
+    cost, damping, converged = _cost(candidate, residuals, weight), 1.0, False
     for _ in range(iterations):
         here = _linearised(candidate, records, known, residuals, weight, walk)
         moved, after, now, damping = _search(here, records, weight, damping)
         if after >= cost:
+            converged = True
             break
         candidate, residuals, gained, cost = moved, now, cost - after, after
         known = smooth(candidate, records, known)
         residuals = evaluate(candidate, records, known, walk)
         cost = _cost(candidate, residuals, weight)
         if gained < MIN_GAIN:
+            converged = True
             break
-    return _linearised(candidate, records, known, residuals, weight, walk)
+    return replace(_linearised(candidate, records, known, residuals, weight, walk), converged=converged)
 
 
 def one_step(candidate: Candidate, records: Sequence[Record], *, walk: float = WALK) -> Fit:

@@ -34,7 +34,7 @@ FOLDS: Final = 6  # Cross-validation folds.
 POINTS: Final = 6  # Points of a grid over a shape or width of a decade or two, where its declaration says nothing.
 BATCH: Final = 24  # Columns that are filtered in one pass.
 LINES: Final = 8  # A range with fewer lines of a spectrum than this gets this many evenly spaced points instead.
-PEAKS: Final = 4  # The strongest lines of a spectrum that become points of a grid.
+PEAKS: Final = 4  # The strongest lines of each decade of a spectrum that become points of a grid.
 OVERTONES: Final = 3  # The jumps of a staircase have overtones, so a line may be of one up to this order.
 MIN_ORTHOGONAL_FRACTION: Final = 0.3
 """A column is reused in another fit only if at least this share of its energy is orthogonal to the fit's own
@@ -336,8 +336,9 @@ def _multiplied(kind: type[Effect], item: Parameter, record: Record) -> Array:
 
 def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded: int = 2) -> list[float]:
     """The periods between low and high at which sines of a coordinate agree the most with weights (n,), over all spans
-    [unit of the coordinate]. padded: times its extent that the spectrum is taken over; from 4 on the lines of a peak
-    count once [1]. Periods below about BINS^-1 of the extent are not searched for: memory is bounded."""
+    [unit of the coordinate], of each decade the first few: what is left of long waves would hide all short ones.
+    padded: times its extent that the spectrum is taken over; from 4 on the lines of a peak count once [1]. Periods
+    below about BINS^-1 of the extent are not searched for: memory is bounded."""
     extent = max(float(np.ptp(coordinate)) for coordinate, _ in spans)
     width = max(low / 8, padded * max(extent, 2 * high) / BINS)
     count = int(2 ** np.ceil(np.log2(padded * max(extent, 2 * high) / width)))
@@ -348,12 +349,15 @@ def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded:
         bins = np.floor((coordinate - coordinate.min()) / width).astype(int)
         power += np.abs(np.fft.rfft(np.bincount(bins, weight, count))) ** 2
     frequency = np.fft.rfftfreq(count, width)
-    inside = np.flatnonzero((frequency >= 1 / high) & (frequency <= 1 / low))
+    edges = np.geomspace(1 / high, 1 / low, 1 + max(round(np.log10(high / low)), 1))
     found: list[float] = []
-    for i in inside[np.argsort(-power[inside])]:
-        apart = 1 / (extent * frequency[i]) if padded >= 4 else 2e-3
-        if all(abs(1 / frequency[i] - period) > apart * period for period in found):
-            found.append(float(1 / frequency[i]))
-        if len(found) == PEAKS:
-            break
+    for begin, end in itertools.pairwise(edges):
+        inside = np.flatnonzero((frequency >= begin) & (frequency <= end))
+        most = len(found) + PEAKS
+        for i in inside[np.argsort(-power[inside])]:
+            apart = 1 / (extent * frequency[i]) if padded >= 4 else 2e-3
+            if all(abs(1 / frequency[i] - period) > apart * period for period in found):
+                found.append(float(1 / frequency[i]))
+            if len(found) == most:
+                break
     return found

@@ -367,12 +367,12 @@ def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]
 
 
 def _along(item: Parameter, units: Units) -> Parameter:
-    """A period along the way or the scale: from what the shorter of two lengths would make the least to what the longer
-    would make the most, as magnets and scales go by neither; none beyond the travel, where it would draw any curve."""
+    """A period along the way or the scale: from what the shorter of two lengths would make the least on, as magnets and
+    scales go by neither; up to a share of the travel, beyond which it would draw any curve."""
     contact, way = units.contact / REFERENCE.contact, units.travel / REFERENCE.travel
     reading = units.reading / REFERENCE.reading
-    longest, shortest = (max(contact, reading), reading) if item.periodic_in == "reading" else (way, way)
-    low, high = item.low * min(contact, shortest), item.high * longest
+    shortest = reading if item.periodic_in == "reading" else way
+    low, high = item.low * min(contact, shortest), item.high * way
     denser = way * (1 / low - 1 / high) / (1 / item.low - 1 / item.high)
     points = max(round(item.points * denser), 2) if item.points and denser <= DENSEST else 0
     return replace(

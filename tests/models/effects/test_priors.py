@@ -16,7 +16,7 @@ from diagnosis.model.fit import OF_PERIOD, at_bounds, fine_step
 from models.effects.base import POSITIVE, Effect, parameters
 from models.effects.catalogue import SIZES, every, looked_for, range_declarations
 from models.effects.friction_laws import DirectionalFriction, Stribeck, VelocityStrengthening
-from models.effects.motor import Cogging
+from models.effects.motor import Cogging, DacQuantisation
 from models.effects.priors import USUAL, Priors
 from models.effects.scale import ScalePeriodicError
 from models.machine import MachineError, load, to_json
@@ -95,7 +95,8 @@ def test_a_stated_period_is_told_by_the_travel(tmp_path: Path) -> None:
     for short in (1e-5, 0.0):  # through less than one period the usual step will do
         assert step(own, [replace(moved, position=np.linspace(0.0, short, 100))], machine.priors) == OF_PERIOD
     assert step(VelocityStrengthening(0.1, 1e-3), [moved], machine.priors) == 0
-    assert step(ScalePeriodicError(1e-8, 2e-5, 0.0), [moved]) == 1e-5
+    assert step(ScalePeriodicError(1e-8, 2e-5, 0.0), [moved]) == pytest.approx(OF_PERIOD * 2e-5 / 0.25)
+    assert step(DacQuantisation(0.01, 0), [moved]) == 1e-5
 
 
 def test_a_stated_period_at_its_bound_is_bent(tmp_path: Path) -> None:
