@@ -143,6 +143,13 @@ class Criteria:
         "part of its power in motion that a random force has at least at rest, or apart between equal motions",
         "a floor's is 1 by nature, that of a law of the motion 0",
     )
+    random_force_beside: float = _criterion(
+        0.25,
+        "1",
+        "part of the chi-square that the effects in the model took off, which a random force beside them has to gain: "
+        "less may be what their form leaves",
+        "a converter whose bits are off their weight left 0.15 to a vibration that was not there",
+    )
     late_commands_min_gain: float = _criterion(
         100.0,
         "1",

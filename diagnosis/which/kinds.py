@@ -89,7 +89,7 @@ def beside_free_forms(
         effect.name: judged(effect, *by_segment(free(raw), free), free).held_out
         for effect, raw in zip(other, given, strict=True)
     }
-    less = [replace(one, gain=min(one.gain, known.get(one.name, one.gain))) for one in proposals]
+    less = [replace(one, gain=min(one.gain, known.get(one.name, one.gain))) if one.effect else one for one in proposals]
     return tuple(sorted(less, key=lambda one: -one.gain))
 
 
