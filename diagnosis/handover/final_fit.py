@@ -126,7 +126,7 @@ def _widened(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
             continue
         kind = type(candidate.effects[one.number])
         (item,) = (item for item in parameters_of(kind, layout.machine.priors) if item.name == one.name)
-        ranges[one.part, one.name] = (item.low / ROOM, item.high * ROOM)
+        ranges[one.part, one.name] = (item.widest[0] / ROOM, item.widest[1] * ROOM)
     dead = layout.of("dead_time")
     low[dead] = np.maximum(low[dead], -layout.machine.plant.dead_time)
     machine = replace(layout.machine, priors=Priors.of(ranges, layout.machine.priors.units))

@@ -149,7 +149,8 @@ def with_coordinates(effect: Effect, where: Array, priors: Priors) -> Effect:
 
 def bounds_of(item: Parameter) -> tuple[float, float]:
     """The least and the greatest value [SI] that a fit may give to a shape, a period or a width."""
-    return item.low / (SMALL if item.role == "width" else ROOM), item.high * ROOM
+    low, high = item.widest
+    return low / (SMALL if item.role == "width" else ROOM), high * ROOM
 
 
 def prior_std(effect: Effect, priors: Priors) -> Array:
@@ -214,12 +215,13 @@ def fine_step(item: Parameter, effect: Effect, records: Sequence[Record]) -> flo
     of one, unless the law says how fine it is, or its usual range lets only a few periods into a record. What is
     periodic in time restarts in every record with another phase, so that no periods are counted.
     """
-    known = (item.points or item.linear_within) and not item.stated
+    number = float(getattr(effect, item.name))
+    usual = item.low <= number <= item.high and not item.stated
+    known = (item.points or item.linear_within) and usual
     if item.role != "period" or item.periodic_in == "time" or known:
         return item.linear_within
     signals = [record.command if item.periodic_in == "command" else record.position for record in records]
     extent = max(float(np.ptp(signal)) for signal in signals)
-    number = float(getattr(effect, item.name))
     period = 1 / number if item.is_frequency else number
     return OF_PERIOD * period / max(extent, period)
 

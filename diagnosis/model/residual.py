@@ -47,6 +47,7 @@ FIRST: Final = 0.18  # of the friction: in the smoother's first pass, which know
 PASSES: Final = 5  # of the smoother, until friction is known
 AGAIN: Final = 0.625  # in the smoother once friction is known
 PROBE: Final = 2e-3  # of a sample: by which the dead time is changed for a derivative
+INSIDE: Final = 0.998  # of its limit, within which an element is when slopes by its start are taken
 STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
 
 
@@ -363,10 +364,12 @@ def _force_slopes(
 def _element_slopes(points: Array, elements: Array, slopes: Array) -> None:
     """Of each element's force: by the logarithm of its stiffness, of its limit, and by its start; (3, N, points).
 
-    elements (3, N): factor of the displacement [N/m], limit [m], displacement at the first point [m].
+    elements (3, N): factor of the displacement [N/m], limit [m], displacement at the first point [m]. One at its limit
+    is taken a little from it: it can leave it, though the slope there is zero where the table moves on.
     """
     for i in range(elements.shape[1]):
-        factor, limit, z = elements[0, i], elements[1, i], elements[2, i]
+        factor, limit = elements[0, i], elements[1, i]
+        z = min(max(elements[2, i], -INSIDE * limit), INSIDE * limit)
         by_limit, by_start = 0.0, 1.0
         for k in range(points.size):
             if k > 0:

@@ -35,6 +35,7 @@ REVERSALS: Final = 4  # reversals before the record that the elements may still 
 REFINED: Final = 8  # combinations that are refined, the best ones
 ROUNDS: Final = 20  # passes through all pairs of slopes at most
 SLOPES: Final = np.linspace(-1, 1, 9)  # slopes that are tried between one limit and the next
+COARSEST, FINEST = 0.125, 2e-3  # steps by which a slope is moved in the end
 TAIL: Final = 1000  # samples after the last slip that still count
 
 
@@ -135,7 +136,8 @@ def best_starts(limit: Array, gram: Array, slope: Array) -> Array:
     least, best = np.inf, patterns[0]
     for i in np.argsort(costs, kind="stable")[:REFINED]:
         slopes = patterns[i].copy()
-        cost = _refine(slopes, problem)
+        _refine(slopes, problem)
+        cost = _polish(slopes, problem)
         if cost < least:
             least, best = cost, slopes
     displacements = np.empty(count)
@@ -206,6 +208,28 @@ def _fixed(first: int, slopes: Array, problem: StartCost) -> Fixed:
                 row = problem.gram[k, i, j]
                 slope[k, i] += (1.0 - share) * row[low] + share * row[low + 1]
     return Fixed(at, slope)
+
+
+@compiled
+def _polish(slopes: Array, problem: StartCost) -> float:
+    """Improves one slope (N,) after another, in place, by ever smaller steps; the cost. One slope moves all elements
+    above it alike, as an unrecorded move between two limits did."""
+    places = Places(np.empty(slopes.size, np.int64), np.empty(slopes.size))
+    nothing = Fixed(0.0, problem.slope)
+    cost, step = _cost_from(0, slopes, nothing, problem, places), COARSEST
+    while step > FINEST:
+        before = cost
+        for i in range(slopes.size):
+            for moved in (slopes[i] - step, slopes[i] + step):
+                kept, slopes[i] = slopes[i], min(max(moved, -1.0), 1.0)
+                tried = _cost_from(0, slopes, nothing, problem, places)
+                if tried < cost - 1e-9:
+                    cost = tried
+                else:
+                    slopes[i] = kept
+        if cost > before - 1e-6:
+            step /= 2.0
+    return cost
 
 
 @compiled

@@ -262,11 +262,14 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
         if item.role == "switch":
             axes.append([(item.name, point) for point in (item.low, item.high)])
         elif item.periodic_in and (item.stated or not item.points):  # a grid's points might all be too far off
-            found = _from_spectrum(item, kind, fitted, records, projection)
+            found = _from_spectrum(item, item.widest, kind, fitted, records, projection)
             axes.append([(item.name, point) for point in np.array(found)])
         elif item.role in POSITIVE:
+            found = []
+            if item.widest[0] < item.low / ROOM:
+                found = _from_spectrum(item, (item.widest[0], item.low), kind, fitted, records, projection)
             shown = _points(item) if item.unit != "Hz" else _points(item)[_points(item) <= HIGHEST * nyquist]
-            axes.append([(item.name, point) for point in shown])
+            axes.append([(item.name, point) for point in (*shown, *np.array(found))])
     return [replace(kind.typical(priors), **dict(point)) for point in itertools.product(*axes)]
 
 
@@ -296,9 +299,15 @@ def adjoints(
 
 
 def _from_spectrum(
-    item: Parameter, kind: type[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
+    item: Parameter,
+    within: Sequence[float],
+    kind: type[Effect],
+    fitted: Fit,
+    records: Sequence[Record],
+    projection: NuisanceProjection,
 ) -> list[float]:
-    """Values [SI] of a periodic parameter at the peaks of the spectrum, over its coordinate, of what the model leaves.
+    """Values [SI] of a periodic parameter within a range [SI], at the peaks of the spectrum, over its coordinate, of
+    what the model leaves.
 
     That is the error of the reading, or of the force, which is weighted by what the law's periodic factor multiplies.
     """
@@ -307,10 +316,10 @@ def _from_spectrum(
         left = reading if kind.shown_in() == "reading" else force * _multiplied(kind, item, record)
         spans.append((_coordinate(item.periodic_in, record, fitted), left))
     if item.role == "width":
-        most = ROOM * item.high
-        found = peaks(spans, item.low, most, PADDED[item.periodic_in])
+        most = ROOM * within[1]
+        found = peaks(spans, within[0], most, PADDED[item.periodic_in])
         return sorted({n * step for step in found for n in range(1, OVERTONES + 1) if n * step <= most})
-    low, high = (1 / item.high, 1 / item.low) if item.is_frequency else (item.low, item.high)
+    low, high = (1 / within[1], 1 / within[0]) if item.is_frequency else within
     periods = peaks(spans, low, high, PADDED[item.periodic_in])
     return [1 / period for period in periods] if item.is_frequency else periods
 

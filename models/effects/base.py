@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.compiled import compiled
-from models.effects.priors import REFERENCE, USUAL, Powers, Priors, Units
+from models.effects.priors import REFERENCE, USUAL, Powers, Priors, Range, Units
 from models.plant import Mode
 from models.quantity import value
 
@@ -67,6 +67,10 @@ BY_UNIT: Final[Mapping[str, Powers]] = {
     "1/kg": (("mass", -1),),
 }
 """What sizes of a unit are counted in, where their declaration does not say; those of other units stay as they are."""
+MOST_PERIODS, FEWEST_PERIODS = (
+    120,
+    15,
+)  # in the travel: of the shortest that is looked for along it, the longest of a scale
 MOST_OF_NYQUIST: Final = 0.8  # up to which a frequency is looked for
 DENSEST: Final = 3  # times the points of a grid over the reference's travel, up to which a longer one has a grid
 SHOWN: Final = ("force", "reading")  # where an effect can add something that a record of position and command shows
@@ -109,6 +113,7 @@ class Parameter:
     size as there are very many periods in a record; 0: some per cent. stated: a machine states the range in place of
     the usual one. counted_in: the machine's quantities that the usual range is in proportion to; else by BY_UNIT.
     Of several, the one that makes the least counts for its lower end and the one that makes the most for its upper.
+    sought: of a period along the way or the scale that no machine states, where it is looked for.
     """
 
     name: str
@@ -124,6 +129,12 @@ class Parameter:
     linear_within: float = 0.0
     stated: bool = False
     counted_in: tuple[Powers, ...] = ()
+    sought: Range = ()
+
+    @property
+    def widest(self) -> Range:
+        """The least and the greatest size [SI] that is looked for."""
+        return self.sought or (self.low, self.high)
 
     @property
     def is_frequency(self) -> bool:
@@ -367,12 +378,12 @@ def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]
 
 
 def _along(item: Parameter, units: Units) -> Parameter:
-    """A period along the way or the scale: from what the shorter of two lengths would make the least on, as magnets and
-    scales go by neither; up to a share of the travel, beyond which it would draw any curve."""
+    """A period along the way or the scale: from what the shorter of two lengths would make the least to what the longer
+    would make the most, as magnets and scales go by neither; none beyond the travel, where it would draw any curve."""
     contact, way = units.contact / REFERENCE.contact, units.travel / REFERENCE.travel
     reading = units.reading / REFERENCE.reading
-    shortest = reading if item.periodic_in == "reading" else way
-    low, high = item.low * min(contact, shortest), item.high * way
+    longest, shortest = (max(contact, reading), reading) if item.periodic_in == "reading" else (way, way)
+    low, high = item.low * min(contact, shortest), item.high * longest
     denser = way * (1 / low - 1 / high) / (1 / item.low - 1 / item.high)
     points = max(round(item.points * denser), 2) if item.points and denser <= DENSEST else 0
     return replace(
@@ -382,7 +393,16 @@ def _along(item: Parameter, units: Units) -> Parameter:
         typical=math.sqrt(low * high),
         points=points,
         linear_within=item.linear_within * high / item.high / way,
+        sought=_sought(item, low, high, units.travel),
     )
+
+
+def _sought(item: Parameter, low: float, high: float, travel: float) -> Range:
+    """Where a spectrum looks for a period along the way, whose usual range is low .. high [m]: a screw's lead or a
+    motor's teeth are shorter than magnets, and a magnetic scale's pole pairs longer than an optical one's lines."""
+    if item.periodic_in == "reading":
+        return low, max(high, travel / FEWEST_PERIODS)
+    return min(low, travel / MOST_PERIODS), high
 
 
 def _ranged(item: Parameter, ends: tuple[float, ...] | None) -> Parameter:
@@ -390,7 +410,8 @@ def _ranged(item: Parameter, ends: tuple[float, ...] | None) -> Parameter:
     if ends is None:
         return item
     low, high = ends
-    return replace(item, low=-high if item.low < 0 else low, high=high, typical=(low * high) ** 0.5, stated=True)
+    typical = (low * high) ** 0.5
+    return replace(item, low=-high if item.low < 0 else low, high=high, typical=typical, stated=True, sought=())
 
 
 @cache
@@ -400,5 +421,7 @@ def _usual(kind: type[Effect]) -> tuple[Parameter, ...]:
         prior = field.metadata.get("prior")
         if not isinstance(prior, Parameter):
             raise TypeError(f"{kind.__name__}.{field.name}: declare it with models.effects.base.parameter")
+        if prior.role == "period" and prior.periodic_in in {"position", "reading"}:
+            prior = replace(prior, sought=_sought(prior, prior.low, prior.high, REFERENCE.travel))
         found.append(replace(prior, name=field.name))
     return tuple(found)

@@ -50,7 +50,7 @@ class ScalePeriodicError(Effect):
     )
     hooks: ClassVar = {Place.READING: _periodic}
     amplitude: float = parameter("m", "amplitude e", 2e-8, 2e-7, "amplitude", at_least=0)
-    period: float = period("m", "period P, of optical to magnetic scales", 4e-6, 4e-3, "reading", above=0)
+    period: float = period("m", "period P", 4e-6, 4e-5, "reading", linear_within=1e-5, above=0)
     phase: float = phase()
 
 

@@ -91,12 +91,14 @@ def test_a_stated_period_is_told_by_the_travel(tmp_path: Path) -> None:
     still = np.zeros(100)
     moved = Record(1e-3, still, still, still, still, np.linspace(0.0, 0.25, 100))
     assert step(own, [moved], machine.priors) == pytest.approx(OF_PERIOD * 5e-3 / 0.25)
-    assert step(own, [moved]) == 0
+    assert step(Cogging(1.0, 0.03, 0.0), [moved]) == 0  # usual
     for short in (1e-5, 0.0):  # through less than one period the usual step will do
         assert step(own, [replace(moved, position=np.linspace(0.0, short, 100))], machine.priors) == OF_PERIOD
     assert step(VelocityStrengthening(0.1, 1e-3), [moved], machine.priors) == 0
-    assert step(ScalePeriodicError(1e-8, 2e-5, 0.0), [moved]) == pytest.approx(OF_PERIOD * 2e-5 / 0.25)
+    assert step(ScalePeriodicError(1e-8, 2e-5, 0.0), [moved]) == 1e-5
     assert step(DacQuantisation(0.01, 0), [moved]) == 1e-5
+    for beyond in (ScalePeriodicError(1e-8, 1e-3, 0.0), Cogging(1.0, 1e-3, 0.0)):  # their usual ranges
+        assert step(beyond, [moved]) == pytest.approx(OF_PERIOD * 1e-3 / 0.25)
 
 
 def test_a_stated_period_at_its_bound_is_bent(tmp_path: Path) -> None:
@@ -142,7 +144,8 @@ def test_every_effect_can_have_its_usual_sizes_stated(name: str) -> None:
     priors = Priors.of({(name, item): ends for item, ends in usual.items()})
     for ours, theirs in zip(parameters(kind, priors), parameters(kind), strict=True):
         assert ours.stated == (ours.name in usual)
-        assert replace(ours, low=0, high=0, typical=0, stated=False) == replace(theirs, low=0, high=0, typical=0)
+        theirs_alone = replace(theirs, low=0, high=0, typical=0, sought=())
+        assert replace(ours, low=0, high=0, typical=0, stated=False, sought=()) == theirs_alone
         assert [ours.low, ours.high, ours.typical] == pytest.approx([theirs.low, theirs.high, theirs.typical])
     assert kind.typical().strength() == pytest.approx(kind.typical(priors).strength())
 
