@@ -153,7 +153,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     far = how_far(stages, outcome, closure.floor, baseline, law)
     handed = far.handover.named("with effects")  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
-    if outcome in NAMED and _closes_too_little(names, stages[-1].fitted, far, criteria):
+    at_floor = closure.excess < criteria.max_excess_at_floor
+    if outcome in NAMED and not at_floor and _closes_too_little(names, stages[-1].fitted, far, criteria):
         return _diagnosis(replace(answer, outcome=Outcome.NONE), pruned, baseline)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()
@@ -176,7 +177,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
 
 def _closes_too_little(names: Sequence[str], fitted: Fit, far: HowFar, criteria: Criteria) -> bool:
     """Whether the file with the effects surely closes less than what a name needs. What the search weighs by frequency
-    may be a small part of the force that is left; and what the log or the noise floor carries closes nothing."""
+    may be a small part of the force that is left; what the log or the noise floor carries closes nothing of it."""
     inside = {effect.name for effect in fitted.candidate.added_effects}
     return inside.issuperset(names) and far.interval[1] < criteria.min_closure
 
