@@ -11,8 +11,10 @@ follow them, from rest at 0, and answers each with one line of JSON on its stand
 
     {"record": PATH, "left": {"machine_time_s", "records"}}     or "refused": WHY, or "tripped": WHY, in place of PATH
 
-The record may be in any format and under any names that the machine file's [record] maps. The program ends when its
-input does; SIGTERM asks it to stop the axis at once. What is beyond the limits is never asked.
+A program that can load another PID into the drive also takes lines of JSON, for one run each, and one that cannot
+refuses them: {"references": PATH, "controller": PATH of a controller.json}. The record may be in any format and under
+any names that the machine file's [record] maps. The program ends when its input does; SIGTERM asks it to stop the axis
+at once. What is beyond the limits is never asked.
 """
 
 from __future__ import annotations
@@ -159,16 +161,21 @@ class MachineProcess:
         place = self.folder / "nominal.json"
         return place if place.is_file() else None
 
-    def run(self, references: Schedule, sample_time: float) -> Outcome:
-        """Has the machine follow references at its controller's sample time [s]. What is beyond its limits is refused
-        here and not asked. Raises MachineProcessError where the program does not keep to the protocol."""
+    def run(self, references: Schedule, sample_time: float, controller: Path | None = None) -> Outcome:
+        """Has the machine follow references at its controller's sample time [s]. controller: a controller.json whose
+        PID it is to run with, if it can. What is beyond its limits is refused here and not asked. Raises
+        MachineProcessError where the program does not keep to the protocol.
+        """
         over = beyond(references, sample_time, self.limits, self.left)
         if over:
             return Refused(over, self.left)
         self._asked += 1
         table = self._work / f"asked-{self._asked}.csv"
         table.write_text(to_csv(references, sample_time), encoding="utf-8")
-        answer = self._answer(str(table), PATIENCE[0] + PATIENCE[1] * duration(references, sample_time))
+        line = str(table)
+        if controller is not None:
+            line = json.dumps({"references": line, "controller": str(controller.absolute())})
+        answer = self._answer(line, PATIENCE[0] + PATIENCE[1] * duration(references, sample_time))
         self.left = self._left(answer)
         for key, kind in (("refused", Refused), ("tripped", Tripped)):
             if key in answer:

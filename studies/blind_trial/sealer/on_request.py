@@ -5,7 +5,10 @@
 The first line on its input is "SEED CASE": the machine and what is wrong with it are those of that case of a pack of
 drawn machines, and follow from the seed, which is therefore in no file and on no command line. FOLDER then holds
 nominal.json, what is known of the machine, and limits.json. Each further line is the path of a table of references
-(time_s, target_m, reference_m, feedforward_N, as the diagnosis writes its next_experiment.csv). The machine runs it,
+(time_s, target_m, reference_m, feedforward_N, as the diagnosis writes its next_experiment.csv), or a line of JSON,
+{"references": PATH, "controller": PATH}: the run is then made with the plain PID and the reference's delay of that
+controller.json in place of its own, as an engineer would load it into the drive; the machine trips where that asks for
+more than the drive has, and its own controller runs again next time. The machine runs it,
 from rest at 0 after moves that nobody recorded, and answers with one line of JSON: the record that it wrote and what is
 left of its limits, or why it did not run. log.jsonl keeps every answer. The limits are kept here, whatever limits.json
 says.
@@ -16,7 +19,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -36,6 +39,9 @@ SECONDS: Final = 90.0  # of machine time
 RECORDS: Final = 6
 SHORTEST: Final = 100  # samples of a run
 FIRST: Final = 1000  # from a case's seed to that of its first run
+GAINS: Final = {"kp": "kp_N_per_m", "ki": "ki_N_per_ms", "kd": "kd_Ns_per_m", "tau": "derivative_filter_s"}
+LATEST: Final = 1000  # samples by which a reference may wait
+MOST: Final = 1e20  # of any gain, SI
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,15 @@ class Used:
 
     machine_time: float = 0.0
     records: int = 0
+
+
+@dataclass(frozen=True)
+class Another:
+    """A controller to run with in place of the machine's own: gains of a plain PID (SI), samples that its reference
+    waits."""
+
+    gains: Mapping[str, float]
+    delay: int
 
 
 class RefusedError(ValueError):
@@ -101,6 +116,38 @@ def read(path: Path, sample_time: float) -> Schedule:
     return Schedule(rows[:, 1], rows[:, 2], rows[:, 3], ())
 
 
+def requested(line: str) -> tuple[Path, Path | None]:
+    """The table that a line asks for, and the controller file to run it with. Raises RefusedError."""
+    if not line.lstrip().startswith("{"):
+        return Path(line.strip()), None
+    try:
+        content = json.loads(line)
+        return Path(content["references"]), Path(content["controller"]) if content.get("controller") else None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise RefusedError('a request must be a path, or {"references": PATH, "controller": PATH}') from error
+
+
+def another(path: Path, sample_time: float) -> Another:
+    """The controller in a controller.json. Raises RefusedError for any but a plain PID at the machine's sample time."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        pid, delay = content["pid"], int(content["reference_delay_samples"])
+        found = {name: float(pid[key]) for name, key in GAINS.items()}
+        its_time = float(content["sample_time_s"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RefusedError(f"{path}: cannot be read as a controller.json with a PID ({error})") from error
+    plain = "law" not in content and all(
+        pid.get(f"{name}_weight", 1.0) == 1.0 for name in ("proportional", "derivative")
+    )
+    if not plain:
+        raise RefusedError(f"{path}: its feedback is no plain PID, and this machine runs no other one that it is given")
+    if not (abs(its_time - sample_time) <= 1e-6 * sample_time and 0 <= delay <= LATEST):
+        raise RefusedError(f"{path}: must run every {sample_time:g} s, its reference 0 to {LATEST} samples late")
+    if not all(0.0 <= gain < MOST for gain in found.values()):
+        raise RefusedError(f"{path}: a gain is negative, not finite or beyond {MOST:g}")
+    return Another({"kind": 0.0, "b": 1.0, "c": 1.0, **found}, delay)
+
+
 def require(asked: Schedule, limits: Limits, used: Used, sample_time: float) -> None:
     """Raises RefusedError for a run beyond the limits, of which `used` is taken."""
     seconds = asked.target.size * sample_time
@@ -117,7 +164,7 @@ def require(asked: Schedule, limits: Limits, used: Used, sample_time: float) -> 
 
 
 def serve(found: Plan, folder: Path, requests: Iterable[str], tell: Callable[[str], None]) -> Used:
-    """Runs what is asked, one path a line, and tells one line of JSON each; what was taken in the end."""
+    """Runs what is asked, one request a line, and tells one line of JSON each; what was taken in the end."""
     limits, used, ts = limits_of(found.bench), Used(), found.bench.axis.sample_time
     nominal = found.bench.axis.nominal("sealed machine")
     (folder / "nominal.json").write_text(json.dumps(nominal, indent=1) + "\n", encoding="utf-8")
@@ -126,10 +173,11 @@ def serve(found: Plan, folder: Path, requests: Iterable[str], tell: Callable[[st
         for line in requests:
             answer: dict[str, Any] = {"asked": line.strip()}
             try:
-                asked = read(Path(line.strip()), ts)
+                path, controller = requested(line)
+                asked, other = read(path, ts), None if controller is None else another(controller, ts)
                 require(asked, limits, used, ts)
                 used = Used(used.machine_time + asked.target.size * ts, used.records + 1)
-                answer["record"] = _ran(found, folder, asked, used.records)
+                answer["record"] = _ran(found, folder, asked, used.records, other)
             except RefusedError as error:
                 answer["refused"] = str(error)
             except ArithmeticError as error:
@@ -144,10 +192,11 @@ def serve(found: Plan, folder: Path, requests: Iterable[str], tell: Callable[[st
     return used
 
 
-def _ran(found: Plan, folder: Path, asked: Schedule, number: int) -> str:
+def _ran(found: Plan, folder: Path, asked: Schedule, number: int, other: Another | None) -> str:
     """The record of a run that the machine can do, as the path of its table."""
     path = folder / f"record-{number}.csv"
-    log = found.run(asked, found.seed + FIRST + number)
+    seed = found.seed + FIRST + number
+    log = found.run(asked, seed) if other is None else found.run(asked, seed, other.gains, other.delay)
     path.write_text(table(found.bench.axis.sample_time, asked, log), encoding="utf-8")
     return str(path)
 

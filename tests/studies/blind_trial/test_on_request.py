@@ -143,3 +143,88 @@ def test_as_a_process_it_has_its_label_nowhere_and_starts_once(
     assert main(["--folder", str(tmp_path / "other")]) == 2
     assert 'must be "SEED CASE"' in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
+
+
+def controller_file(path: Path, axis: Any, gains: dict[str, float], **changes: Any) -> str:
+    """A controller.json with a PID of the machine's own gains, some of them times a factor."""
+    own = {name: axis.control[name] * gains.get(name, 1.0) for name in ("kp", "ki", "kd", "tau")}
+    pid = {key: own[name] for name, key in on_request.GAINS.items()}
+    content = {"sample_time_s": axis.sample_time, "reference_delay_samples": axis.delay, "pid": pid} | changes
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return str(path)
+
+
+def with_controller(moves: str, controller: str) -> str:
+    return json.dumps({"references": moves.strip(), "controller": controller}) + "\n"
+
+
+@pytest.fixture(scope="module")
+def pid_machine() -> cases.Plan:
+    """A machine with a plain PID."""
+    found = cases.plan(11, 4, "sealed")
+    assert found.bench.axis.style == "PID"
+    return found
+
+
+@pytest.fixture
+def its_moves(pid_machine: cases.Plan, tmp_path: Path) -> str:
+    ts, most = pid_machine.bench.axis.sample_time, limits_of(pid_machine.bench).distance
+    return asked(tmp_path / "its_moves.csv", ts, 0.05 * most * (1 - np.cos(np.linspace(0, 2 * np.pi, round(2 / ts)))))
+
+
+def test_it_runs_with_another_pid_for_one_run(pid_machine: cases.Plan, its_moves: str, tmp_path: Path) -> None:
+    """With its own gains in the file it does what it does without; with half of them it is further off; and its own
+    controller is back in the run after."""
+    axis = pid_machine.bench.axis
+    same = controller_file(tmp_path / "same.json", axis, {})
+    half = controller_file(tmp_path / "half.json", axis, {"kp": 0.5, "ki": 0.5})
+    told = answers(pid_machine, tmp_path / "one", iter([with_controller(its_moves, half), its_moves]))
+    again = answers(pid_machine, tmp_path / "two", iter([with_controller(its_moves, same), its_moves]))
+    plain = answers(pid_machine, tmp_path / "three", iter([its_moves, its_moves]))
+
+    def off(answer: dict[str, Any]) -> float:
+        content = record_file.load(Path(answer["record"])).content
+        assert isinstance(content, Record)
+        return float(np.sqrt(np.mean((content.position - content.reference) ** 2)))
+
+    assert off(again[0]) == off(plain[0])
+    assert off(told[0]) > 1.2 * off(plain[0])
+    assert off(told[1]) == off(plain[1])
+
+
+def test_a_pid_that_cannot_be_kept_trips_the_drive_and_spends_the_run(
+    pid_machine: cases.Plan, its_moves: str, tmp_path: Path
+) -> None:
+    """The limits are those of the machine's own simulation: an unstable loop asks for more than the drive has."""
+    wild = controller_file(tmp_path / "wild.json", pid_machine.bench.axis, {"kp": 300.0, "kd": 300.0})
+    (one,) = answers(pid_machine, tmp_path / "bench", iter([with_controller(its_moves, wild)]))
+    assert one["tripped"].startswith("the command left the drive's range")
+    assert one["left"] == {"machine_time_s": pytest.approx(SECONDS - 2), "records": RECORDS - 1}
+
+
+def test_a_controller_that_is_none_is_refused_and_takes_nothing(
+    pid_machine: cases.Plan, its_moves: str, tmp_path: Path
+) -> None:
+    axis = pid_machine.bench.axis
+    files = {
+        "must run every": controller_file(tmp_path / "slow.json", axis, {}, sample_time_s=2 * axis.sample_time),
+        "a gain is negative": controller_file(tmp_path / "negative.json", axis, {"kp": -1.0}),
+        "no plain PID": controller_file(tmp_path / "law.json", axis, {}, law={"a": []}),
+        "0 to 1000 samples late": controller_file(tmp_path / "late.json", axis, {}, reference_delay_samples=-1),
+        "cannot be read": str(tmp_path / "nowhere.json"),
+    }
+    requests = [with_controller(its_moves, file) for file in files.values()]
+    told = answers(pid_machine, tmp_path / "bench", iter([*requests, '{"controller": 1}\n']))
+    for says, one in zip([*files, "a request must be a path"], told, strict=True):
+        assert says in one["refused"], one
+        assert one["left"] == {"machine_time_s": SECONDS, "records": RECORDS}
+
+
+def test_limits_hold_whatever_the_controller(pid_machine: cases.Plan, tmp_path: Path) -> None:
+    axis, most = pid_machine.bench.axis, limits_of(pid_machine.bench)
+    far = asked(
+        tmp_path / "far.csv", axis.sample_time, np.linspace(0, 1.1 * most.distance, round(20 / axis.sample_time))
+    )
+    same = controller_file(tmp_path / "same.json", axis, {})
+    (one,) = answers(pid_machine, tmp_path / "bench", iter([with_controller(far, same)]))
+    assert one["refused"].startswith("distance")

@@ -7,8 +7,8 @@ hold the kinds in fixed shares, in a drawn order; effects, forms and strangers a
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Final
 
@@ -129,10 +129,22 @@ class Plan:
         """One of its two records."""
         return self.run(self.bench.schedules[which], self.seed + which)
 
-    def run(self, schedule: Schedule, seed: int) -> Log:
-        """The log of a run of the true machine. Raises ArithmeticError where the command leaves the drive's range."""
-        true, units = shifted(self.bench.axis, self.shift), self.bench.units
-        return simulate(true, schedule, seed, _together(self.parts, units))
+    def run(
+        self, schedule: Schedule, seed: int, gains: Mapping[str, float] | None = None, delay: int | None = None
+    ) -> Log:
+        """The log of a run of the true machine, with other gains of its controller and another delay of its reference
+        [samples] where they are given: what is wrong with a gain is then as wrong with the new one. Raises
+        ArithmeticError where the command leaves the drive's range."""
+        true, change = shifted(self.bench.axis, self.shift), _together(self.parts, self.bench.units)
+        if gains is not None:
+            old = true.control
+            wrong = {
+                name: gains.get(name, 0.0) * number / old[name] if old.get(name) else gains.get(name, 0.0) + number
+                for name, number in change.control.items()
+            }
+            later = true.delay if delay is None else delay
+            true, change = replace(true, control=gains, delay=later), replace(change, control=wrong)
+        return simulate(true, schedule, seed, change)
 
 
 def _together(parts: Sequence[Part], units: Units) -> Change:
