@@ -93,8 +93,7 @@ def ask(
     choose: how the others are chosen. say is told the share of the budget that is spent, and what comes next.
     """
     say(0.0, "what each experiment would tell, by simulation")
-    kinds = machine.kinds
-    names = tuple(one for one in kinds if kinds[one].shown_in() != "log" and one not in settings.disabled)
+    names = names_of(machine, settings.disabled)
     menu = told(machine, experiments(machine, budget.bounds), names, settings.seed)
     known = Knowledge(names, menu, (0,) * len(menu), (), EProcess(), budget.seconds, budget.records)
     course = _Course(known, records=tuple(have))
@@ -117,6 +116,12 @@ def ask(
             course = _looked(course, machine, settings, choice, begun)
         choice = _next(course.known, choose, settings.criteria)
     return _asked(course, budget)
+
+
+def names_of(machine: Machine, disabled: Sequence[str] = ()) -> tuple[str, ...]:
+    """The effects that a path can show, so that an experiment can be chosen for them."""
+    kinds = machine.kinds
+    return tuple(name for name in kinds if kinds[name].shown_in() != "log" and name not in disabled)
 
 
 @dataclass(frozen=True)

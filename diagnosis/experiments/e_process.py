@@ -1,8 +1,9 @@
 """How sure a name is after several looks at growing records: e-values on each new record, which chose nothing.
 
 Who looks again after every record, and stops at a name, has that many chances of a false one. So what a look names is
-tested on the record that comes next, before that record is used to choose anything. H0: nothing but the nominal
-parameters, as priors state them. H1: the effects that the look before named, of the sizes that it found, each to within
+tested on the record that comes next, before that record is used to choose anything; as is what came nearest to a name
+where a look gave none, so that a small effect is confirmed by the record that makes it visible. H0: nothing but the
+nominal parameters, as priors state them. H1: those effects, of the sizes that the look before found, each to within
 SPREAD. Both predict the new record from the earlier ones. Given the past, LR = p1(new) / p0(new) has the mean 1 under
 H0, so it is an e-value (V. Vovk, R. Wang, Annals of Statistics 49, 2021). What is multiplied up is
 
@@ -81,28 +82,22 @@ def staked(ratio: float) -> float:
 
 
 def tested(before: Look, now: Baseline, process: EProcess) -> EProcess:
-    """The e-process with the last record of `now`, by what the look `before` it named; as it is where that was
-    nothing. Logarithms [1]."""
-    named = [name for name in before.found.names if name in now.machine.kinds]
+    """The e-process with the last record of `now`, by what the look `before` it tried; as it is where that was nothing.
+    Logarithms [1]."""
+    named = [name for name in before.tried if name in now.machine.kinds]
     if not named:
         return process
     logged = {name: _in_the_log(name, before, now) for name in named if _is_logged(name, before)}
     random = _of_random_forces(before, now)
-    forces = _by_name(before, named)
+    forces = {name: [one for one in before.effects if one.name == name] for name in named}
+    forces = {name: effects for name, effects in forces.items() if effects}
     ratios = _ratios(now, forces) if forces else {}
     each = {**logged, **{name: random for name in named if name not in logged and name not in forces}, **ratios}
     parts = [ratios[""]] * bool(ratios) + list(logged.values()) + [random] * bool(before.fitted.candidate.random_forces)
+    if not parts:
+        return process
     whole = float(np.logaddexp.reduce(parts) - np.log(len(parts)))  # a mean of e-values is one, their product is not
     return process.after(whole, {name: each[name] for name in named})
-
-
-def _by_name(before: Look, named: list[str]) -> dict[str, list[Effect]]:
-    """The named effects that are in the model, members of one class together."""
-    found: dict[str, list[Effect]] = {}
-    for effect in before.fitted.candidate.added_effects:
-        if effect.name in named:
-            found.setdefault(effect.name, []).append(effect)
-    return found
 
 
 def _ratios(now: Baseline, forces: Mapping[str, list[Effect]]) -> dict[str, float]:

@@ -19,6 +19,7 @@ from diagnosis.verdict import Outcome
 from diagnosis.which.prune import prune
 from diagnosis.which.select import select
 from diagnosis.which.stage import Stage
+from models.effects.base import Effect
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,17 @@ class Found:
 
 @dataclass(frozen=True)
 class Look:
-    """A look's finding, the model with what it named, and what that was judged against."""
+    """A look's finding, the model with what it named, and what that was judged against.
+
+    tried: the names that the next record is to confirm, those that were found or, without any, what came nearest to it;
+    effects: of these, with their parameters, what is a law of force or of the reading.
+    """
 
     found: Found
     fitted: Fit
     baseline: Baseline
+    tried: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = ()
 
 
 @on_single_blas_thread
@@ -51,7 +58,23 @@ def look(baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = ()) -
     alike = rivalling(answer.stages, baseline.criteria) if answer.outcome is Outcome.ATTRIBUTED else ()
     outcome = Outcome.AMBIGUOUS if alike else answer.outcome
     names = answer.names if outcome in {Outcome.ATTRIBUTED, Outcome.AMBIGUOUS} else ()
-    return Look(Found(outcome, names, alike, _gains(answer.stages)), answer.stages[-1].fitted, baseline)
+    found = Found(outcome, names, alike, _gains(answer.stages))
+    stage = answer.stages[-1] if names else pruned.stages[-1]
+    return Look(found, stage.fitted, baseline, *_tried(names, stage))
+
+
+def _tried(names: tuple[str, ...], stage: Stage) -> tuple[tuple[str, ...], tuple[Effect, ...]]:
+    """What the next record is to confirm; where nothing is named and nothing in the model, the proposal that exceeds
+    its threshold by most, or stays below it by least."""
+    inside = tuple(stage.fitted.candidate.added_effects)
+    if names:
+        return names, tuple(one for one in inside if one.name in names)
+    if inside:
+        return tuple(dict.fromkeys(one.name for one in inside)), inside
+    best = max(stage.scanned, key=lambda one: one.gain / one.threshold, default=None)
+    if best is None or best.effect is None or best.gain <= 0:
+        return (), ()
+    return (best.name,), (best.effect,)
 
 
 def _gains(stages: tuple[Stage, ...]) -> dict[str, float]:

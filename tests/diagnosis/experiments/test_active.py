@@ -12,6 +12,7 @@ import pytest
 from diagnosis.experiments import active
 from diagnosis.experiments.active import Budget, ask, to_json
 from diagnosis.experiments.e_process import EProcess
+from diagnosis.experiments.information import Told, told
 from diagnosis.experiments.look import Found
 from diagnosis.experiments.policy import Stop
 from diagnosis.experiments.schedules import Schedule
@@ -22,6 +23,7 @@ from models.records.record import Record
 
 BUDGET = Budget(Bounds(0.05, 0.3, 100.0), 30.0, 4)
 MACHINE = load()
+NAMES = ("cogging", "viscous_friction", "play")
 
 
 def answer(outcome: Outcome, *names: str) -> Any:
@@ -31,12 +33,20 @@ def answer(outcome: Outcome, *names: str) -> Any:
 NOTHING, COGGING = answer(Outcome.NOTHING), answer(Outcome.ATTRIBUTED, "cogging")
 
 
+@pytest.fixture(scope="module")
+def menu() -> tuple[Told, ...]:
+    """What the experiments tell about three effects, computed once."""
+    return told(MACHINE, experiments(MACHINE, BUDGET.bounds), NAMES)
+
+
 @pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> Any:
+def script(menu: tuple[Told, ...], monkeypatch: pytest.MonkeyPatch) -> Any:
     """Lets the looks give these answers, one after another, and each test of a name this e-value."""
 
     def prepared(answers: Sequence[Any], gain: float) -> None:
         left = list(answers)
+        monkeypatch.setattr(active, "told", lambda *_: menu)
+        monkeypatch.setattr(active, "names_of", lambda *_: NAMES)
         monkeypatch.setattr(active, "refit_and_null", lambda _machine, records, **_: records)
         monkeypatch.setattr(active, "look", lambda *_, **__: left.pop(0) if len(left) > 1 else left[0])
 
