@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from models.identification.modal.transfer import Array, Complex, expansion, response, units
+from models.identification.modal.transfer import Array, Complex, expanded, expansion, units
 from models.identification.response import FrequencyResponse
 from models.plant import Mode, Plant
 
@@ -69,6 +69,15 @@ class Lines:
         some = np.unique(np.searchsorted(self.f, np.geomspace(self.f[0], self.f[-1], most)))
         command = None if self.command is None else self.command[some]
         return replace(self, f=self.f[some], p=self.p[some], weight=self.weight[some], command=command)
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """A plant with a lag and a drag in partial fractions: poles (J,) [1/s], weights (J,) [1/kg], dead time [s]."""
+
+    pole: Complex
+    weight: Complex
+    dead_time: float
 
 
 @dataclass(frozen=True)
@@ -127,21 +136,26 @@ def residual(theta: Array, structure: Structure, problem: Problem) -> Array:
 
 def left_of(plant: Plant, lag: float, drag: float, problem: Problem) -> Array:
     """The residual (2 N,) [1] of a plant with a lag [s] and a drag [N s/m]."""
-    found = []
+    found, terms = [], _expansion(plant, lag, drag)
     for one in problem.lines:
-        error = _errors(plant, lag, drag, one)
+        error = _errors(terms, one)
         if one.command is not None:
-            basis, _ = _spanned(_ends(plant, lag, drag, one))
+            basis, _ = _spanned(_ends(terms, one))
             error = error - basis @ (basis.T @ error)
         found.append(error)
     return np.concatenate(found)
 
 
-def _errors(plant: Plant, lag: float, drag: float, lines: Lines) -> Array:
-    return _stacked((response(plant, lines.f, lines.ts, lag=lag, drag=drag) - lines.p) * lines.weight)
+def _expansion(plant: Plant, lag: float, drag: float) -> Expansion:
+    return Expansion(*expansion(plant, lag, drag), plant.dead_time)
 
 
-def _ends(plant: Plant, lag: float, drag: float, lines: Lines) -> Array:
+def _errors(terms: Expansion, lines: Lines) -> Array:
+    shown = expanded(terms.pole, terms.weight, lines.f, terms.dead_time, lines.ts)
+    return _stacked((shown - lines.p) * lines.weight)
+
+
+def _ends(terms: Expansion, lines: Lines) -> Array:
     """What the states, unlike at the record's two ends, add to the weighted errors (2n, c) [1].
 
     At the lines of n samples z^n = 1, so the free response of a pair of poles, from the first sample on, is
@@ -151,7 +165,7 @@ def _ends(plant: Plant, lag: float, drag: float, lines: Lines) -> Array:
     excitation was the same before, neither these nor poles that have died out since are unlike.
     """
     assert lines.command is not None
-    scale, poles = lines.weight / lines.command, expansion(plant, lag, drag)[0]
+    scale, poles = lines.weight / lines.command, terms.pole
     z, columns = np.exp(2j * math.pi * lines.f * lines.ts), []
     real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
     slow = poles[real][np.argmin(np.abs(poles[real]))]
@@ -163,7 +177,7 @@ def _ends(plant: Plant, lag: float, drag: float, lines: Lines) -> Array:
         columns += [_stacked(shape), _stacked((z - 1) * shape)]
     columns += [_stacked(scale * z / (z - np.exp(p * lines.ts))) for p in poles[real & rings] if p != slow]
     if lines.single:
-        late = max(math.ceil(plant.dead_time / lines.ts), 0) + 1
+        late = max(math.ceil(terms.dead_time / lines.ts), 0) + 1
         columns += [_stacked(scale * z**-j) for j in range(late)]
     return np.column_stack(columns)
 
@@ -186,26 +200,27 @@ def _stacked(values: Complex) -> Array:
 
 def jacobian(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Slopes (2 N, p) [1] of the residual, by central differences; of the projection as Kaufman (1975) has it."""
-    return np.vstack([_slopes(theta, structure, problem.unit, one) for one in problem.lines])
+    here, *moved = (
+        _expansion(*decoded(theta + step, structure, problem.unit))
+        for step in (np.zeros(theta.size), *np.kron(np.eye(theta.size), [[STEP], [-STEP]]))
+    )
+    return np.vstack([_slopes(here, moved, one) for one in problem.lines])
 
 
-def _slopes(theta: Array, structure: Structure, unit: float, lines: Lines) -> Array:
-    plant, lag, drag = decoded(theta, structure, unit)
+def _slopes(here: Expansion, moved: Sequence[Expansion], lines: Lines) -> Array:
+    """Of one response; moved: by a step of each of theta, there and back in turn."""
     basis, sizes, ends = None, np.zeros(0), np.zeros((0, 0))
     if lines.command is not None:
-        ends = _ends(plant, lag, drag, lines)
+        ends = _ends(here, lines)
         basis, weights = _spanned(ends)
-        sizes = -weights @ (basis.T @ _errors(plant, lag, drag, lines))
+        sizes = -weights @ (basis.T @ _errors(here, lines))
     columns = []
-    for i in range(theta.size):
-        step = np.zeros(theta.size)
-        step[i] = STEP
+    for pair in zip(moved[::2], moved[1::2], strict=True):
         both = []
-        for sign in (1, -1):
-            moved = decoded(theta + sign * step, structure, unit)
-            error = _errors(*moved, lines)
+        for terms in pair:
+            error = _errors(terms, lines)
             if basis is not None:
-                near = _ends(*moved, lines)
+                near = _ends(terms, lines)
                 error = error + (near if near.shape == ends.shape else ends) @ sizes  # a pole may die out between
             both.append(error)
         columns.append((both[0] - both[1]) / (2 * STEP))
@@ -274,11 +289,11 @@ def with_mode(theta: Array, structure: Structure, problem: Problem) -> Array:
 
 def _explained(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Orthonormal columns (2 N, c): what a change of theta, or of what the ends leave, makes of the residual."""
-    plant, lag, drag = decoded(theta, structure, problem.unit)
+    terms = _expansion(*decoded(theta, structure, problem.unit))
     slopes, row = [jacobian(theta, structure, problem)], 0
     for one in problem.lines:
         if one.command is not None:
-            ends = _ends(plant, lag, drag, one)
+            ends = _ends(terms, one)
             block = np.zeros((problem.size, ends.shape[1]))
             block[row : row + 2 * one.f.size] = ends
             slopes.append(block)

@@ -28,9 +28,13 @@ def response(plant: Plant, frequency: Array, sample_time: float, *, lag: float =
 
     lag: tau [s]; drag: c [N s/m].
     """
-    pole, weight = expansion(plant, lag, drag)
+    return expanded(*expansion(plant, lag, drag), frequency, plant.dead_time, sample_time)
+
+
+def expanded(pole: Complex, weight: Complex, frequency: Array, dead_time: float, sample_time: float) -> Complex:
+    """P (n,) [m/N] at frequencies (n,) [Hz] of an `expansion` (J,), as of `response`."""
     total = np.zeros(frequency.size, complex)
-    for one, size in zip(units(pole, frequency, plant.dead_time, sample_time), weight, strict=True):
+    for one, size in zip(units(pole, frequency, dead_time, sample_time), weight, strict=True):
         total += size * one
     return total
 
@@ -90,8 +94,9 @@ def _held(pole: Complex, duration: float) -> tuple[Complex, Complex]:
     x = pole * duration
     small = np.abs(x) < SERIES
     safe = np.where(small, 1.0, x)
-    first = np.where(small, 1 + x / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6)))), np.expm1(safe) / safe)
-    second = np.where(
-        small, 0.5 + x / 6 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6 * (1 + x / 7)))), (np.expm1(safe) / safe - 1) / safe
-    )
+    first = np.expm1(safe) / safe
+    second = (first - 1) / safe
+    if small.any():
+        first = np.where(small, 1 + x / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6)))), first)
+        second = np.where(small, 0.5 + x / 6 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6 * (1 + x / 7)))), second)
     return np.asarray(duration * first, complex), np.asarray(duration**2 * second, complex)
