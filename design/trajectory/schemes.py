@@ -7,8 +7,9 @@ alternate. A scheme is what a controller then puts out; it may learn the frictio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -68,17 +69,26 @@ def slip_states(machine: Machine) -> Array:
     return np.outer([-1.0, 1.0], machine.friction.limit)
 
 
-def quickest(machine: Machine, wanted: Wanted, begin: int, least: int = 0) -> tuple[int, dict[int, Trajectory]]:
+def quickest(
+    machine: Machine,
+    wanted: Wanted,
+    begin: int,
+    least: int = 0,
+    known: Mapping[int, Trajectory] = MappingProxyType({}),
+) -> tuple[int, dict[int, Trajectory]]:
     """The least number of samples, from `least` on, with a least peak thrust within the limits; all tried.
 
-    From full slip either way, which bounds what any history asks for. Bisection over the number of samples, one
-    problem each: the least peak falls with their number. Raises DesignError if even LONGEST more do not do.
+    known: what was tried before on this machine, for the same stroke and slew but perhaps another limit of the thrust
+    [N], which only says which of them do. From full slip either way, which bounds what any history asks for. Bisection
+    over the number of samples, one problem each: the least peak falls with their number. Raises DesignError if even
+    LONGEST more do not do.
     """
-    tried: dict[int, Trajectory] = {}
+    tried = dict(known)
 
     def possible(count: int) -> bool:
-        task = Task(machine.plant, machine.friction, machine.sample_time, count, wanted.stroke, "peak_thrust", 2)
-        tried[count] = solve(build(task), slip_states(machine), Limits(slew=wanted.limits.slew))
+        if count not in tried:
+            task = Task(machine.plant, machine.friction, machine.sample_time, count, wanted.stroke, "peak_thrust", 2)
+            tried[count] = solve(build(task), slip_states(machine), Limits(slew=wanted.limits.slew))
         return tried[count].solution.converged and tried[count].peak <= wanted.limits.thrust
 
     low = max(2 * len(machine.plant.modes), least - 1)

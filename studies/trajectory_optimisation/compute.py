@@ -95,12 +95,12 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
     progress(0.35, "certificate of the smoothing")
     certificate = _certificate(machine, wanted, made, options)
     progress(0.4, "settling time, thrust and sensitivity against each other")
-    trade_off = pareto(machine, wanted, made.shortest, aim, quick=options.quick)
+    trade_off = pareto(machine, wanted, made.shortest, aim, {made.samples: made.peak}, quick=options.quick)
     shortest = {
         **shortest_motion(
             machine, made.shortest, made.tried, to_tolerance(machine, wanted, made.shortest, quick=options.quick)
         ),
-        "rest_rated_s": rest_at_rated_thrust(machine, wanted, made.shortest),
+        "rest_rated_s": rest_at_rated_thrust(machine, wanted, made.shortest, made.tried),
     }
     progress(0.6, "judging on nonsmooth tables")
     counted = with_elements(machine, options, progress, made.deadbeat, shares=(0.6, 0.62))

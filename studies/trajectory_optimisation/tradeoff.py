@@ -25,11 +25,17 @@ NONE: Final = {"force": 0.0, "length": 0.0, "mass": 0.0, "frequency": 0.0}
 PARETO_ROBUST: Final = (0, 4)  # those at which the least sensitive trajectory is designed too
 
 
-def pareto(machine: Machine, wanted: Wanted, shortest: int, aim: Aim, *, quick: bool) -> list[dict[str, Any]]:
-    """Least peak thrust for each motion time, and the error at one-sigma deviations; for some, a robust design too."""
+def pareto(
+    machine: Machine, wanted: Wanted, shortest: int, aim: Aim, known: Mapping[int, Trajectory], *, quick: bool
+) -> list[dict[str, Any]]:
+    """Least peak thrust for each motion time, and the error at one-sigma deviations; for some, a robust design too.
+
+    known: trajectories of least peak thrust that are designed already, by their number of samples.
+    """
     rows = []
     for extra in PARETO[:2] if quick else PARETO:
-        _, peak = schemes.least_peak(machine, wanted, shortest + extra)
+        count = shortest + extra
+        peak = known[count] if count in known else schemes.least_peak(machine, wanted, count)[1]
         rows.append(_pareto_row(machine, peak, aim, "least peak thrust"))
         if not quick and extra in PARETO_ROBUST:
             _, robust, _ = schemes.least_sensitive(machine, wanted, peak, ERRORS)
@@ -95,10 +101,11 @@ def shortest_motion(
     }
 
 
-def rest_at_rated_thrust(machine: Machine, wanted: Wanted, shortest: int) -> float:
-    """When [s] the table rests at the earliest if the trajectory may take all of the rated thrust."""
+def rest_at_rated_thrust(machine: Machine, wanted: Wanted, shortest: int, tried: Mapping[int, Trajectory]) -> float:
+    """When [s] the table rests at the earliest if the trajectory may take all of the rated thrust; tried: what the
+    search within the limits tried."""
     whole = replace(wanted, limits=Limits(machine.drive.rated_thrust, wanted.limits.slew))
-    return schemes.rest_time(machine, schemes.quickest(machine, whole, shortest)[0])
+    return schemes.rest_time(machine, schemes.quickest(machine, whole, shortest, known=tried)[0])
 
 
 def failed_iterate(machine: Machine, wanted: Wanted, shortest: int) -> dict[str, Any]:

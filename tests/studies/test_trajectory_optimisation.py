@@ -15,7 +15,7 @@ import pytest
 from design.controller import feedback_alone, usable_thrust
 from design.deadbeat import synthesise
 from design.trajectory.compensator import compensate, motion_profile
-from design.trajectory.history_aware import Limits
+from design.trajectory.history_aware import Built, Limits, Trajectory
 from design.trajectory.schemes import (
     Wanted,
     histories,
@@ -133,6 +133,26 @@ def test_the_feedback_waits_as_the_trajectory_needs_it_at_any_dead_time(dead_tim
     judged = judge([machine], scheme.controller, Aim(20e-6, 0.5e-6, 25e-3), given)[0]
     after = round((rest_time(machine, count)) / machine.sample_time) + 1
     assert np.max(np.abs(judged.error[:, after:])) < 2 * machine.scale.resolution
+
+
+def test_what_one_search_solved_is_not_solved_again_by_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A limit of the thrust only says which motions will do: with a lower one, the search asks for longer ones."""
+    machine = load_machine()
+    wanted = Wanted(20e-6, 0.5e-6, 25e-3, Limits())
+    count, tried = quickest(machine, wanted, 50, least=50)
+    asked: list[int] = []
+
+    def solved(built: Built, *_: object) -> Trajectory:
+        asked.append(built.task.samples)
+        return replace(tried[count], thrust=0.9 * tried[count].thrust, hold=0.9 * tried[count].hold)
+
+    monkeypatch.setattr("design.trajectory.schemes.solve", solved)
+    assert quickest(machine, wanted, 50, least=50, known=tried) == (count, tried)
+    assert asked == []
+    lower = replace(wanted, limits=Limits(0.95 * tried[count].peak))
+    longer, both = quickest(machine, lower, 50, least=50, known=tried)
+    assert longer > count
+    assert asked == [one for one in both if one not in tried]
 
 
 def test_the_deadbeat_beside_them_keeps_to_the_thrust_where_the_specified_time_does_not_allow_it() -> None:
