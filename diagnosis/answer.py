@@ -11,7 +11,7 @@ from types import MappingProxyType
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import at_bounds, largest
+from diagnosis.model.fit import Fit, at_bounds, largest
 from diagnosis.refit import shifted
 from diagnosis.verdict import Explanation, Outcome, verdict
 from diagnosis.which.kinds import Form, forms, of_kind, periods_shown
@@ -170,6 +170,14 @@ def drawn_curves(effects: Sequence[Effect], records: Sequence[Record], criteria:
         for effect in effects
         if kinds[type(effect).kind()] > 1 and periods_shown(effect, records) < criteria.min_periods_beside
     }
+
+
+def closes_too_little(names: Sequence[str], fitted: Fit, interval: tuple[float, float], criteria: Criteria) -> bool:
+    """Whether the file with the effects surely closes less than what a name needs, by the 95 % interval [1] of its
+    closure. What the search weighs by frequency may be a small part of the force that is left; what the log or the
+    noise floor carries closes nothing of it."""
+    inside = {effect.name for effect in fitted.candidate.added_effects}
+    return inside.issuperset(names) and interval[1] < criteria.min_closure
 
 
 def strongest_at_bound(stages: Sequence[Stage]) -> bool:

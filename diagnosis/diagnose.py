@@ -18,7 +18,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.answer import Answer, form_parts, largest_adequate, rivalling, with_forms, with_the_log
+from diagnosis.answer import (
+    Answer,
+    closes_too_little,
+    form_parts,
+    largest_adequate,
+    rivalling,
+    with_forms,
+    with_the_log,
+)
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.handover.hand_over import MEASURED, HowFar, how_far
@@ -154,7 +162,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     handed = far.handover.named("with effects")  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
     at_floor = closure.excess < criteria.max_excess_at_floor
-    if outcome in NAMED and not at_floor and _closes_too_little(names, stages[-1].fitted, far, criteria):
+    if outcome in NAMED and not at_floor and closes_too_little(names, stages[-1].fitted, far.interval, criteria):
         return _diagnosis(replace(answer, outcome=Outcome.NONE), pruned, baseline)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()
@@ -173,13 +181,6 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     return Diagnosis(
         outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline, found, curves, unknown
     )
-
-
-def _closes_too_little(names: Sequence[str], fitted: Fit, far: HowFar, criteria: Criteria) -> bool:
-    """Whether the file with the effects surely closes less than what a name needs. What the search weighs by frequency
-    may be a small part of the force that is left; what the log or the noise floor carries closes nothing of it."""
-    inside = {effect.name for effect in fitted.candidate.added_effects}
-    return inside.issuperset(names) and far.interval[1] < criteria.min_closure
 
 
 def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:

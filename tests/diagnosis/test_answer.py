@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.answer import form_parts, overfitting_series, rivalling, strongest_at_bound
+from diagnosis.answer import closes_too_little, form_parts, overfitting_series, rivalling, strongest_at_bound
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, at_bounds
 from diagnosis.model.parameters import parameters
@@ -94,3 +94,11 @@ def test_a_part_of_a_form_has_no_rivals() -> None:
         ),
     ]
     assert rivalling(stages, CRITERIA) == ()
+
+
+def test_what_surely_closes_less_than_half_is_no_answer_unless_something_else_carries_it() -> None:
+    fitted = _fit(100.0, [Cogging.typical()])
+    assert closes_too_little(["cogging"], fitted, (0.1, 0.4), CRITERIA)
+    assert closes_too_little(["cogging"], fitted, (-1.0, -1.0), CRITERIA)
+    assert not closes_too_little(["cogging"], fitted, (0.1, 0.6), CRITERIA)
+    assert not closes_too_little(["controller_mismatch", "cogging"], fitted, (0.0, 0.0), CRITERIA)

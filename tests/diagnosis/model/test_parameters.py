@@ -31,6 +31,16 @@ def test_a_negative_gain_keeps_its_sign_whatever_the_fit_does() -> None:
     assert applied(layout, theta).plant.modes[-1].gain == pytest.approx(-np.exp(0.1) * last.gain, rel=1e-14)
 
 
+def test_a_contact_may_start_at_its_fitted_limit() -> None:
+    """Which may be larger than the file's: clipped to that one, no step of a precise axis' re-fit was taken."""
+    layout = parameters(MACHINE, 2)
+    theta = np.where(np.isin(layout.names, ["presliding_limit"]), layout.high, 0.0)
+    limit = np.array(applied(layout, theta).friction.limit)
+    assert np.all(limit > np.array(MACHINE.friction.limit))
+    theta[layout.of("initial_friction_state")] = np.tile(limit, 2)
+    assert np.allclose(bounded(layout, theta), theta, rtol=1e-12)
+
+
 def test_a_wrong_thrust_constant_is_found_where_the_mass_is_known() -> None:
     """The friction's force in newtons is right, and so it acts less in newtons of thrust reference."""
     wrong, right = 0.88, replace(MACHINE, drive=replace(MACHINE.drive, offset=1.0))

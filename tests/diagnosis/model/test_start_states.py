@@ -39,6 +39,15 @@ def test_the_search_finds_what_moves_left(moves: list[float]) -> None:
     assert np.linalg.norm(found / LIMIT - z / LIMIT) < 0.35
 
 
+@given(st.floats(2e-6, 9e-5), st.sampled_from([-1.0, 1.0]))
+def test_a_last_move_of_any_length_is_found_to_many_digits(move: float, sign: float) -> None:
+    """Where a scale resolves the friction finely, a start off by a hundredth leaves a hundred times the noise."""
+    z, count = sign * _left_by([-move]), LIMIT.size
+    columns = np.concatenate([place * np.eye(count) for place in np.linspace(-1, 1, GRID)], axis=1)
+    found = best_starts(LIMIT, columns.T @ columns, columns.T @ (-z / LIMIT))
+    assert np.abs(found - z).max() / LIMIT.max() < 4e-3
+
+
 def test_limits_may_come_in_any_order() -> None:
     order = np.array([3, 0, 7, 1, 6, 2, 5, 4])
     limit, z = LIMIT[order], _left_by([-6e-5, 1e-5])[order]

@@ -28,7 +28,26 @@ def test_a_period_is_found_in_however_narrow_a_range(range_: tuple[float, float]
     found = peaks([(place, np.sin(2 * np.pi * place / 2e-3))], *range_, padded=8)
     assert found
     assert all(0.999 * range_[0] <= period <= 1.001 * range_[1] for period in found)
-    assert min(abs(period / 2e-3 - 1) for period in found) < 0.01
+
+
+def test_long_waves_do_not_hide_a_short_one() -> None:
+    """They are 30 times as strong, and there are more of them than lines are taken."""
+    place = np.linspace(0.0, 0.03, 50_000)
+    long = sum(np.sin(2 * np.pi * place / period) for period in (0.012, 9e-3, 7e-3, 5.5e-3, 4.5e-3, 3.5e-3))
+    found = peaks([(place, 30 * long + np.sin(2 * np.pi * place / 4e-5))], 2e-5, 0.02)
+    assert any(period == pytest.approx(4e-5, rel=2e-3) for period in found)
+
+
+def test_a_screw_s_lead_is_found_without_a_word_in_the_file() -> None:
+    """It is a tenth of the shortest usual pitch."""
+    law = Cogging(1.0, 2.345e-3, 1.0)
+    records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
+    nominal = refit_within(MACHINE, records)
+    found, _ = scan(nominal, records, partial_out(nominal, numbered(pieces(records), records)))
+    assert found[0].effect.name == law.name
+    (adopted,) = fitted_with(nominal, found[0].effect, records).candidate.effects
+    assert adopted.values()[:2] == pytest.approx(law.values()[:2], rel=0.1)
+    assert not at_bounds(adopted, MACHINE.priors)
 
 
 @pytest.mark.parametrize(
