@@ -85,18 +85,19 @@ def with_all_elements(machine: Machine, *, every_element: bool = True) -> Machin
 
 
 def _deadbeat(machine: Machine) -> tuple[Deadbeat, str]:
-    """The feedforward, and why it is slower than was asked for; empty where it is not."""
+    """The feedforward, which rests after whole samples, and why it is slower than was asked for; empty where it is
+    not."""
+    wanted, ts, limit = machine.specification, machine.sample_time, usable_thrust(machine)
+    asked = max(round(wanted.reference_settling_time / ts), 1) * ts
     try:
-        return design_deadbeat(machine), ""
+        return design_deadbeat(machine, settling_time=asked), ""
     except DesignError:
-        wanted, limit = machine.specification, usable_thrust(machine)
-        shortest = shortest_settling_time(machine.plant, machine.sample_time, wanted.stroke, Constraints(thrust=limit))
-        if not shortest < wanted.interval:
+        shortest = shortest_settling_time(machine.plant, ts, wanted.stroke, Constraints(thrust=limit))
+        if not asked < shortest < wanted.interval:
             raise
         why = (
-            f"x_T* rests after {show(shortest, 's')} instead of {show(wanted.reference_settling_time, 's')}: sooner "
-            f"takes more thrust than the {show(limit, 'N')} that friction leaves of the rated "
-            f"{show(machine.drive.rated_thrust, 'N')}"
+            f"the reference rests after {show(shortest, 's')} instead of {show(asked, 's')}: sooner takes more thrust "
+            f"than the {show(limit, 'N')} that friction leaves of {show(machine.drive.rated_thrust, 'N')}"
         )
         return design_deadbeat(machine, settling_time=shortest), why
 

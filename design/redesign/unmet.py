@@ -62,8 +62,8 @@ def _late(design: Design, machine: Machine, prediction: Prediction, seed: int) -
             return f"{head}; {why}"
     if design.settling_time + machine.plant.dead_time > wanted.settling_time:
         return (
-            f"{head}; x_T* rests after {show(design.settling_time, 's')}, and the table follows it by the dead time of "
-            f"{show(machine.plant.dead_time, 's')}"
+            f"{head}; the reference rests after {show(design.settling_time, 's')}, and the table follows it by the "
+            f"dead time of {show(machine.plant.dead_time, 's')}"
         )
     return f"{head}; the friction that the compensator does not know at the start, and the feedback's own speed, decide"
 

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from models.machine import DEFAULT
 from studies.catalogue import every
 from studies.command import BAD_INPUT, main
 
 RECORD = "RECORD"  # stands for a readable record of an axis that is pushed to and fro
+EMPTY, BROKEN, TWICE = "EMPTY", "BROKEN", "TWICE"  # stand for folders: without records, with a bad one, and one twice
 EVERYWHERE = (
     (["--seed", "x"], "--seed"),
     (["--colour", "red"], "unrecognized arguments"),
@@ -44,6 +46,18 @@ OWN = {
         (["--mapping", "nowhere.toml", RECORD], "nowhere.toml: can't be read"),
         (["--recipe", "nobody", RECORD], "--recipe: 'nobody' is unknown"),
         ([RECORD], "is too few"),
+    ),
+    "full_circle": (
+        (["--cases", "0"], "--cases: '0' must be a whole number from 1 on"),
+        (["--machine", str(DEFAULT)], "--machine: is for the records of one's own axis; give --records FOLDER as well"),
+        (["--records", "nowhere"], "--records: needs the file of the machine that they are of; give --machine"),
+        (["--records", "nowhere", "--machine", str(DEFAULT)], "--records nowhere: is not a folder"),
+        (["--records", EMPTY, "--machine", str(DEFAULT)], "holds no record"),
+        (["--records", BROKEN, "--machine", str(DEFAULT)], "or move broken.csv out of --records"),
+        (["--records", TWICE, "--machine", str(DEFAULT)], "b.csv: has the same content as a.csv; remove one of them"),
+        (["--records", EMPTY, "--machine", str(DEFAULT), "--cases", "2"], "--cases: counts withheld machines"),
+        (["--disable", "cogging"], "--disable: is for the records of one's own axis"),
+        (["--column", "position=x"], "--column: is for the records of one's own axis"),
     ),
     "identify_machine": (
         (["nowhere.csv"], "nowhere.csv: can't be read"),
@@ -102,11 +116,31 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def folders(record: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The folders that the capitals stand for."""
+    base = tmp_path_factory.mktemp("folders")
+    found = {name: base / name.lower() for name in (EMPTY, BROKEN, TWICE)}
+    for folder in found.values():
+        folder.mkdir()
+        (folder / "notes.md").write_text("no record", encoding="utf-8")
+    (found[BROKEN] / "broken.csv").write_text("nothing, here\n", encoding="utf-8")
+    for name in ("a.csv", "b.csv"):
+        (found[TWICE] / name).write_bytes(record.read_bytes())
+    return {name: str(folder) for name, folder in found.items()}
+
+
 @pytest.mark.parametrize(("name", "options", "says"), CASES)
 def test_bad_input_is_one_line_and_nothing_is_written(
-    name: str, options: list[str], says: str, record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str,
+    options: list[str],
+    says: str,
+    record: Path,
+    folders: dict[str, str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    given = [str(record) if option == RECORD else option for option in options]
+    given = [str(record) if option == RECORD else folders.get(option, option) for option in options]
     arguments = ["--quick", "--no-report", "--output", str(tmp_path / "out"), *given]
     assert main(every()[name], arguments) == BAD_INPUT
     captured = capsys.readouterr()

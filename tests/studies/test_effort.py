@@ -58,6 +58,7 @@ def test_a_period_is_counted_and_a_sample_takes_its_time() -> None:
         ("gap_diagnosis", ()),
         ("paper_gap", ()),
         ("blind_trial", ("--cases", "100000000")),
+        ("full_circle", ("--cases", "100000000")),
     ],
 )
 def test_every_study_foresees_what_it_takes(
@@ -68,7 +69,7 @@ def test_every_study_foresees_what_it_takes(
     assert count == 1
     machine = tmp_path / "axis.toml"
     machine.write_text(text, encoding="utf-8")
-    given = () if name == "blind_trial" else ("--machine", str(machine))
+    given = () if name in {"blind_trial", "full_circle"} else ("--machine", str(machine))
     limit = () if options else ("--time-limit", "10 ms")
     quick = () if options else ("--quick",)
     output = tmp_path / "out"

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 MOMENTS = 3  # at which each study is interrupted, one in each third of the way to the last
 LONGEST = 3.0  # s to the last of them
 AT_ONCE = 3.0  # s in which it has to end, and takes 0.1 s where the machine is not busy
-RESUMED = {"blind_trial": {"sealed", "answers.json"}}  # what a study goes on from when it is run again
+RESUMED = {"blind_trial": {"sealed", "answers.json"}, "full_circle": {"sealed"}}  # what a study goes on from
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks processes up in /proc")
 

@@ -143,9 +143,9 @@ def test_no_text_of_a_study_changes_what_its_report_is_made_of(
     before, page, worse = pair(name)
     after = Page(page)
     assert after.elements == before.elements
-    if name != "blind_trial":  # which is not about one machine
+    if name not in {"blind_trial", "full_circle"}:  # which are not about one machine
         assert typed(visible(worse["machine"]["name"])) in typed(after.title)
-    for parameter in worse["parameters"]:
+    for parameter in worse["parameters"] if name != "full_circle" else ():  # whose own machines are withheld
         assert typed(visible(parameter["meaning"])) in after.shown
         assert typed(visible(parameter["provenance"]["detail"])) in after.shown
         assert typed(visible(parameter["provenance"]["note"])) in after.shown

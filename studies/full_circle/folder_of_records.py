@@ -1,0 +1,95 @@
+"""The records in a folder: read, and sorted by what each is for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from models.identification.recognise import read, recognised
+from models.machine import Machine
+from models.records.files import Loaded
+from models.records.record import Record
+from models.records.tables.formats import FORMATS, LISTED
+from models.records.tables.sizes import RecordError
+from studies.full_circle.asked import Asked, ran
+from studies.full_circle.options import CircleOptions
+from studies.options import BadInputError
+from studies.record_columns import mapped
+from studies.study import Progress
+
+IDENTIFIED: Final = ("response", "excitation", "hysteresis")
+"""Kinds of records that the machine is identified from; all others are diagnosed."""
+MOST: Final = 100  # records in a folder
+
+
+@dataclass(frozen=True)
+class Given:
+    """A record of the folder; role: "identify", "diagnose", or of the table that it is a run of, "current" or
+    "redesign"; run: that run's part of the record."""
+
+    path: Path
+    kind: str
+    role: str
+    loaded: Loaded
+    table: Asked | None = None
+    run: Record | None = None
+
+
+def files_in(folder: Path) -> tuple[Path, ...]:
+    """The files of a folder that may be records, by name. Raises BadInputError for a folder without any."""
+    if not folder.is_dir():
+        raise BadInputError(f"--records {folder}: is not a folder; give the folder with the records of this axis")
+    try:
+        found = sorted(one for one in folder.iterdir() if _may_be(one))
+    except OSError as error:
+        raise BadInputError(f"--records {folder}: can't be read ({error.strerror}); give another folder") from error
+    if not found:
+        raise BadInputError(
+            f"--records {folder}: holds no record ({LISTED}); what to run on the axis to get some, identify_machine "
+            "--write-references FOLDER writes"
+        )
+    if len(found) > MOST:
+        raise BadInputError(f"--records {folder}: holds {len(found)} files; give a folder with {MOST} records at most")
+    return tuple(found)
+
+
+def _may_be(file: Path) -> bool:
+    return file.is_file() and not file.name.startswith(".") and file.name.lower().endswith(FORMATS)
+
+
+def loaded(machine: Machine, options: CircleOptions, tables: Sequence[Asked], progress: Progress) -> tuple[Given, ...]:
+    """The records of --records, and what each is for; tables: what was asked for in earlier runs.
+
+    Raises BadInputError for one that can't be read, and for two with the same content.
+    """
+    assert options.records is not None
+    files = files_in(options.records)
+    mapping = mapped(machine, options, files)
+    found, seen = list[Given](), dict[str, Path]()
+    for number, file in enumerate(files):
+        progress(0.02 * number / len(files), f"reading {file.name}")
+        try:
+            one = read(machine, file, mapping.columns(file), trusted=options.trust_records)
+        except RecordError as error:
+            raise BadInputError(f"{error}; or move {file.name} out of --records") from error
+        if one.sha256 in seen:
+            raise BadInputError(f"{file}: has the same content as {seen[one.sha256].name}; remove one of them")
+        seen[one.sha256] = file
+        found.append(_sorted(machine, file, one, tables))
+    return tuple(found)
+
+
+def _sorted(machine: Machine, file: Path, one: Loaded, tables: Sequence[Asked]) -> Given:
+    kind = recognised(machine, one)
+    if isinstance(one.content, Record):
+        known = ran(one.content, tables)
+        if known is not None:
+            return Given(file, kind, known[0].kind, one, *known)
+    return Given(file, kind, "identify" if kind in IDENTIFIED else "diagnose", one)
+
+
+def hashes(given: Sequence[Given], *roles: str) -> Mapping[str, str]:
+    """The hash of every record with one of these roles, by its file's name."""
+    return {one.path.name: one.loaded.sha256 for one in given if one.role in roles}

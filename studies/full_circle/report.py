@@ -1,0 +1,162 @@
+"""The reports of the circle: on one's own axis, and on withheld machines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from reports.report import Figure, Report
+from studies.full_circle import figures, figures_withheld, scoring
+from studies.wording import effect, filters
+
+Results = Mapping[str, Any]
+
+HERE = Path(__file__).parent
+ROLES = {
+    "identify": "identification",
+    "diagnose": "diagnosis",
+    "current": "the design in place",
+    "redesign": "verification",
+}
+TOLD = (
+    ("worse", "machines that end worse than before by more than 5 % and noise"),
+    ("inside_settling", "redesigns whose settling was in its 90 % interval"),
+    ("inside_dispersion", "redesigns whose 3 sigma was in its 90 % interval"),
+    ("right_name", "right name, identifiable single effects"),
+    ("false_accusation", "false accusation, nothing wrong or parameters only"),
+    ("said_why", "of what ends late, said with a reason"),
+)
+MACHINES = (
+    "Every machine before and after, and with designs made with the truth. Dashed: the specification, and what was "
+    "before."
+)
+SHARES = (
+    "The share recovered on each machine, and the median (bar), by the redesign and by what is simpler. What is beyond "
+    "-1 or 1.5 is drawn there."
+)
+EXPECTED = (
+    "What each design is expected to achieve on machines that the records allow, and what was measured. Dashed: the "
+    "specification."
+)
+MOTIONS = (
+    "The errors of the motions over the specified stroke, turned with the motion, from the step of the target on. "
+    "Dashed: the tolerance, and the time by which motions are to settle."
+)
+
+
+def tell(whole: Results) -> Report:
+    """The report on the content of results.json."""
+    return _own_axis(whole) if whole["results"]["mode"] == "records" else _withheld(whole)
+
+
+def _withheld(whole: Results) -> Report:
+    results = whole["results"]
+    shown = [Figure("machines", MACHINES, ("results.cases",), figures_withheld.machines)]
+    if has_shares(results):
+        shown.append(Figure("shares", SHARES, ("results.shares",), figures_withheld.shares))
+    for number, one in enumerate(results["stories"]):
+        caption = f"Errors of the motions of {one['case'].replace('-', ' ')}, before and in the end."
+        shown.append(Figure(f"story-{number + 1}", caption, ("results.stories",), figures_withheld.story(number)))
+    extra: dict[str, Callable[..., Any]] = {
+        "closed": closed,
+        "ways": ways,
+        "way": scoring.WAYS.__getitem__,
+        "part": _part,
+        "ends": _ends,
+        "told": lambda rates: [(key, said) for key, said in TOLD if rates[key]["tries"]],
+        "has_shares": has_shares,
+        "number": lambda case: str(int(case.rpartition("-")[2])),
+        "true": _true,
+        "named": _named,
+        "design": lambda row: f"{row['chosen']}{', taken back' if row['rolled_back'] else ''}",
+    }
+    question = "Asked, named, redesigned and run on machines that are withheld: does the gap close?"
+    tables = {"machines": ("results.cases",)}
+    return Report("Full circle", question, HERE / "report.md", tuple(shown), {**filters(), **extra}, tables)
+
+
+def has_shares(results: Results) -> bool:
+    """Whether there is a machine on which something could be recovered."""
+    return bool(ways(results))
+
+
+def ways(results: Results) -> list[tuple[str, str]]:
+    """The ways and quantities that a share is known for."""
+    return [(way, name) for way, found in results["shares"].items() for name in found if found[name]["count"]]
+
+
+def closed(results: Results) -> str:
+    """What came of it, in a sentence."""
+    count, worse = len(results["cases"]), results["rates"]["worse"]["hits"]
+    machines = f"{count} machine{'s' if count != 1 else ''}"
+    share = results["shares"]["after"]["settling"]
+    if share["median"] is None:
+        return f"On {machines}, of which {worse} end worse than before; on none is there a share to be recovered."
+    return (
+        f"On {machines}, the redesign recovers {_part(share['median'])} (median of {share['count']}) of the settling "
+        f"time that designs with the truth would gain; {worse} end worse than before."
+    )
+
+
+def _part(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.0f} %"
+
+
+def _ends(one: Results) -> str:
+    return "–" if one["low"] is None else f"{100 * one['low']:.0f} to {100 * one['high']:.0f} %"
+
+
+def _true(row: Results) -> str:
+    names = [effect(name) for name in row["true"]]
+    return f"{', '.join(names)} ({row['kind']})" if names else row["kind"]
+
+
+def _named(row: Results) -> str:
+    return ", ".join(effect(name) for name in row["named"]) or row["outcome"].replace("_", " ")
+
+
+def _own_axis(whole: Results) -> Report:
+    results = whole["results"]
+    shown = (
+        Figure("expected", EXPECTED, ("results.redesign", "results.verified"), figures.expected),
+        Figure("motions", MOTIONS, ("results.pictures", "results.redesign"), figures.motions),
+    )
+    tables = {
+        "designs": ("results.redesign",),
+        "records": ("results.records",),
+        "parameters": ("parameters",),
+    }
+    if results["verified"]["rows"]:
+        tables["measured"] = ("results.verified",)
+    if results["identified"]:
+        tables["identified"] = ("results.identified",)
+    question = (
+        "Which machine is it, what does its model lack, which design follows from it, and what is to be run next?"
+    )
+    extra: dict[str, Callable[..., Any]] = {"headline": headline, "role": ROLES.__getitem__}
+    title = f"Full circle: {whole['machine']['name']}"
+    return Report(title, question, HERE / "own_axis.md", shown, {**filters(), **extra}, tables)
+
+
+def headline(redesign: Results, verified: Results) -> str:
+    """What came of it, in a sentence."""
+    rows = {one["name"]: one for one in redesign["designs"]}
+    show = filters()["show"]
+    if redesign["kept"]:
+        return "The design in place stays: no other one is surely better on the machines that the records allow."
+    before, after = redesign["designs"][0], rows[redesign["chosen"]]
+    gain = (
+        f"the slowest motion is expected to settle in {show(after['settling']['median'], 's', 3)} instead of "
+        f"{show(before['settling']['median'], 's', 3)}"
+    )
+    if verified["state"] == "holds":
+        was, now = verified["before"], verified["after"]
+        return (
+            f"The redesign holds: the slowest motion settled in {show(now['settling_s'], 's', 3)} instead of "
+            f"{show(was['settling_s'], 's', 3)}, with a 3 sigma of {show(now['dispersion_m'], 'm', 3)} instead of "
+            f"{show(was['dispersion_m'], 'm', 3)}."
+        )
+    if verified["state"] == "rolled back":
+        return "The redesign was run and was worse, so that the design in place comes back."
+    return f"There is a better design, to be verified: {gain}."

@@ -1,0 +1,105 @@
+"""What of the gap was recovered, how often the name was right, and how well settling was predicted: over machines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from studies.blind_trial.figures_of_merit import rate_of
+
+QUANTITIES: Final = {"settling": "settling_s", "dispersion": "dispersion_m"}
+WAYS: Final = {
+    "after": "redesign, verified",
+    "refit": "re-fit only",
+    "pid": "another PID only",
+    "learning": "ten rounds of learning",
+}
+WORSE: Final = 0.05
+RELATIVE: Final = 0.05  # of what there was before: less than this to be gained is no gap to close
+DRAWS: Final = 2000
+INNOCENT: Final = ("clean", "parameters")
+NAMING: Final = ("attributed", "ambiguous")
+
+Case = Mapping[str, Any]
+
+
+def recovered(case: Case, way: str, name: str) -> float | None:
+    """(before - after) / (before - with the truth) [1] of "settling" or "dispersion"; None where there is nothing to be
+    gained beyond noise and RELATIVE of what there was."""
+    key = QUANTITIES[name]
+    before, best = case["before"], case["truth"]
+    after = case["after"] if way == "after" else case["beside"].get(way)
+    if before is None or best is None or after is None:
+        return None
+    gap = before[key] - best[key]
+    least = max(2 * case["noise"][key], RELATIVE * before[key])
+    return float((before[key] - after[key]) / gap) if gap > least else None
+
+
+def shares(cases: Sequence[Case], seed: int) -> dict[str, dict[str, Any]]:
+    """By way and quantity: the shares of all machines, their median, and its interval over draws of machines."""
+    found: dict[str, dict[str, Any]] = {}
+    for way in WAYS:
+        found[way] = {}
+        for name in QUANTITIES:
+            values = [one for case in cases if (one := recovered(case, way, name)) is not None]
+            found[way][name] = {"values": values, "count": len(values), **_median(values, seed)}
+    return found
+
+
+def _median(values: Sequence[float], seed: int) -> dict[str, float | None]:
+    """The median and its 95 % interval by drawing machines; none of fewer than three."""
+    if not values:
+        return {"median": None, "low": None, "high": None}
+    if len(values) < 3:
+        return {"median": float(np.median(values)), "low": None, "high": None}
+    draws = np.random.default_rng([seed, 37]).integers(0, len(values), (DRAWS, len(values)))
+    low, high = np.quantile(np.median(np.array(values)[draws], axis=1), (0.025, 0.975))
+    return {"median": float(np.median(values)), "low": float(low), "high": float(high)}
+
+
+def rates(cases: Sequence[Case]) -> dict[str, Any]:
+    """Rates with their exact intervals: worse than before, prediction's interval holds, names."""
+    judged = [one for one in cases if one["before"] is not None]
+    tried = [one for one in judged if one["tried"] is not None]
+    single = [one for one in judged if one["label"]["kind"] == "single" and one["label"]["identifiable"]]
+    innocent = [one for one in judged if one["label"]["kind"] in INNOCENT]
+    return {
+        "worse": rate_of([is_worse(one) for one in judged]).plain(),
+        "inside_settling": rate_of([inside(one, "settling") for one in tried]).plain(),
+        "inside_dispersion": rate_of([inside(one, "dispersion") for one in tried]).plain(),
+        "right_name": rate_of([right(one) for one in single]).plain(),
+        "false_accusation": rate_of([one["named"]["outcome"] in NAMING for one in innocent]).plain(),
+        "said_why": rate_of([bool(one["redesign"]["unmet"]) for one in judged if not met(one)]).plain(),
+    }
+
+
+def is_worse(case: Case) -> bool:
+    """Whether the machine ends worse than before, by more than WORSE and noise, in settling or 3 sigma."""
+    return any(
+        case["after"][key] > case["before"][key] * (1 + WORSE) + case["noise"][key] for key in QUANTITIES.values()
+    )
+
+
+def inside(case: Case, name: str) -> bool:
+    """Whether what the redesign achieved was in the interval in which it was expected, to a sample."""
+    row = next(one for one in case["redesign"]["designs"] if one["taken"])
+    slack = case["noise"]["settling_s"] if name == "settling" else 0.0
+    value = case["tried"][QUANTITIES[name]]
+    return bool(row[name]["low"] - slack <= value <= row[name]["high"] + slack)
+
+
+def right(case: Case) -> bool:
+    """Whether the name, or a set of at most three that these records cannot tell apart, is the true one's."""
+    named, true = case["named"], case["label"]["name"]
+    if named["outcome"] not in NAMING:
+        return False
+    groups = [set(group) for group in named["equivalent"] if len(group) <= 3] or [{one} for one in named["effects"]]
+    return len(groups) == len(true) and all(any(name in group for group in groups) for name in true)
+
+
+def met(case: Case) -> bool:
+    """Whether the machine ends within its specified settling time."""
+    return bool(case["after"]["settling_s"] <= case["redesign"]["specified"]["settling_s"] * (1 + 1e-9))

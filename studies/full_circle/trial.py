@@ -1,0 +1,197 @@
+"""The circle on machines that are withheld: each is asked, named, redesigned and run; then its truth is opened."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from models.nominal_file import load
+from studies.blind_trial.committing import commit, require_committed
+from studies.command import to_text
+from studies.effort import foresee
+from studies.full_circle import benches, scoring, withheld
+from studies.full_circle.options import CircleOptions
+from studies.full_circle.steps import Steps, program
+from studies.options import BadInputError
+from studies.study import Answer, Check, Progress
+
+DEFAULT: Final = 4
+QUICK: Final = 1
+GROUP, EACH = 8, 6  # of the drawn cases: neighbours are on so many machines, and so many of a group are on each
+SLOW: Final = 6  # a case of the default seed whose controller samples slowly, so that it is worked on fast
+ENOUGH: Final = 30  # machines from which on the targets are checked
+A_CASE: Final = 400.0  # s of one core
+QUICK_CASE: Final = 10.0
+HELD: Final = 1.5e9  # bytes
+SOURCE: Final = "what the circle is to reach"
+TOLD: Final = 10  # machines that are told as stories
+
+
+def compute(options: CircleOptions, progress: Progress) -> Answer:
+    """Works on the withheld machines of a seed. Raises BadInputError for what can't be used."""
+    for name in ("controller", "disable", *(("column", "mapping", "recipe") if not options.records else ())):
+        if getattr(options, name):
+            raise BadInputError(f"--{name}: is for the records of one's own axis; give --records too, or leave it out")
+    output = options.output or Path("reports/out/full_circle")
+    count = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
+    cores = min(os.cpu_count() or 1, count)
+    foresee({f"{count} machines": count * (QUICK_CASE if options.quick else A_CASE) / cores}, HELD, options, progress)
+    steps = Steps(output / "sealed" / "steps", program())
+    names = [f"machine-{number + 1:03d}" for number in range(count)]
+    used = {
+        name: {"seed": options.seed, "case": case_of(number, quick=options.quick), "quick": options.quick}
+        for number, name in enumerate(names)
+    }
+    working = partial(_worked, options, output)
+    answers = _over(steps, used, working, lambda share, text: progress(0.8 * share, text))
+    answers = {name: {**one, "of": steps.mark(used[name])} for name, one in answers.items()}
+    committed = output / "sealed" / "answers_committed.json"
+    require_committed(committed, answers, output / "sealed")
+    commit(committed, answers)
+    ran = {
+        f"{name}-opened": {**used[name], "of": answers[name]["of"]} for name in names if "failed" not in answers[name]
+    }
+    opened = _over(
+        steps, ran, partial(_opened, options, output), lambda share, text: progress(0.8 + 0.15 * share, text)
+    )
+    cases = [{**answers[name], **opened.get(f"{name}-opened", {}), "case": name} for name in names]
+    done = [one for one in cases if "failed" not in one]
+    results = {
+        "mode": "withheld",
+        "quick": options.quick,
+        "seed": options.seed,
+        "count": count,
+        "failed": [{"case": one["case"], "why": one["failed"]} for one in cases if "failed" in one],
+        "shares": scoring.shares(done, options.seed),
+        "rates": scoring.rates(done),
+        "cases": [_row(one) for one in done],
+        "stories": [_story(one) for one in done[:TOLD]],
+        "enough": count >= ENOUGH,
+    }
+    return Answer(results, tuple(_checks(results)), {}, _summary(results))
+
+
+def case_of(number: int, *, quick: bool) -> int:
+    """The number among the drawn cases of the one that is worked on as this one: each on a machine of its own."""
+    if quick:
+        return SLOW + EACH * GROUP * number
+    return EACH * GROUP * (number // GROUP) + number % GROUP
+
+
+def _over(
+    steps: Steps,
+    used: Mapping[str, Mapping[str, Any]],
+    work: Callable[[str, Mapping[str, Any]], dict[str, Any]],
+    tell: Callable[[float, str], None],
+) -> dict[str, Any]:
+    """What `work` makes of each step, by name and what it is made from: several at a time, each by processes of its
+    own. What an earlier run kept is not made again."""
+    found = {name: kept for name, made_from in used.items() if (kept := steps.kept(name, made_from)) is not None}
+    left = [name for name in used if name not in found]
+    with ThreadPoolExecutor(max(min(os.cpu_count() or 1, len(left)), 1)) as pool:
+        running = {pool.submit(work, name, used[name]): name for name in left}
+        for one in as_completed(running):
+            name = running[one]
+            found[name] = steps.keep(name, used[name], one.result())
+            tell(len(found) / len(used), f"{name}: {found[name].get('failed') or 'done'}")
+    return found
+
+
+def _worked(options: CircleOptions, output: Path, name: str, made_from: Mapping[str, Any]) -> dict[str, Any]:
+    """One machine's answers."""
+    folder = output / "sealed" / name
+    shutil.rmtree(folder, ignore_errors=True)
+    asked = {"seed": options.seed, "quick": options.quick}
+    machine = f"{made_from['seed']} {made_from['case']}"
+    return dict(benches.answered(machine, folder, lambda file: load(file).sample_time, asked))
+
+
+def _opened(options: CircleOptions, output: Path, name: str, made_from: Mapping[str, Any]) -> dict[str, Any]:
+    """What one machine was in truth, and what designs with the truth achieve on it."""
+    folder, machine = output / "sealed" / name, f"{made_from['seed']} {made_from['case']}"
+    shutil.rmtree(folder, ignore_errors=True)
+    opened = benches.truth(machine, folder / "truth.json")
+    (folder / "true.json").write_text(to_text(opened["nominal"]), encoding="utf-8")
+    if options.quick:
+        return {"truth": None, "label": opened["label"]}
+    with benches.benches(machine, folder) as found:
+        main = found.of("truth-1")
+        assert main.nominal is not None
+        known, true = load(main.nominal), load(folder / "true.json")
+        limits = withheld.Limits(
+            main.limits.distance, main.limits.speed, main.limits.feedforward, main.limits.machine_time
+        )
+        ask = withheld.asking(folder, known.sample_time, lambda asked: found.run(asked, known.sample_time))
+        best = withheld.with_truth(known, true, limits, ask, options.seed)
+    return {"truth": best, "label": opened["label"]}
+
+
+def _row(one: Mapping[str, Any]) -> dict[str, Any]:
+    """One machine in the table of all."""
+    label = one["label"]
+    return {
+        "case": one["case"],
+        "kind": label["kind"],
+        "true": list(label["name"]) or list(label["parameters"]),
+        "outcome": one["named"]["outcome"],
+        "named": list(one["named"]["effects"]),
+        "machine_s": one["seconds"],
+        "chosen": one["redesign"]["chosen"],
+        "rolled_back": one["rolled_back"],
+        "specified_s": one["redesign"]["specified"]["settling_s"],
+        "before": one["before"],
+        "after": one["after"],
+        "truth": one["truth"],
+        "beside": one["beside"],
+        "share": {name: scoring.recovered(one, "after", name) for name in scoring.QUANTITIES},
+    }
+
+
+def _story(one: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "case": one["case"],
+        "asked": one["asked"],
+        "pictures": one["pictures"],
+        "specified": one["redesign"]["specified"],
+        "designs": one["redesign"]["designs"],
+        "unmet": one["redesign"]["unmet"],
+    }
+
+
+def _checks(results: Mapping[str, Any]) -> list[Check]:
+    """That every machine has an answer and, for enough of them, what the circle is to reach."""
+    found = [Check("machines without an answer", float(len(results["failed"])), "1", 0.0, SOURCE)]
+    if not results["enough"]:
+        return found
+    for name in scoring.QUANTITIES:
+        share = results["shares"]["after"][name]
+        if share["count"]:
+            found.append(Check(f"median share recovered of {name}", share["median"], "1", 0.8, SOURCE, ">="))
+    rates = results["rates"]
+    found.append(Check("machines that end worse than before", rates["worse"]["share"], "1", 0.01, SOURCE))
+    inside = rates["inside_settling"]
+    if inside["tries"]:
+        found.append(Check("settling within its interval", inside["share"], "1", 0.85, SOURCE, ">="))
+    return found
+
+
+def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
+    rows = [("machines", f"{len(results['cases'])} of {results['count']} worked on")]
+    for way, said in scoring.WAYS.items():
+        for name in scoring.QUANTITIES:
+            share = results["shares"][way][name]
+            if share["count"]:
+                ends = "" if share["low"] is None else f" ({100 * share['low']:.0f} to {100 * share['high']:.0f} %)"
+                rows.append(
+                    (f"share recovered of {name}, {said}", f"{100 * share['median']:.0f} %{ends} of {share['count']}")
+                )
+    for name, one in results["rates"].items():
+        if one["tries"]:
+            told = f"{one['hits']} of {one['tries']} ({100 * one['low']:.0f} to {100 * one['high']:.0f} %)"
+            rows.append((name.replace("_", " "), told))
+    return rows

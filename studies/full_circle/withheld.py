@@ -1,0 +1,305 @@
+"""The circle on one withheld machine, by a process that can open neither its truth nor the program that runs it.
+
+All that the process can do with the machine is to ask whoever started it for runs. Each bench is the same machine with
+its limits of its own: "main" is what an engineer would have; the others run what the redesign is compared with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from design.redesign.choice import worse
+from design.redesign.designs import Design, designed
+from design.redesign.learning_rounds import ROUNDS, corrected
+from design.redesign.outcome import Outcome, judged_target, outcome
+from design.redesign.stated import machines_as_stated
+from diagnosis.baseline import refit_and_null
+from diagnosis.diagnose import Diagnosis, diagnosed
+from diagnosis.experiments.schedules import Schedule, menu
+from diagnosis.handover.files import machine_of
+from diagnosis.handover.posterior import drawn, machines_allowed
+from diagnosis.improved import improved_machine
+from diagnosis.model.parameters import parameters
+from diagnosis.refit import refit
+from models.controller import References
+from models.machine import Machine
+from models.quantity import QuantityError
+from models.records.record import Record
+from studies.command import to_text
+from studies.full_circle import redesigning
+
+MENU: Final = (8, 2, 0)  # amplitude ladder, speed ladder, dwell sweep: the order in which a suite is asked for
+ASKS: Final = 2
+LONGEST: Final = 25.0  # s of one ask
+SAMPLES: Final = 40_000  # of one ask
+INTERVAL: Final = (2.5, 4.0)  # settling times between two motions
+RESTS: Final = 0.4  # of the time to settle, after which the reference rests
+LEAST: Final = 12  # samples of that
+PERIOD: Final = 12.0  # s that the judged motions may take together
+SHARES: Final = (0.95, 0.8, 0.65, 0.5)  # of the largest feedforward that designs have, as far as they go
+RUNS: Final = 39  # machines that could be this one
+FEW: Final = 9
+EACH: Final = 5  # rounds of learning on a bench
+
+Ask = Callable[[str, Schedule, Mapping[str, Any] | None], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a run may ask for, as the machine states it: [m], [m/s], [N], and machine time [s] in all."""
+
+    distance: float
+    speed: float
+    feedforward: float
+    machine_time: float
+
+
+def task_of(machine: Machine) -> Machine:
+    """The machine with its motions asked to rest sooner than they have to settle, and the time between two of them cut,
+    so that a run of the judged motions takes a sixth of the machine time."""
+    wanted, ts = machine.specification, machine.sample_time
+    longest = PERIOD / (4 * wanted.motions)
+    low, high = (share * wanted.settling_time for share in INTERVAL)
+    interval = float(np.clip(longest, low, high))
+    rests = max(round(RESTS * wanted.settling_time / ts), LEAST) * ts
+    asked = replace(
+        wanted, interval=round(interval / ts) * ts, reference_settling_time=min(rests, wanted.settling_time)
+    )
+    return replace(machine, specification=asked)
+
+
+def circle(machine: Machine, limits: Limits, ask: Ask, seed: int, *, quick: bool) -> dict[str, Any]:
+    """All that is answered of one machine: what was asked, named, designed, and achieved (SI).
+
+    ask(bench, references, controller): runs them, with another controller.json where one is given; the answer holds
+    "record", or "refused" or "tripped" with the reason.
+    """
+    machine = task_of(machine)
+    work = _Work(machine, limits, ask, seed)
+    share, old = _allowed(machine, limits)
+    first = work.run("main", old)
+    if isinstance(first, str):
+        return {"failed": f"the design in place could not be run: {first}"}
+    records, asked = [first], list[dict[str, Any]]()
+    if not quick:
+        for name, references in _suite(machine, limits):
+            told = ask("main", references, None)
+            found = _record(told)
+            asked.append(
+                {"name": name, "seconds": references.target.size * machine.sample_time, "ran": found is not None}
+            )
+            records += [] if found is None else [found]
+    named, better, refitted, could_be = _named(machine, records, seed, quick=quick)
+    as_was, as_is = within(machine, limits, share), within(better, limits, share)
+    made = redesigning.redesigned(as_was, as_is, could_be, seed, lambda _share, _text: None, pid=not quick)
+    before = outcome(first, machine)
+    after, why, last = _tried(work, made, first)
+    rounds = None if quick else learned(work, old, first, ROUNDS)
+    shown = redesigning.to_json(made)
+    return {
+        "asked": asked,
+        "seconds": sum(one.position.size for one in records) * machine.sample_time,
+        "named": named,
+        "redesign": shown,
+        "before": redesigning.outcome_to_json(before),
+        "after": redesigning.outcome_to_json(after),
+        "rolled_back": why,
+        "tried": redesigning.outcome_to_json(outcome(last, machine)) if last is not None else None,
+        "pictures": {
+            "before": redesigning.errors_over_time(first, machine),
+            "after": redesigning.errors_over_time(first if last is None or why else last, machine),
+        },
+        "beside": {
+            **({} if quick else _beside(work, as_was, within(refitted, limits, share), as_is)),
+            "learning": redesigning.outcome_to_json(rounds),
+        },
+        "noise": {"settling_s": machine.sample_time, "dispersion_m": _reading(machine)},
+    }
+
+
+def _allowed(machine: Machine, limits: Limits) -> tuple[float, Design]:
+    """The design in place with as much of the largest feedforward as it may have, so that a loop that weighs its
+    reference, whose share comes on top, stays within it; and that share [1]."""
+    for share in SHARES:
+        design = redesigning.old_design(within(machine, limits, share))
+        known = redesigning.references_of(machine, design, own_loop=True)
+        if np.max(np.abs(known.feedforward + known.compensation)) <= limits.feedforward:
+            break
+    return share, design
+
+
+def within(machine: Machine, limits: Limits, share: float) -> Machine:
+    """The machine for designs, whose thrust is a share [1] of what a run may ask for (SI)."""
+    thrust = min(machine.drive.rated_thrust, share * limits.feedforward)
+    return replace(machine, drive=replace(machine.drive, rated_thrust=thrust))
+
+
+def _reading(machine: Machine) -> float:
+    """Three deviations [m] of a reading, noise and rounding together."""
+    return 3 * float(np.hypot(machine.scale.noise, machine.scale.resolution / np.sqrt(12)))
+
+
+@dataclass(frozen=True)
+class _Work:
+    machine: Machine
+    limits: Limits
+    ask: Ask
+    seed: int
+
+    def run(self, bench: str, design: Design, feedforward: Any = None) -> Record | str:
+        """The record of a design, or why there is none; feedforward (n,) [N] in place of the design's."""
+        own = design.controller.feedback in (self.machine.control.feedback, self._of_error())
+        known = redesigning.references_of(self.machine, design, own_loop=own)
+        if feedforward is not None:
+            known = References(known.position, feedforward, np.zeros(feedforward.size))
+        references = Schedule(design.name, judged_target(self.machine), known)
+        controller = None if own else redesigning.controller_file(self.machine, design)
+        told = self.ask(bench, references, controller)
+        found = _record(told)
+        return found if found is not None else str(told.get("refused") or told.get("tripped"))
+
+    def _of_error(self) -> Any:
+        law = self.machine.control.law
+        return self.machine.control.pid if law is None else law.of_error()
+
+
+def _record(told: Mapping[str, Any]) -> Record | None:
+    """The record of an answer; None where there was no run."""
+    from models.records.files import read_record
+
+    return read_record(Path(told["record"]), None, trusted=True) if "record" in told else None
+
+
+def _suite(machine: Machine, limits: Limits) -> Sequence[tuple[str, Schedule]]:
+    """The first experiments of the menu that the machine may run: the seam for a policy that chooses by what it saw."""
+    found, known = list[tuple[str, Schedule]](), menu(machine)
+    for number in MENU:
+        one = known[number].schedule
+        given = one.given
+        force = np.abs(given.feedforward + given.compensation).max()
+        speed = np.abs(np.diff(given.position, prepend=0.0)).max() / machine.sample_time
+        far = max(np.abs(given.position).max(), np.abs(one.target).max())
+        short = one.target.size <= SAMPLES and one.target.size * machine.sample_time <= LONGEST
+        if short and far <= limits.distance and speed <= limits.speed and force <= limits.feedforward:
+            found.append((one.name, one))
+    return found[:ASKS]
+
+
+def _named(
+    machine: Machine, records: Sequence[Record], seed: int, *, quick: bool
+) -> tuple[dict[str, Any], Machine, Machine, Sequence[Machine]]:
+    """The verdict, the machine as it is known now, as the re-fit alone leaves it, and machines that it could be.
+
+    A quick run re-fits and names nothing.
+    """
+    if quick:
+        fitted = refit(parameters(machine, len(records)), records)
+        better = machine_of(machine, fitted.candidate)
+        few = [machine_of(machine, one) for one in drawn(fitted, None, FEW, seed)]
+        return {"outcome": "parameters", "effects": [], "equivalent": []}, better, better, few
+    found: Diagnosis = diagnosed(refit_and_null(machine, records), seed=seed)
+    better = improved_machine(found, "full_circle")
+    alone = found.how_far.handover.named("re-fitted")
+    refitted = better if alone is None else alone.machine
+    told = {
+        "outcome": str(found.outcome),
+        "effects": list(found.effects),
+        "equivalent": [list(group) for group in found.equivalent],
+        "partly": list(found.partly),
+        "closure": found.how_far.closure,
+    }
+    try:
+        could_be = machines_allowed(found, RUNS, seed)
+    except (QuantityError, ValueError):
+        could_be = machines_as_stated(better, RUNS, seed)
+    return told, better, refitted, could_be
+
+
+def _tried(work: _Work, made: redesigning.Redesign, first: Record) -> tuple[Outcome | None, list[str], Record | None]:
+    """What is achieved in the end; why the redesign was rolled back, empty where it was not; and its record."""
+    machine, before = work.machine, outcome(first, work.machine)
+    if made.chosen.kept or before is None:
+        return before, [], None
+    last = work.run("main", made.chosen.design)
+    if isinstance(last, str):
+        return before, [last], None
+    after = outcome(last, machine)
+    lost = list(worse(before, after, machine)) if after is not None else ["it has no outcome"]
+    return (before if lost else after), lost, last
+
+
+def _beside(work: _Work, machine: Machine, refitted: Machine, better: Machine) -> dict[str, Any]:
+    """What simpler ways achieve: the re-fit's feedforward alone, and another PID alone."""
+    found: dict[str, Any] = {}
+    ways: dict[str, Callable[[], Design]] = {
+        "refit": lambda: designed(refitted, redesigning.REFIT, effects=False),
+        "pid": lambda: redesigning.pid_alone(machine, better),
+    }
+    for name, make in ways.items():
+        try:
+            record = work.run("compare", make())
+        except ValueError as error:  # there is no such design
+            record = str(error)
+        found[name] = None if isinstance(record, str) else redesigning.outcome_to_json(outcome(record, machine))
+    return found
+
+
+def learned(work: _Work, design: Design, record: Record, rounds: int, bench: str = "learning") -> Outcome | None:
+    """What so many rounds of iterative learning from a record of a design make of it; a round that trips ends them."""
+    last, machine = record, work.machine
+    for number in range(rounds):
+        force = corrected(last, machine, work.limits.feedforward)
+        following = work.run(f"{bench}-{1 + number // EACH}", design, force)
+        if isinstance(following, str):
+            break
+        last = following
+    return outcome(last, machine)
+
+
+def with_truth(machine: Machine, true: Machine, limits: Limits, ask: Ask, seed: int) -> dict[str, Any] | None:
+    """What the same designs achieve that are made with the truth: with the true parameters and, for what is wrong
+    beside them, the feedforward that learning on the machine itself converges to; the best of its rounds (SI).
+
+    machine: as it is known, whose specification and loop count. None where it could not be run.
+    """
+    known = task_of(machine)
+    whole = replace(true, specification=known.specification, control=known.control)
+    work = _Work(known, limits, ask, seed)
+    design = designed(within(whole, limits, _allowed(known, limits)[0]), "with the truth")
+    record = work.run("truth-1", design)
+    found = list[Outcome]()
+    for number in range(EACH):
+        if isinstance(record, str):
+            break
+        achieved = outcome(record, known)
+        found += [] if achieved is None else [achieved]
+        if number + 1 < EACH:
+            record = work.run("truth-1", design, corrected(record, known, limits.feedforward))
+    if not found:
+        return None
+    wanted = known.specification
+    return redesigning.outcome_to_json(
+        min(found, key=lambda one: one.settling / wanted.settling_time + one.dispersion / wanted.tolerance)
+    )
+
+
+def asking(folder: Path, sample_time: float, run: Callable[[Mapping[str, Any]], Mapping[str, Any]]) -> Ask:
+    """Asks for runs by tables and controller files in a folder; run: has them run; sample_time [s]."""
+    count = 0
+
+    def ask(bench: str, references: Schedule, controller: Mapping[str, Any] | None) -> Mapping[str, Any]:
+        nonlocal count
+        count += 1
+        file, other = folder / f"table-{count}.csv", None
+        file.write_text(redesigning.table(references.target, references.given, sample_time), encoding="utf-8")
+        if controller is not None:
+            other = folder / f"controller-{count}.json"
+            other.write_text(to_text(controller), encoding="utf-8")
+        return run({"bench": bench, "table": str(file), "controller": None if other is None else str(other)})
+
+    return ask

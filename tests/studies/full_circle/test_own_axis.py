@@ -1,0 +1,170 @@
+"""The circle on a small simulated axis: from its own strokes to a verified design, one command each time."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from design.redesign.outcome import judged_target
+from models.controller import References, load
+from models.machine import Machine
+from models.machine_file import to_toml
+from models.simulation.simulator import simulate
+from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
+from studies.full_circle import asked
+from studies.full_circle.__main__ import STUDY
+from studies.full_circle.redesigning import old_design, references_of, table
+from tests.design.redesign.axes import KNOWN, TRUE
+
+HEADER = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
+
+
+def axis_runs(references: Path, record: Path, seed: int, controller: Path | None = None, worse: float = 1.0) -> None:
+    """The axis follows a table, with the PID of a controller file or its own; worse: its friction, times as much."""
+    rows = np.loadtxt(references, delimiter=",", skiprows=1)
+    friction = replace(TRUE.friction, stiffness=tuple(worse * one for one in TRUE.friction.stiffness))
+    axis, law = replace(TRUE, friction=friction), KNOWN.feedback_only()
+    if controller is not None:
+        law = replace(load(controller), n_ff=(1.0,), d_ff=(0.0,), friction_compensation=None, effect_compensation=None)
+    given = References(rows[:, 2], rows[:, 3], np.zeros(len(rows)))
+    made = simulate(axis, law, rows[:, 1], given=given, seed=seed).record
+    time = np.arange(made.position.size) * made.sample_time
+    signals = [time, made.target, made.reference, made.feedforward, made.command, made.position]
+    np.savetxt(record, np.column_stack(signals), delimiter=",", header=HEADER, comments="", fmt="%.10g")
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the machine file, the records so far, and what the first command made of them."""
+    base = tmp_path_factory.mktemp("axis")
+    (base / "records").mkdir()
+    (base / "my.toml").write_text(to_toml(KNOWN), encoding="utf-8")
+    known = references_of(KNOWN, old_design(KNOWN), own_loop=True)
+    (base / "strokes.csv").write_text(table(judged_target(KNOWN), known, KNOWN.sample_time), encoding="utf-8")
+    axis_runs(base / "strokes.csv", base / "records" / "strokes of May.csv", 3)
+    assert circle(base)[0] == DONE
+    return base
+
+
+def circle(base: Path, *more: str) -> tuple[int, dict[str, Any]]:
+    """The status of the command, and its results."""
+    given = ["--machine", str(base / "my.toml"), "--records", str(base / "records"), "--output", str(base / "out")]
+    status = main(STUDY, [*given, "--no-report", *more])
+    return status, json.loads((base / "out" / "results.json").read_text(encoding="utf-8"))["results"]
+
+
+def copied(begun: Path, tmp_path: Path) -> Path:
+    shutil.copytree(begun, tmp_path / "axis")
+    return tmp_path / "axis"
+
+
+def test_the_first_command_says_what_is_off_and_asks_for_the_proof_of_a_design(begun: Path) -> None:
+    results = json.loads((begun / "out" / "results.json").read_text(encoding="utf-8"))["results"]
+    assert results["diagnosis"]["verdict"]["outcome"] == "parameters"
+    assert set(results["diagnosis"]["verdict"]["effects"]) >= {"payload_mass", "friction_level"}
+    assert not results["redesign"]["kept"]
+    assert results["redesign"]["gains"]["settling"]["low"] > 0
+    assert [one["file"] for one in results["next"]] == ["run_redesign.csv"]
+    assert results["verified"]["state"] == "asked"
+    assert results["verified"]["before"]["settling_s"] > KNOWN.specification.settling_time
+
+
+def test_its_record_closes_the_circle_and_nothing_is_computed_again(
+    begun: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The record's name says nothing, and its log began earlier than the table."""
+    base = copied(begun, tmp_path)
+    out = base / "out"
+    axis_runs(out / "run_redesign.csv", base / "new.csv", 7, out / "controller.json")
+    rows = np.loadtxt(base / "new.csv", delimiter=",", skiprows=1)
+    early = np.vstack([np.repeat(rows[:1], 40, axis=0), rows])
+    early[:, 0] = np.arange(len(early)) * KNOWN.sample_time
+    np.savetxt(base / "records" / "x.csv", early, delimiter=",", header=HEADER, comments="", fmt="%.10g")
+    status, results = circle(base)
+    told = capsys.readouterr().err
+    assert status == DONE
+    assert [told.count(f"{step}: nothing it is made from has changed") for step in ("diagnose", "redesign")] == [1, 1]
+    verified = results["verified"]
+    assert (verified["state"], verified["worse"], results["next"]) == ("holds", [], [])
+    assert verified["after"]["settling_s"] <= KNOWN.specification.settling_time < verified["before"]["settling_s"]
+    assert verified["inside"]["settling"]
+
+
+def test_a_design_that_turns_out_worse_is_taken_back(begun: Path, tmp_path: Path) -> None:
+    """The axis has changed since: its friction is half as much."""
+    base = copied(begun, tmp_path)
+    out = base / "out"
+    axis_runs(out / "run_redesign.csv", base / "records" / "new.csv", 7, out / "controller.json", worse=0.3)
+    status, results = circle(base)
+    assert status == CHECK_MISSED
+    assert results["verified"]["state"] == "rolled back"
+    assert results["verified"]["worse"]
+    assert load(out / "controller.json") == old_design(KNOWN).controller
+
+
+def test_a_folder_that_holds_only_what_is_identified_from_asks_for_more(begun: Path, tmp_path: Path) -> None:
+    base = copied(begun, tmp_path)
+    (base / "records" / "strokes of May.csv").unlink()
+    t = np.arange(round(6.0 / KNOWN.sample_time)) * KNOWN.sample_time
+    wide = 2.5 * max(KNOWN.friction.limit)
+    slow = np.column_stack([t, 0 * t, wide * np.sin(np.pi * t / 3), 0 * t])
+    np.savetxt(base / "slow.csv", slow, delimiter=",", header="time_s,target_m,reference_m,feedforward_N", comments="")
+    axis_runs(base / "slow.csv", base / "records" / "slow.csv", 5)
+    status, results = circle(base, "--quick")
+    assert status == DONE
+    assert [one["role"] for one in results["records"]] == ["identify"]
+    assert results["diagnosis"] is None
+    assert results["identified"]["estimates"]
+    assert {"suite.csv", "run_current.csv"} <= {one["file"] for one in results["next"]}
+    for one in results["next"]:
+        assert (base / "out" / one["file"]).is_file()
+
+
+def test_a_spoiled_step_is_made_again(begun: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base = copied(begun, tmp_path)
+    (base / "out" / "steps" / "redesign.json").write_text("{half", encoding="utf-8")
+    _, results = circle(base)
+    told = capsys.readouterr().err
+    assert "diagnose: nothing it is made from has changed" in told
+    assert "redesign: done" in told
+    assert results == json.loads((begun / "out" / "results.json").read_text(encoding="utf-8"))["results"]
+
+
+def test_a_bad_record_is_one_line_and_leaves_all_as_it_was(
+    begun: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base = copied(begun, tmp_path)
+    before = (base / "out" / "results.json").read_bytes()
+    shutil.copy(base / "strokes.csv", base / "records" / "no position.csv")
+    assert main(STUDY, ["--machine", str(base / "my.toml"), "--records", str(base / "records"), "--no-report",
+                        "--output", str(base / "out")]) == BAD_INPUT  # fmt: skip
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
+    assert len(said) == 1
+    assert "no position.csv" in said[0]
+    assert (base / "out" / "results.json").read_bytes() == before
+
+
+def test_a_record_is_known_by_the_table_that_it_followed() -> None:
+    machine: Machine = KNOWN
+    text = table(
+        judged_target(machine), references_of(machine, old_design(machine), own_loop=True), machine.sample_time
+    )
+    one = asked.asked("current", text)
+    other = replace(one, key="other", reference=one.reference * 1.02)
+    run = simulate(machine, machine.feedback_only(), one.target,
+                   given=References(one.reference, one.feedforward, 0 * one.target)).record  # fmt: skip
+    found = asked.ran(run, (other, one))
+    assert found is not None
+    assert found[0] is one
+    unnamed = replace(run, target=run.reference, feedforward=0 * run.feedforward)  # a log without them
+    again = asked.ran(unnamed, (other, one))
+    assert again is not None
+    np.testing.assert_array_equal(again[1].target, one.target)
+    assert asked.ran(replace(run, reference=1.5 * run.reference), (other, one)) is None
+    assert asked.ran(run.part(0, 3000), (other, one)) is None

@@ -1,0 +1,24 @@
+"""A step is made again for exactly what it was made from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from studies.full_circle.steps import Steps
+
+
+def test_a_step_is_reused_for_the_same_and_made_again_for_anything_else(tmp_path: Path) -> None:
+    made = list[Any]()
+
+    def step(program: str, **used: Any) -> tuple[Any, bool]:
+        return Steps(tmp_path, program).done("one", used, lambda: made.append(used) or {"count": len(made)})
+
+    assert step("p", records={"a.csv": "1"}) == ({"count": 1}, False)
+    assert step("p", records={"a.csv": "1"}) == ({"count": 1}, True)
+    assert step("p", records={"a.csv": "2"}) == ({"count": 2}, False)
+    assert step("p", records={"a.csv": "2", "b.csv": "3"}) == ({"count": 3}, False)
+    assert step("q", records={"a.csv": "2", "b.csv": "3"}) == ({"count": 4}, False)
+    (tmp_path / "one.json").write_text("[]", encoding="utf-8")
+    assert step("q", records={"a.csv": "2", "b.csv": "3"}) == ({"count": 5}, False)
+    assert len(made) == 5
