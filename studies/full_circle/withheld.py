@@ -250,15 +250,30 @@ def _beside(work: _Work, machine: Machine, refitted: Machine, better: Machine) -
 
 
 def learned(work: _Work, design: Design, record: Record, rounds: int, bench: str = "learning") -> Outcome | None:
-    """What so many rounds of iterative learning from a record of a design make of it; a round that trips ends them."""
-    last, machine = record, work.machine
-    for number in range(rounds):
+    """What so many rounds of iterative learning from a record of a design achieve, the best of them and of the record;
+    a round that cannot be run ends them."""
+    machine, found, last = work.machine, list[Outcome](), record
+    for number in range(rounds + 1):
+        achieved = outcome(last, machine)
+        found += [] if achieved is None else [achieved]
+        if number == rounds:
+            break
         force = corrected(last, machine, work.limits.feedforward)
         following = work.run(f"{bench}-{1 + number // EACH}", design, force)
         if isinstance(following, str):
             break
         last = following
-    return outcome(last, machine)
+    return _best(found, machine)
+
+
+def _best(found: Sequence[Outcome], machine: Machine) -> Outcome | None:
+    """The best outcome, by settling and 3 sigma as shares of what is specified; None of none."""
+    wanted = machine.specification
+    return min(
+        found,
+        key=lambda one: one.settling / wanted.settling_time + one.dispersion / wanted.tolerance,
+        default=None,
+    )
 
 
 def with_truth(machine: Machine, true: Machine, limits: Limits, ask: Ask, seed: int) -> dict[str, Any] | None:
@@ -272,20 +287,9 @@ def with_truth(machine: Machine, true: Machine, limits: Limits, ask: Ask, seed: 
     work = _Work(known, limits, ask, seed)
     design = designed(within(whole, limits, _allowed(known, limits)[0]), "with the truth")
     record = work.run("truth-1", design)
-    found = list[Outcome]()
-    for number in range(EACH):
-        if isinstance(record, str):
-            break
-        achieved = outcome(record, known)
-        found += [] if achieved is None else [achieved]
-        if number + 1 < EACH:
-            record = work.run("truth-1", design, corrected(record, known, limits.feedforward))
-    if not found:
+    if isinstance(record, str):
         return None
-    wanted = known.specification
-    return redesigning.outcome_to_json(
-        min(found, key=lambda one: one.settling / wanted.settling_time + one.dispersion / wanted.tolerance)
-    )
+    return redesigning.outcome_to_json(learned(work, design, record, EACH - 1, "truth"))
 
 
 def asking(folder: Path, sample_time: float, run: Callable[[Mapping[str, Any]], Mapping[str, Any]]) -> Ask:

@@ -11,8 +11,12 @@ from studies.full_circle.steps import Steps
 def test_a_step_is_reused_for_the_same_and_made_again_for_anything_else(tmp_path: Path) -> None:
     made = list[Any]()
 
+    def work() -> dict[str, int]:
+        made.append(None)
+        return {"count": len(made)}
+
     def step(program: str, **used: Any) -> tuple[Any, bool]:
-        return Steps(tmp_path, program).done("one", used, lambda: made.append(used) or {"count": len(made)})
+        return Steps(tmp_path, program).done("one", used, work)
 
     assert step("p", records={"a.csv": "1"}) == ({"count": 1}, False)
     assert step("p", records={"a.csv": "1"}) == ({"count": 1}, True)
