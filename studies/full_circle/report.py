@@ -13,6 +13,8 @@ from studies.wording import effect, filters
 Results = Mapping[str, Any]
 
 HERE = Path(__file__).parent
+TABLES = {"machines": ("results.cases",), "parameters": ("parameters",)}
+"""Of the report on withheld machines."""
 ROLES = {
     "identify": "identification",
     "diagnose": "diagnosis",
@@ -72,8 +74,7 @@ def _withheld(whole: Results) -> Report:
         "design": lambda row: f"{row['chosen']}{', taken back' if row['rolled_back'] else ''}",
     }
     question = "Asked, named, redesigned and run on machines that are withheld: does the gap close?"
-    tables = {"machines": ("results.cases",)}
-    return Report("Full circle", question, HERE / "report.md", tuple(shown), {**filters(), **extra}, tables)
+    return Report("Full circle", question, HERE / "report.md", tuple(shown), {**filters(), **extra}, TABLES)
 
 
 def has_shares(results: Results) -> bool:
