@@ -438,4 +438,4 @@ def test_no_option_that_reaches_outside_is_among_those_of_a_review() -> None:
         not names & {"machine", "output", "overwrite", "pack", "key", "inject", "scheduler"}
         for names in allowed.values()
     )
-    assert files == {"controller", "controller_json", "record", "hold_out", "mapping", "ensemble"}
+    assert files == {"controller", "controller_json", "record", "hold_out", "mapping", "ensemble", "looks"}
