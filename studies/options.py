@@ -306,7 +306,8 @@ class Options:
             if rotary is not None and rotary != (machine.axis == "rotary"):
                 kind = "moves straight" if rotary else "turns"
                 raise BadInputError(
-                    f"{name}: {text!r} is no size of this machine, whose axis {kind}; give it in {machine.unit(unit)}"
+                    f"{name}: {text!r} is not a size of this machine, whose axis {kind}; "
+                    f"give it in {machine.unit(unit)}"
                 )
 
     def usual_machine(self) -> Path | None:

@@ -166,7 +166,7 @@ def _with_pid(machine: Machine, path: Path) -> Machine:
         )
     if controller.law is not None:
         raise BadInputError(
-            f"--controller {path}: its feedback is no plain PID; state it in the machine file, as [control.cascade] or "
-            "[control.filters], and leave --controller out"
+            f"--controller {path}: its feedback is not a plain PID; state it in the machine file, as [control.cascade] "
+            "or [control.filters], and leave --controller out"
         )
     return with_pid(machine, controller.pid, f"controller file {path.name}")

@@ -145,7 +145,7 @@ class Measured(Effect):
     turn: float = value("m", "way back that makes a reversal", at_least=0, at_most=LARGEST, default=0.0)
 
     def __post_init__(self) -> None:
-        """Raises ValueError for what is no table of a function of the coordinate."""
+        """Raises ValueError unless it is a table of a function of the coordinate."""
         if self.coordinate not in UNITS:
             raise ValueError(f"coordinate {self.coordinate!r} is unknown; give one of {', '.join(UNITS)}")
         if len(self.knots) != len(self.force):

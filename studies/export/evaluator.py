@@ -123,7 +123,7 @@ class Parser:
         while at < len(text):
             match = TOKEN.match(text, at)
             if match is None:
-                raise TextError(f"{text[at : at + 20]!r} is no token")
+                raise TextError(f"{text[at : at + 20]!r} is not a token")
             if match.lastgroup:
                 self._tokens.append(match.group())
             at = match.end()
@@ -167,7 +167,7 @@ class Parser:
             return library.units[kind]
         zero: Mapping[str, Any] = {"LREAL": 0.0, "DINT": 0, "BOOL": False}
         if kind not in zero:
-            raise TextError(f"{kind} is no type that is known")
+            raise TextError(f"{kind} is not a known type")
         convert = type(zero[kind])
         if self.peek() != ":=":
             return (lambda: [zero[kind]] * count) if count else (lambda: zero[kind])

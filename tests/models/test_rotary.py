@@ -70,9 +70,11 @@ def test_units_of_the_other_kind_are_refused(file: Path) -> None:
 
 
 def test_a_study_takes_and_prints_its_units(machine: Machine) -> None:
-    with pytest.raises(BadInputError, match="--stroke: '2 mm' is no size of this machine, whose axis turns"):
+    with pytest.raises(BadInputError, match="--stroke: '2 mm' is not a size of this machine, whose axis turns"):
         STUDY(machine, stroke="2 mm")
-    with pytest.raises(BadInputError, match="--stroke: '1 deg' is no size of this machine, whose axis moves straight"):
+    with pytest.raises(
+        BadInputError, match="--stroke: '1 deg' is not a size of this machine, whose axis moves straight"
+    ):
         STUDY(load(), stroke="1 deg")
     answer = STUDY(machine, quick=True, stroke="1 deg")
     assert {"N m", "s"} <= {check.unit for check in answer.checks}

@@ -41,7 +41,9 @@ def test_a_deadbeat_design_says_that_the_feedback_is_kept_and_writes_its_law(tmp
     controller = load_controller(path)
     assert controller == default_controller(table)
     assert controller.law is not None
-    with pytest.raises(BadInputError, match=r"controller\.json: its feedback is no plain PID; state it in the machine"):
+    with pytest.raises(
+        BadInputError, match=r"controller\.json: its feedback is not a plain PID; state it in the machine"
+    ):
         STUDIES.deadbeat_design(table, controller=path, quick=True)
 
 

@@ -49,7 +49,7 @@ def read_rules(path: Path, *, needed: bool = True) -> tuple[Rule, ...]:
     if isinstance(tables, dict):
         tables = [tables]
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
-        raise RecordError(f"{path}: holds no table of a record; {EXAMPLE}")
+        raise RecordError(f"{path}: must have a table for each record; {EXAMPLE}")
     return tuple(rule for at, table in enumerate(tables, 1) for rule in _rules(table, f"{path}: record {at}", needed))
 
 

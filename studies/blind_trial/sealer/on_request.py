@@ -140,7 +140,7 @@ def another(path: Path, sample_time: float) -> Another:
         pid.get(f"{name}_weight", 1.0) == 1.0 for name in ("proportional", "derivative")
     )
     if not plain:
-        raise RefusedError(f"{path}: its feedback is no plain PID, and this machine runs no other one that it is given")
+        raise RefusedError(f"{path}: its feedback must be a plain PID, the only one that this machine can be given")
     if not (abs(its_time - sample_time) <= 1e-6 * sample_time and 0 <= delay <= LATEST):
         raise RefusedError(f"{path}: must run every {sample_time:g} s, its reference 0 to {LATEST} samples late")
     if not all(0.0 <= gain < MOST for gain in found.values()):

@@ -209,7 +209,7 @@ def test_a_controller_that_is_none_is_refused_and_takes_nothing(
     files = {
         "must run every": controller_file(tmp_path / "slow.json", axis, {}, sample_time_s=2 * axis.sample_time),
         "a gain is negative": controller_file(tmp_path / "negative.json", axis, {"kp": -1.0}),
-        "no plain PID": controller_file(tmp_path / "law.json", axis, {}, law={"a": []}),
+        "a plain PID": controller_file(tmp_path / "law.json", axis, {}, law={"a": []}),
         "0 to 1000 samples late": controller_file(tmp_path / "late.json", axis, {}, reference_delay_samples=-1),
         "cannot be read": str(tmp_path / "nowhere.json"),
     }
