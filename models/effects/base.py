@@ -399,10 +399,11 @@ def _along(item: Parameter, units: Units) -> Parameter:
 
 def _sought(item: Parameter, low: float, high: float, travel: float) -> Range:
     """Where a spectrum looks for a period along the way, whose usual range is low .. high [m]: a screw's lead or a
-    motor's teeth are shorter than magnets, and a magnetic scale's pole pairs longer than an optical one's lines."""
+    motor's teeth are shorter than the magnets that a grid of periods is for, and a magnetic scale's pole pairs longer
+    than an optical one's lines."""
     if item.periodic_in == "reading":
         return low, max(high, travel / FEWEST_PERIODS)
-    return min(low, travel / MOST_PERIODS), high
+    return (min(low, travel / MOST_PERIODS) if item.points else low), high
 
 
 def _ranged(item: Parameter, ends: tuple[float, ...] | None) -> Parameter:

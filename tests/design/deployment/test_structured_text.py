@@ -80,7 +80,7 @@ def test_numbers_are_read_back_as_they_were(number: float) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("x := 1.0 ? 2.0;", "no token"),
+        ("x := 1.0 ? 2.0;", "not a token"),
         ("y := 1.0;", "'y' is not declared"),
         ("IF x > 1.0 THEN x := 0.0; END_IF", "'' stands where ;"),
         ("x := (1.0;", "stands where \\)"),
