@@ -25,17 +25,18 @@ if TYPE_CHECKING:
 ROTARY: Final = {"m": "rad", "N": "N m", "kg": "kg m^2"}  # what an axis that turns has in place of these units
 _NUMBER: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*(.*)", re.IGNORECASE)
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-# Powers of (kg, m, s, A) and the power of ten to SI of the units that machine files are full of.
+# Powers of (kg, m, s, A, rad) and the power of ten to SI of the units that machine files are full of.
 _USUAL: Final[dict[str, tuple[int, ...]]] = {
-    "1": (0, 0, 0, 0, 0),
-    "kg": (1, 0, 0, 0, 0), "g": (1, 0, 0, 0, -3),
-    "m": (0, 1, 0, 0, 0), "mm": (0, 1, 0, 0, -3), "um": (0, 1, 0, 0, -6), "µm": (0, 1, 0, 0, -6),
-    "nm": (0, 1, 0, 0, -9),
-    "s": (0, 0, 1, 0, 0), "ms": (0, 0, 1, 0, -3), "us": (0, 0, 1, 0, -6), "µs": (0, 0, 1, 0, -6),
-    "Hz": (0, 0, -1, 0, 0), "kHz": (0, 0, -1, 0, 3),
-    "N": (1, 1, -2, 0, 0), "mN": (1, 1, -2, 0, -3), "kN": (1, 1, -2, 0, 3),
-    "W": (1, 2, -3, 0, 0), "kW": (1, 2, -3, 0, 3),
-    "V": (1, 2, -3, -1, 0), "A": (0, 0, 0, 1, 0),
+    "1": (0, 0, 0, 0, 0, 0),
+    "kg": (1, 0, 0, 0, 0, 0), "g": (1, 0, 0, 0, 0, -3),
+    "m": (0, 1, 0, 0, 0, 0), "mm": (0, 1, 0, 0, 0, -3), "um": (0, 1, 0, 0, 0, -6), "µm": (0, 1, 0, 0, 0, -6),
+    "nm": (0, 1, 0, 0, 0, -9), "m^2": (0, 2, 0, 0, 0, 0),
+    "s": (0, 0, 1, 0, 0, 0), "ms": (0, 0, 1, 0, 0, -3), "us": (0, 0, 1, 0, 0, -6), "µs": (0, 0, 1, 0, 0, -6),
+    "Hz": (0, 0, -1, 0, 0, 0), "kHz": (0, 0, -1, 0, 0, 3),
+    "N": (1, 1, -2, 0, 0, 0), "mN": (1, 1, -2, 0, 0, -3), "kN": (1, 1, -2, 0, 0, 3),
+    "W": (1, 2, -3, 0, 0, 0), "kW": (1, 2, -3, 0, 0, 3),
+    "V": (1, 2, -3, -1, 0, 0), "A": (0, 0, 0, 1, 0, 0),
+    "rad": (0, 0, 0, 0, 1, 0),
 }  # fmt: skip
 _PRODUCT: Final = r"[^\s/()]+(?: [^\s/()]+)*"
 _UNIT: Final = re.compile(rf"({_PRODUCT})(?:/(?:\(({_PRODUCT})\)|([^\s/()]+)))?")
@@ -233,7 +234,7 @@ def _registry() -> pint.UnitRegistry[Any]:
 def _factor(unit_text: str, unit: str) -> Decimal:
     """How many `unit`s one `unit_text` is. The QuantityError says what is wrong with `unit_text`."""
     given, wanted = _usual(unit_text), _usual(unit)
-    if given and wanted and given[:-1] == wanted[:-1]:
+    if given and wanted and given[:-1] == wanted[:-1] and not given[-2]:
         return Decimal(1).scaleb(given[-1] - wanted[-1])
     return _factor_of_any(unit_text, rotary(unit) if _is_rotary(unit_text, unit) else unit, unit)
 
@@ -244,6 +245,12 @@ def _is_rotary(unit_text: str, unit: str) -> bool:
     counted as one. Raises QuantityError for an unknown unit."""
     if rotary(unit) == unit:
         return False
+    given, wanted = _usual(unit_text), _usual(rotary(unit))
+    return given[:-1] == wanted[:-1] if given and wanted else _is_any_rotary(unit_text, unit)
+
+
+def _is_any_rotary(unit_text: str, unit: str) -> bool:
+    """`_is_rotary` by the registry of units, which knows them all."""
     given, wanted = _quantity(unit_text, unit), _quantity(rotary(unit), unit)
     return given.dimensionality == wanted.dimensionality and _angles(given) == _angles(wanted)
 
@@ -272,7 +279,7 @@ def _usual(text: str) -> tuple[int, ...] | None:
     factors = [(name, 1) for name in over.split()] + [(name, -1) for name in (product or single).split()]
     if not all(name in _USUAL for name, _ in factors):
         return None
-    return tuple(sum(sign * _USUAL[name][i] for name, sign in factors) for i in range(5))
+    return tuple(sum(sign * _USUAL[name][i] for name, sign in factors) for i in range(6))
 
 
 def _factor_of_any(unit_text: str, wanted: str, unit: str) -> Decimal:

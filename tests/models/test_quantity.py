@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from decimal import Decimal
 
@@ -15,6 +17,7 @@ from models.quantity import (
     QuantityError,
     _factor,
     _factor_of_any,
+    _is_any_rotary,
     is_rotary,
     json_name,
     listed,
@@ -60,6 +63,17 @@ def test_the_usual_units_are_those_of_the_registry(given_unit: str, unit: str) -
     """The table of usual units only saves the time in which the registry of all units is made."""
     wanted = rotary(unit) if is_rotary(f"1 {given_unit}", unit) else unit
     assert outcome(lambda: _factor(given_unit, unit)) == outcome(lambda: _factor_of_any(given_unit, wanted, unit))
+
+
+@given(UNITS, st.sampled_from(["m", "m/s", "N", "N/m", "N s/m", "1/kg", "kg", "N/A"]))
+def test_what_turns_is_told_from_the_usual_units_as_from_the_registry(given_unit: str, unit: str) -> None:
+    assert is_rotary(f"1 {given_unit}", unit) == _is_any_rotary(given_unit, unit)
+
+
+def test_a_machine_file_in_usual_units_needs_no_registry() -> None:
+    """It takes half a second to make, in every process that reads a machine."""
+    code = "import sys; from models.machine import DEFAULT, load; load(DEFAULT); assert 'pint' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def outcome(factor: Callable[[], Decimal]) -> Decimal | str:
