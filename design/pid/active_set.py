@@ -191,7 +191,9 @@ def _solve(
     """The program's solution in scaled unknowns, or None."""
     pid = _pid(problem, guess)
     lower, upper = _trust(problem, guess, 1 + (trust - 1) * (EXACT_TRUST if exact else 1))
-    filled = [*slots, *[slots[0]] * (SLOTS - len(slots)), *problem.band]
+    room = next(room for room in problem.solvers if room >= len(slots))
+    solver = problem.solvers[room]
+    filled = [*slots, *[slots[0]] * (room - len(slots)), *problem.band]
     omega, response = np.array([w for w, _ in filled]), np.array([value for _, value in filled])
     towards = 1 + response * controller_response(pid, problem.sample_time, omega)
     towards /= np.abs(towards)
@@ -199,7 +201,7 @@ def _solve(
     data = np.vstack([p.real, p.imag, omega * problem.sample_time, towards.real, towards.imag])
     limits = [min(bounds.ms, 1e6), min(bounds.mt, 1e6), min(bounds.mcs / problem.scale.kp, 1e9), float(exact)]
     with interruptible():
-        found = problem.solver(
+        found = solver(
             x0=np.clip(guess, lower, upper),
             p=np.concatenate([limits, data.ravel(order="F")]),
             lbx=lower,
@@ -207,7 +209,7 @@ def _solve(
             lbg=-np.inf,
             ubg=0.0,
         )
-    status = problem.solver.stats()["return_status"]
+    status = solver.stats()["return_status"]
     return np.array(found["x"]).ravel() if status in {"Solve_Succeeded", "Solved_To_Acceptable_Level"} else None
 
 

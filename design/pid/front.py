@@ -23,6 +23,8 @@ SECOND_START: Final = 6  # Only every so many points start from the fast rule to
 RULE_TIMES: Final = (3e-3, 3.5e-3, 4e-3, 5e-3, 6e-3, 8e-3, 12e-3)  # s. tau_c of SIMC, from about theta on.
 LAMBDAS: Final = (5e-3, 6e-3, 7e-3, 8e-3, 10e-3, 14e-3, 20e-3)  # s. The time constants of the lambda rule.
 
+Start = tuple[str, PID]
+
 
 @dataclass(frozen=True)
 class Point:
@@ -74,10 +76,11 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     for i, ms in enumerate(levels):
         bounds = replace(limits, ms=ms, mt=mt_bound(ms, limits.mt))
         starts = [("slow rule", slow_rule(machine))] if last is None else [("neighbour", last.pid)]
+        others = [("fast rule", fast_rule(machine))]
         if many or i % SECOND_START == 0:
-            starts += [("fast rule", fast_rule(machine))]
+            starts, others = starts + others, []
         try:
-            last = tune(problem, bounds, starts)
+            last = _tuned_from(problem, bounds, starts, others)
             points.append(Point(f"tuned, {ms:g}", last.pid, last.loops, ms))
             attempts += [(ms, attempt) for attempt in last.attempts]
         except TuningError as error:
@@ -89,6 +92,21 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     if refusal is not None and not points:
         raise refusal
     return Front(tuple(points), tuple(attempts))
+
+
+def _tuned_from(problem: Problem, bounds: Bounds, starts: Sequence[Start], others: Sequence[Start]) -> Tuning:
+    """`tune` from the starts, and from the others [-] where none of these leads to a PID."""
+    try:
+        return tune(problem, bounds, starts)
+    except TuningError as error:
+        if not others:
+            raise
+        tried = error
+    try:
+        found = tune(problem, bounds, others)
+    except TuningError as error:
+        raise TuningError(str(error), (*tried.attempts, *error.attempts)) from tried
+    return replace(found, attempts=(*tried.attempts, *found.attempts))
 
 
 def judged(name: str, pid: PID, members: Sequence[Member], law: Law | None = None) -> Point:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -84,14 +85,15 @@ class Tuning:
 class Problem:
     """A program built once for a family and a goal, its bounds and slots parameters; see `pose` and `tune`.
 
-    scale: the PID whose gains the unknowns are measured in. lower, upper (5,): of the unknowns. check: per member the
-    frequencies (n,) [rad/s] and P there (n,) [m/N], at which every solution is looked at. band: slots of the objective.
+    scale: the PID whose gains the unknowns are measured in. solvers: by their room for slots, ascending. lower, upper
+    (5,): of the unknowns. check: per member the frequencies (n,) [rad/s] and P there (n,) [m/N], at which every
+    solution is looked at. band: slots of the objective.
     """
 
     members: tuple[Member, ...]
     goal: Goal
     scale: PID
-    solver: ca.Function
+    solvers: Mapping[int, ca.Function]
     lower: Array
     upper: Array
     check: tuple[tuple[Array, Complex], ...]

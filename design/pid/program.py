@@ -17,11 +17,12 @@ from design.family import Member
 from design.pid.goal import Goal
 from models.controller import PID
 
-SLOTS: Final = 160  # A program has room for so many slots.
+ROOMS: Final = (50, 80, 160)  # Programs have room for so many slots; the smallest that does is solved.
+SLOTS: Final = ROOMS[-1]  # The most that are ever taken.
 
 
-def program(members: Sequence[Member], goal: Goal, scale: PID, in_band: int) -> ca.Function:
-    """IPOPT's program over x (5,), with parameters (ms, mt, mcs / kp_0, exact, SLOTS slots, those in the band).
+def program(members: Sequence[Member], goal: Goal, scale: PID, room: int, in_band: int) -> ca.Function:
+    """IPOPT's program over x (5,), with parameters (ms, mt, mcs / kp_0, exact, `room` slots, those in the band).
 
     exact > 0: bounds |1 + L| itself and not its part along the direction of the round before, which is stricter.
     scale: the PID [SI] that the gains are measured in. in_band: slots at which |PS| counts, for the objective "band".
@@ -36,15 +37,15 @@ def program(members: Sequence[Member], goal: Goal, scale: PID, in_band: int) -> 
         _size(loop) - limits[1] * ahead,
         _size(controller) / limits[2] - ahead,
     ) / (1 + _size(loop))  # of order 1 at every frequency
-    unknowns, given = ca.MX.sym("x", 5), ca.MX.sym("p", 4 + 5 * (SLOTS + in_band))
-    slots = ca.reshape(given[4:], 5, SLOTS + in_band)
-    each = ca.Function("slot", [x, limits, slot], [keeps]).map(SLOTS)
-    constraints = [ca.vec(each(unknowns, given[:4], slots[:, :SLOTS]))]
+    unknowns, given = ca.MX.sym("x", 5), ca.MX.sym("p", 4 + 5 * (room + in_band))
+    slots = ca.reshape(given[4:], 5, room + in_band)
+    each = ca.Function("slot", [x, limits, slot], [keeps]).map(room)
+    constraints = [ca.vec(each(unknowns, given[:4], slots[:, :room]))]
     if in_band:
         effect = ca.Function(
             "effect", [x, limits, slot], [(_size((slot[0], slot[1])) - x[4] * ahead) / (1 + _size(loop))]
         )
-        constraints.append(ca.vec(effect.map(in_band)(unknowns, given[:4], slots[:, SLOTS:])))
+        constraints.append(ca.vec(effect.map(in_band)(unknowns, given[:4], slots[:, room:])))
     if goal.objective == "step":
         for member in members:
             if member.nominal:

@@ -33,7 +33,7 @@ from design.loop import (
 from design.pid.active_set import LONGEST_FILTER, Result, from_start, shares
 from design.pid.goal import OBJECTIVES, Goal, achieved
 from design.pid.problem import Array, Attempt, Bounds, Problem, Slot, Tuning, TuningError, mt_bound
-from design.pid.program import program
+from design.pid.program import ROOMS, program
 from design.pid.rules import magnitude, slow_rule
 from models.controller import PID
 from models.machine import Machine
@@ -108,7 +108,7 @@ def pose(
         tuple(members),
         goal,
         scale,
-        program(members, goal, scale, len(band)),
+        {room: program(members, goal, scale, room, len(band)) for room in ROOMS},
         np.array([1e-4, 1e-6, 0.0, keep[0], -np.inf]),
         np.array([REACH, REACH, REACH if derivative else 0.0, keep[1], np.inf]),
         check,
