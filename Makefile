@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 export MALLOC_MMAP_THRESHOLD_ := 33554432
 export MALLOC_TRIM_THRESHOLD_ := 4294967296
 
-.PHONY: help fuzz study test suite test-fast check benchmark baseline lock clean
+.PHONY: help fuzz study test kernels suite test-fast check benchmark baseline lock clean
 
 help:
 	@echo 'make study      design the deadbeat feedforward for the default machine, validate it, write its report'
@@ -28,10 +28,14 @@ study: $(ENVIRONMENT)
 test: $(ENVIRONMENT)
 	$(MAKE) --jobs 2 check suite
 
-suite: $(ENVIRONMENT)
+# Compiled once, and not by each process of tests anew.
+kernels: $(ENVIRONMENT)
+	$(BIN)/python -m tests.kernels
+
+suite: kernels
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
-test-fast: $(ENVIRONMENT)
+test-fast: kernels
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal -m 'not slow'
 
 check: $(ENVIRONMENT)

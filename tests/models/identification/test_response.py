@@ -349,11 +349,12 @@ def test_what_can_not_be_identified_is_said() -> None:
     assert "mass: its" not in said
 
 
-def test_stated_intervals_hold_the_truth_over_twenty_tables() -> None:
-    """Tables that no constant of the methods was chosen on; 380 intervals, whose share has a deviation of 1.1 %."""
-    found = judged(MACHINE, 20, 300, lambda _share, _text: None)
-    assert found["wrong_number"] <= 2
-    assert found["intervals"] >= 360
+def test_stated_intervals_hold_the_truth_over_ten_tables() -> None:
+    """Tables that no constant of the methods was chosen on; 190 intervals, whose share has a deviation of 1.6 %. Four
+    hundred axes are in tests/coverage."""
+    found = judged(MACHINE, 10, 300, lambda _share, _text: None)
+    assert found["wrong_number"] <= 1
+    assert found["intervals"] >= 180
     assert 0.9 <= found["coverage"] <= 0.99
     kinds = {kind["record"]: np.concatenate([kind["errors"]]) for kind in found["kinds"]}
     for name, errors in kinds.items():

@@ -1,0 +1,51 @@
+"""`python -m tests.kernels`: compiles the kernels that most tests need, before several processes would each do so.
+
+What is compiled lies beside the sources from then on, where every later process finds it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diagnosis.experiments.schedules import strokes
+from diagnosis.model.fit import fit
+from diagnosis.model.motions import numbered, pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.model.start_states import search, static_equilibrium_start
+from diagnosis.which.scan import partial_out, scan
+from models.simulation.simulator import simulate, simulate_many
+from studies.blind_trial.sealer import nominal, schedule
+from studies.blind_trial.sealer.distance import contact_force, innovations
+from studies.blind_trial.sealer.machines import motions
+from studies.blind_trial.sealer.machines.drawing import draw_axis
+from studies.blind_trial.sealer.machines.simulation import simulate as simulate_drawn
+from studies.blind_trial.sealer.simulate import simulate as simulate_table
+from tests.diagnosis.tables import recorded, table
+
+
+def run_all() -> None:
+    """A simulated motion and the diagnosis of a record up to the scan, both as short as can be, and the sealers'."""
+    machine = table()
+    controller, rest = machine.feedback_only(), np.zeros(8)
+    simulate(machine, controller, rest)
+    simulate_many([machine, machine], [controller, controller], rest)
+    records = recorded(machine, [strokes(machine, 2e-3, (0.02,))], seed=0)
+    layout = parameters(machine, 1)
+    start = fit(Candidate(layout, static_equilibrium_start(layout, records)), records, iterations=1, walk=0.125)
+    fitted = fit(search(start, records), records, paths=start.paths, iterations=1, walk=0.05)
+    scan(fitted, records, partial_out(fitted, numbered(pieces(records), records)), ())
+    _simulate_sealed()
+
+
+def _simulate_sealed() -> None:
+    """The table of the sealed cases, and a drawn machine: pushed for a few samples."""
+    few = np.zeros(50)
+    simulate_table(nominal.load(), schedule.Schedule(few, few, few), 1, exact=True)
+    simulate_drawn(draw_axis(np.random.default_rng(1))[0], motions.Schedule(few, few, few, ()), 1, None, exact=True)
+    contact_force(few[:, np.newaxis], np.ones(2), np.ones(2), np.zeros(2))
+    innovations(np.eye(2), np.ones(2), np.ones(2), np.zeros(2), few, few)
+
+
+if __name__ == "__main__":
+    run_all()
