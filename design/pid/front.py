@@ -80,7 +80,7 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
         if many or i % SECOND_START == 0:
             starts, others = starts + others, []
         try:
-            last = _tuned_from(problem, bounds, starts, others)
+            last = tuned_from(problem, bounds, starts, others)
             points.append(Point(f"tuned, {ms:g}", last.pid, last.loops, ms))
             attempts += [(ms, attempt) for attempt in last.attempts]
         except TuningError as error:
@@ -94,7 +94,7 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     return Front(tuple(points), tuple(attempts))
 
 
-def _tuned_from(problem: Problem, bounds: Bounds, starts: Sequence[Start], others: Sequence[Start]) -> Tuning:
+def tuned_from(problem: Problem, bounds: Bounds, starts: Sequence[Start], others: Sequence[Start]) -> Tuning:
     """`tune` from the starts, and from the others [-] where none of these leads to a PID."""
     try:
         return tune(problem, bounds, starts)

@@ -39,7 +39,7 @@ def improved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("pid_tradeoff", []),
+        ("pid_tradeoff", ["--mode-error", "0", "--mass-error", "0"]),
         ("response_variation", []),
         ("trajectory_optimisation", ["--objective", "peak_thrust", "--tables", "1"]),
     ],

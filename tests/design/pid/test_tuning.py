@@ -10,6 +10,7 @@ import pytest
 
 from design.family import Member, family, slopes
 from design.loop import assess, controller_response, frequency_response, grid, sensitivities, sensitivity, stays_below
+from design.pid.front import tuned_from
 from design.pid.goal import Goal, achieved
 from design.pid.problem import Bounds, Problem, TuningError
 from design.pid.rules import lambda_rule, simc
@@ -104,6 +105,16 @@ def test_two_starts_find_the_same_and_a_failed_one_is_reported(problem: Problem)
     assert slower.value == pytest.approx(slow.value, rel=1e-3)
     assert bad.value is None
     assert bad.outcome
+    elsewhere = tuned_from(problem, BOUNDS, starts[2:], starts[:1])
+    assert elsewhere.attempts == (bad, slow)
+    assert elsewhere.pid == tune(pose(problem.members, Goal(), MACHINE.control.pid), BOUNDS, starts[:1]).pid  # the bits
+
+
+def test_a_front_says_all_that_was_tried_where_no_start_leads_to_a_pid(problem: Problem) -> None:
+    unstable = [("bad", PID(1e8, 1e10, 0.0, 0.0))]
+    with pytest.raises(TuningError) as refused:
+        tuned_from(problem, BOUNDS, unstable, [("worse", unstable[0][1])])
+    assert [attempt.start for attempt in refused.value.attempts] == ["bad", "worse"]
 
 
 def test_no_nearby_pid_within_the_bounds_has_a_larger_integral_gain(problem: Problem) -> None:
