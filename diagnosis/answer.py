@@ -135,7 +135,7 @@ def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) 
 def rivalling(stages: Sequence[Stage], criteria: Criteria) -> tuple[tuple[str, ...], ...]:
     """Sets of effects that explain as much as one another: those tried for a stage, of another class than the best.
 
-    One that a later stage takes up beside the best is not in its place, and a part of another's form is no name.
+    One that a later stage takes up beside the best is not in its place, and a part of another's form is not named.
     """
     groups, inside, parts = [], set(strongest_first(stages)), form_parts(stages, criteria)
     for before, after in pairwise(stages):

@@ -104,7 +104,7 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
 
 
 def _white_force(candidate: Candidate, index: int, seed: int) -> tuple[WhiteForce, ...]:
-    """What a simulation needs beside its model to be as rough as a record; the usual white force is no force but stands
+    """What a simulation needs beside its model to be as rough as a record; the usual white force is not one but stands
     for the error of the friction along a smoothed path."""
     rough = candidate.roughness_of(index)
     if rough <= 1:

@@ -66,7 +66,7 @@ def weighed(
 
     How rough a record is: see `roughness.unmodelled_variance` (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40,
     2004, estimate such a diffusion by likelihood, which takes up a law that is missing as well). Where a white force as
-    large as the commands (their deviation) is not enough, it is no force, and the weights stay. usual: the variance of
+    large as the commands (their deviation) is not enough, it is none, and the weights stay. usual: the variance of
     what complete models leave of each record [1], if it is known.
     """
     candidate = fitted.candidate

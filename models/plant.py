@@ -196,7 +196,7 @@ def sampled(
 ) -> control.StateSpace:
     """Exact model of the plant behind a zero-order hold, at the samples [s], for any dead time: StateSpace with dt.
 
-    The thrust changes in the midst of a sample when L is no multiple of sample_time; the inputs under way are states
+    The thrust changes in the midst of a sample when L is not a multiple of sample_time; the inputs under way are states
     behind those of `state_space`: (..., u[k-1], u[k-2], ...). `whole_delay=False` leaves out the d whole samples of
     delay (L = d T_s + rest) and keeps the rest.
     """

@@ -43,7 +43,7 @@ _UNIT: Final = re.compile(rf"({_PRODUCT})(?:/(?:\(({_PRODUCT})\)|([^\s/()]+)))?"
 
 
 class QuantityError(ValueError):
-    """A text that is no such quantity; the message is one sentence that says what to write instead."""
+    """A text that does not hold such a quantity; the message is one sentence that says what to write instead."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +87,7 @@ def value(  # noqa: PLR0913  # every limit that a quantity may have
 
 
 def declaration(field: dataclasses.Field[Any], part: object = None) -> Declaration | None:
-    """The declaration that `value` attached to a field, or None for a field that is no physical quantity.
+    """The declaration that `value` attached to a field, or None for a field that is not a physical quantity.
 
     part: what has the field, or the table that it is read from, for a unit that another field decides [-].
     """

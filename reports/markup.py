@@ -87,7 +87,7 @@ def _fence(text: str, least: int) -> str:
 
 
 def for_figure(value: Any) -> Any:
-    """`value`, as a figure may draw it: dollars are no mathematics, and no name is left out of a legend.
+    """`value`, as a figure may draw it: dollars do not begin mathematics, and no name is left out of a legend.
 
     Goes through plain data, keys included, so that what names something still finds it.
     """

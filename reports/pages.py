@@ -16,7 +16,7 @@ import pypandoc
 import typst
 
 LAYOUT = Path(__file__).parent
-# Raw HTML or TeX would reach only one of the two pages; '@' is no citation here.
+# Raw HTML or TeX would reach only one of the two pages; '@' does not begin a citation here.
 MARKDOWN = "-".join(
     (
         "markdown",

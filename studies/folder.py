@@ -194,7 +194,7 @@ def _regular(folder: Path, name: str) -> bool:
 
 
 def _matching(folder: Path, pattern: str) -> Iterator[str]:
-    """What exists in the folder under a name that the pattern matches; a parent that is no folder stands for it."""
+    """What exists in the folder under a name that the pattern matches; a parent that is not a folder stands for it."""
     above, _, last = pattern.rpartition("/")
     here = folder / above
     if above and os.path.lexists(here) and (here.is_symlink() or not here.is_dir()):

@@ -261,8 +261,8 @@ def moves_along(machine: Machine, places: int, apart: float, distance: float, sh
 
 
 def _calm(machine: Machine, distance: float, times: float) -> float:
-    """The duration [s] of a move [m] that is no experiment: so many pauses, or what a third of the rated thrust
-    allows."""
+    """The duration [s] of a move [m] that is not part of an experiment: so many pauses, or what a third of the rated
+    thrust allows."""
     return max(times * pause(machine), quickest(machine, distance, 1 / 3))
 
 

@@ -1,7 +1,7 @@
 """Does it carry over: what is fitted to one record, judged on the others; and what belongs to one record alone.
 
 Each row fits the same laws to one record, starting from the fit to all of them, and each column judges the file that
-is written of it on one record. A value that is known so well from each record that its differences are no chance
+is written of it on one record. A value that is known so well from each record that its differences are not by chance
 belongs to the records and not to the machine: a ripple's phase after homing, the offset of the day.
 """
 

@@ -129,7 +129,7 @@ def judgement(
     """The nested judgement of these curves.
 
     e (n,): innovations after the projection; floor (n,): squares of what a complete model leaves, 0 where unknown, both
-    [1]; motion (n,): of each sample; kind: of each motion; names: of the types, empty for those that are no motion.
+    [1]; motion (n,): of each sample; kind: of each motion; names: of the types, empty for those that are not motions.
     """
     count, types = kind.size, [number for number, name in enumerate(names) if name]
     above = e**2 - floor

@@ -197,7 +197,7 @@ def at_bounds(effect: Effect, priors: Priors) -> bool:
     then distorted to stand for another one.
 
     The step of a staircase does not count: the many steps in a record determine its width to a millionth, so a bound on
-    it is no sign of a wrong law.
+    it is not a sign of a wrong law.
     """
     for item in parameters(type(effect), priors):
         staircase = item.role == "width" and item.periodic_in

@@ -1,8 +1,8 @@
 """How rough a drive is, record by record: what its models leave, and a force as rough for records that are simulated.
 
-What does not repeat between equal motions is no law. Where nothing repeats, or where what repeats is finer than any law
-of the catalogue, time tells: a rough force leaves most of its mark about and above the frequencies that the loop
-controls, alike at all times. A law that is missing leaves most of its own below, and what it leaves there it leaves at
+What does not repeat between equal motions follows no law. Where nothing repeats, or where what repeats is finer than
+any law of the catalogue, time tells: a rough force leaves most of its mark about and above the frequencies that the
+loop controls, alike at all times. A law that is missing leaves most of its own below, and what it leaves there it leaves at
 times: where the table turns, starts or halts. So the median over short blocks of the innovations' power there tells the
 one from the other.
 """

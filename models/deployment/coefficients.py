@@ -113,7 +113,9 @@ def coefficients(
     """
     law, pid, rfm = controller.law, controller.pid, controller.friction_compensation
     if law is None and not pid.plain:
-        raise ValueError("set-point weights other than 1 are no law of the error; give a controller.json from a study")
+        raise ValueError(
+            "with set-point weights other than 1 the law is not of the error alone; give a controller.json from a study"
+        )
     if law is not None and (
         any(row[REFERENCE] != -row[POSITION] for row in law.b) or law.d[REFERENCE] != -law.d[POSITION]
     ):

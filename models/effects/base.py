@@ -102,9 +102,9 @@ class Place(IntEnum):
 class Parameter:
     """A parameter of an effect: prior range low .. high and a typical size (SI), and the role that it plays.
 
-    role: "amplitude" (the force or the reading is proportional to it, to first order; 0 is no effect), "shape" (a time,
+    role: "amplitude" (the force or the reading is proportional to it, to first order; 0 for none), "shape" (a time,
     speed, length or frequency), "period" (of what repeats along `periodic_in`, a key of COORDINATES; or its frequency,
-    by the unit), "phase" (0 .. 2 pi of a sine), "width" (no proportional parameter; 0 is no effect; with `periodic_in`
+    by the unit), "phase" (0 .. 2 pi of a sine), "width" (no proportional parameter; 0 for none; with `periodic_in`
     the width of a step of a staircase) or "switch" (which of two laws it is: 0 or 1).
 
     points: that many between low and high are near enough to each other that one of them resembles any other size;
@@ -327,7 +327,7 @@ class Effect(ABC):
         return cls(**{name: 0.0 if name in further else size for name, size in sizes.items()})
 
     def off(self) -> Self:
-        """The effect with every amplitude and width at 0, which is no effect; shapes, phases and switches stay."""
+        """The effect with every amplitude and width at 0, which has no effect; shapes, phases and switches stay."""
         roles = {item.name: item.role for item in parameters(type(self))}
         return replace(self, **{name: 0.0 for name, role in roles.items() if role in {"amplitude", "width"}})
 

@@ -1,6 +1,6 @@
 """A law that was measured rather than named: a table of forces over one coordinate, piecewise linear between knots.
 
-It is written as [effects.measured] in a machine file and is no candidate of the catalogue: nothing of it is fitted.
+It is written as [effects.measured] in a machine file and is not a candidate of the catalogue: nothing of it is fitted.
 Beyond its first and its last knot the force stays what it is there, as nothing was measured further out.
 """
 

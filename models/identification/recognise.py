@@ -64,7 +64,7 @@ def recognised(machine: Machine, loaded: Loaded) -> str:
 
 
 def _straight(record: Record) -> bool:
-    """Whether the reference stands still or moves at one speed, so that the feedforward is no motion's."""
+    """Whether the reference stands still or moves at one speed, so that the feedforward belongs to no motion."""
     line = np.linspace(record.reference[0], record.reference[-1], record.reference.size)
     away = float(np.max(np.abs(record.reference - line)))
     return away <= STRAIGHT * max(float(np.ptp(record.reference)), float(np.ptp(record.position)))

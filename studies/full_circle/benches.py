@@ -34,7 +34,7 @@ class Benches:
         self._known: dict[str, MachineProcess] = {}
 
     def of(self, name: str) -> MachineProcess:
-        """The bench of this name. Raises ValueError for more than MOST of them, or a name that is no plain word."""
+        """The bench of this name. Raises ValueError for more than MOST of them, or a name that is not a plain word."""
         if name not in self._known:
             if len(self._known) >= MOST or not name.replace("-", "").isalnum():
                 raise ValueError(f"there is no bench {name[:40]!r}")

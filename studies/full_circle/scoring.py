@@ -17,7 +17,7 @@ WAYS: Final = {
     "learning": "ten rounds of learning",
 }
 WORSE: Final = 0.05
-RELATIVE: Final = 0.05  # of what there was before: less than this to be gained is no gap to close
+RELATIVE: Final = 0.05  # of what there was before: a gap with less to be gained does not count as one
 DRAWS: Final = 2000
 INNOCENT: Final = ("clean", "parameters")
 NAMING: Final = ("attributed", "ambiguous")

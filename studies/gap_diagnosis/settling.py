@@ -54,7 +54,7 @@ def settling_told(
 
 
 def _margins(record: Record, machine: Machine) -> list[Margin]:
-    """What each settling time in a record hangs on; empty for a record that is no sequence of steps."""
+    """What each settling time in a record hangs on; empty for a record that is not a sequence of steps."""
     if not settling_differences(record, record, machine).size:
         return []
     parts = motions(record.target, float(record.reference[0]))

@@ -48,7 +48,7 @@ def noise_under_sweep(position: Complex, command: Complex, swept: Complex, z: Co
 def noise_between_lines(position: Complex, command: Complex, z: Complex, lines: Indices, periods: int) -> Array:
     """Power [m2] of the noise of X (n,) [m] at the excited `lines` (k,) of a record of so many whole periods.
 
-    A periodic excitation leaves the lines between its own, those that are no multiples of `periods`, to the noise and
+    A periodic excitation leaves the lines between its own, those that are not multiples of `periods`, to the noise and
     to what the ends leave. What feedback makes of the noise there, U, acts through the plant of the excited line.
     """
     free = np.flatnonzero(np.arange(position.size) % periods)

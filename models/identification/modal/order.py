@@ -1,7 +1,7 @@
 """How many modes a frequency response shows: the fewest that pass.
 
 Orders are fitted one after the other, with lag and drag beside the modes where there may be any, so that no mode stands
-for them. From the order with the best criterion on, whatever is no mode is taken out and the rest fitted again: what
+for them. From the order with the best criterion on, whatever is not a mode is taken out and the rest fitted again: what
 ends at a bound of the search or outside the measured band, is damped as no structure is, is narrower than the lines of
 a single record, forms a pair with a neighbour of the other sign, or whose residue is smaller than three deviations.
 Then every part, mode, lag or drag, whose loss raises the criterion by less than ten is taken out, the least first. The
@@ -223,7 +223,7 @@ def _told(problem: Problem, one: Candidate, scale: float) -> Order:
 
 
 def _without_faults(problem: Problem, one: Candidate) -> Candidate:
-    """The candidate without what is no mode, the one that is seen least first, fitted again after each."""
+    """The candidate without what is not a mode, the one that is seen least first, fitted again after each."""
     while True:
         wrong = [i for i, fault in enumerate(faults(problem, one)) if fault]
         if not wrong:

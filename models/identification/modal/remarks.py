@@ -47,7 +47,7 @@ class ResponseStep:
 
 
 def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
-    """What a response shows beside modes, what was no mode, and what was clipped."""
+    """What a response shows beside modes, what was not a mode, and what was clipped."""
     if not np.all(np.isfinite(measured.variance)):
         yield "The response has no stated deviations: all lines count alike, relative to their size."
     if fit.lag > 0:

@@ -42,7 +42,7 @@ READERS: Final[Mapping[str, Reader]] = {
 def read_table(path: Path, wanted: Collection[str] | None = None, limits: Limits = LIMITS) -> Table:
     """The table in a file, its columns (n,) [as the file has them]: the wanted ones, or all for None.
 
-    Columns that are no row of samples (single numbers, matrices) are left out. Raises RecordError for what can't be
+    Columns that do not hold samples (single numbers, matrices) are left out. Raises RecordError for what can't be
     read, or holds more than `limits` says.
     """
     try:

@@ -22,7 +22,7 @@ Ranges = Mapping[tuple[str, str], tuple[float, float]]
 Draw = Callable[["Chance", Course], dict[str, float]]
 
 INSIDE: Final = 0.1  # of a range, in its logarithm, that is left out at either end
-LONGEST_PERIOD: Final = 0.5  # of the travel: a longer period is no period in the record
+LONGEST_PERIOD: Final = 0.5  # of the travel: a longer one does not repeat in the record
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ NONE, LINEAR, RATIONAL = 0, 1, 2  # types of conversions
 
 def main() -> None:
     """Answers the question on the standard input, a path and what is wanted of it, by an NPZ on the standard output."""
-    answer, sys.stdout = sys.stdout.buffer, sys.stderr  # what a library prints is no answer
+    answer, sys.stdout = sys.stdout.buffer, sys.stderr  # what a library prints is not part of the answer
     question = json.load(sys.stdin)
     columns: dict[str, Array] = {}
     said: dict[str, Any]
@@ -101,7 +101,7 @@ def _unit(channel: Any) -> str:
 
 
 def _column(content: Any, group: int, index: int, *, needed: bool) -> Array | None:
-    """The values (n,) [as converted] of a channel, NaN where they are marked invalid; None for what are no numbers.
+    """The values (n,) [as converted] of a channel, NaN where they are marked invalid; None where they are not numbers.
 
     Raises RecordError for another conversion if the channel is needed.
     """

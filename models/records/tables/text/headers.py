@@ -14,7 +14,7 @@ _BRACKETS: Final = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P
 _SLASH: Final = re.compile(r"(?P<name>.*[^\s/])\s*/\s*(?P<unit>[^\s/]+(?:/[^\s/]+)?)|(?P<one>.*\S)\s+in\s+(?P<of>\S+)")
 _SUFFIX: Final = re.compile(r"(?P<name>.+)_(?P<unit>[^\W\d_]+)")
 # Units that a name may end in behind an underscore. Those of SI need no conversion, and "u_m" may well be a measured
-# command; amperes and volts are among them because a current is no force without its factor.
+# command; amperes and volts are among them because a current becomes a force only by its factor.
 _SUFFIXES: Final = {"mm", "um", "µm", "nm", "ms", "us", "µs", "ns", "kHz", "mN", "kN", "A", "mA", "V", "mV"}
 _PLAIN: Final = _SUFFIXES | {"m", "s", "N", "Hz"}
 _COUNTED: Final = {

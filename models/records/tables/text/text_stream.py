@@ -73,7 +73,7 @@ def _opened(path: Path) -> IO[bytes]:
 
 
 def _decoded(path: Path, encoding: str) -> Iterator[str]:
-    """The text in chunks, with "\\n" at the end of each line. Raises RecordError for bytes that are no such text."""
+    """The text in chunks, with "\\n" at the end of each line. Raises RecordError for bytes that do not decode."""
     decoder = io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)(), translate=True)
     with _opened(path) as file:
         try:
