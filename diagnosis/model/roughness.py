@@ -2,9 +2,9 @@
 
 What does not repeat between equal motions follows no law. Where nothing repeats, or where what repeats is finer than
 any law of the catalogue, time tells: a rough force leaves most of its mark about and above the frequencies that the
-loop controls, alike at all times. A law that is missing leaves most of its own below, and what it leaves there it leaves at
-times: where the table turns, starts or halts. So the median over short blocks of the innovations' power there tells the
-one from the other.
+loop controls, alike at all times. A law that is missing leaves most of its own below, and what it leaves there it
+leaves at times: where the table turns, starts or halts. So the median over short blocks of the innovations' power there
+tells the one from the other.
 """
 
 from __future__ import annotations
