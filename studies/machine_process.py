@@ -35,7 +35,7 @@ from typing import IO, Any, Final
 import numpy as np
 
 from diagnosis.experiments.schedules import Schedule, to_csv
-from models.quantity import show
+from models.quantity import listed, show
 from models.records.columns import Columns
 from models.records.files import read_record
 from models.records.record import Record
@@ -48,6 +48,8 @@ ENDING: Final = 10.0  # s for a program to end by itself
 LOOKING: Final = 0.02  # s between two looks for the limits
 SAID: Final = 300  # characters of what a program said before it ended
 ROUNDING: Final = 1e-9  # by which what is written in nine digits may be beyond a limit
+OF_A_RUN: Final = ("distance_m", "speed_m_per_s", "feedforward_N")
+OF_ALL_RUNS: Final = ("machine_time_s", "records")
 
 
 class MachineProcessError(BadInputError):
@@ -176,7 +178,8 @@ class MachineProcess:
         if controller is not None:
             line = json.dumps({"references": line, "controller": str(controller.absolute())})
         answer = self._answer(line, PATIENCE[0] + PATIENCE[1] * duration(references, sample_time))
-        self.left = self._left(answer)
+        machine_time, records = self._numbers(answer.get("left"), '"left" in its answer', OF_ALL_RUNS)
+        self.left = Left(machine_time, int(records))
         for key, kind in (("refused", Refused), ("tripped", Tripped)):
             if key in answer:
                 return kind(" ".join(str(answer[key]).split()), self.left)
@@ -196,30 +199,22 @@ class MachineProcess:
             except (OSError, ValueError):  # not there yet, or half-written
                 content = None
             if content is not None:
-                return self._limits(content)
+                *bounds, machine_time, records = self._numbers(content, "limits.json", (*OF_A_RUN, *OF_ALL_RUNS))
+                return Limits(*bounds, machine_time, int(records))
             if self._channel.ended():
                 raise self._fault("ended before it had written limits.json")
             time.sleep(LOOKING)
         raise self._fault(f"has written no limits.json in {STARTING:g} s")
 
-    def _limits(self, content: Any) -> Limits:
+    def _numbers(self, content: Any, where: str, names: Sequence[str]) -> tuple[float, ...]:
+        """What a JSON object of the program's states under these names."""
         if not isinstance(content, dict):
-            raise self._fault("limits.json must be an object")
-        names = ("distance_m", "speed_m_per_s", "feedforward_N", "machine_time_s", "records")
-        distance, speed, force, machine_time, records = (self._number(content, one, "limits.json") for one in names)
-        return Limits(distance, speed, force, machine_time, int(records))
-
-    def _left(self, answer: Mapping[str, Any]) -> Left:
-        left = answer.get("left")
-        if not isinstance(left, dict):
-            raise self._fault('answered without "left"')
-        return Left(self._number(left, "machine_time_s", "left"), int(self._number(left, "records", "left")))
-
-    def _number(self, content: Mapping[str, Any], name: str, where: str) -> float:
-        number = content.get(name)
-        if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < np.inf:
-            raise self._fault(f"{where} must give {name} as a number from 0 on")
-        return float(number)
+            raise self._fault(f"{where} must be an object with {listed(names)}")
+        for name in names:
+            number = content.get(name)
+            if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < np.inf:
+                raise self._fault(f"{where} must give {name} as a number from 0 on")
+        return tuple(float(content[name]) for name in names)
 
     def _answer(self, line: str, seconds: float) -> Mapping[str, Any]:
         try:
