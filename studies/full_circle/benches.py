@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -15,6 +15,7 @@ import numpy as np
 
 from diagnosis.experiments.schedules import Schedule
 from models.controller import References
+from models.nominal_file import load
 from studies.blind_trial.guard import SEALER_FOLDER
 from studies.machine_process import MachineProcess, Ran, Refused, started
 from studies.manifest import ROOT
@@ -32,6 +33,7 @@ class Benches:
     def __init__(self, machine: str, folder: Path, stack: ExitStack) -> None:
         self._machine, self._folder, self._stack = machine, folder, stack
         self._known: dict[str, MachineProcess] = {}
+        self.refused = 0  # requests beyond the limits, on all benches together
 
     def of(self, name: str) -> MachineProcess:
         """The bench of this name. Raises ValueError for more than MOST of them, or a name that is not a plain word."""
@@ -51,6 +53,7 @@ class Benches:
         found = bench.run(references, sample_time, controller)
         if isinstance(found, Ran):
             return {"record": str(found.file)}
+        self.refused += isinstance(found, Refused)
         return {"refused" if isinstance(found, Refused) else "tripped": found.why}
 
 
@@ -67,8 +70,8 @@ def benches(machine: str, folder: Path) -> Iterator[Benches]:
         yield Benches(machine, folder, stack)
 
 
-def answered(machine: str, folder: Path, sample_time: Callable[[Path], float], options: Mapping[str, Any]) -> Any:
-    """What the working process answers for a machine; options: its seed and whether it is quick."""
+def answered(machine: str, folder: Path, task: Mapping[str, Any]) -> dict[str, Any]:
+    """What the working process answers for a machine; task: {"terms", "disabled", "seed", "cache"}."""
     with benches(machine, folder) as found:
         main = found.of("main")
         assert main.nominal is not None  # a sealed machine says what is known of it
@@ -78,17 +81,23 @@ def answered(machine: str, folder: Path, sample_time: Callable[[Path], float], o
             "feedforward": main.limits.feedforward,
             "machine_time": main.limits.machine_time,
         }
-        task = {
-            **options,
+        whole = {
+            **task,
             "nominal": str(main.nominal),
             "limits": limits,
+            "disabled": [*task["disabled"], *_names(main.folder / "disabled.json")],
             "folder": str(folder),
             "forbidden": [str(SEALER_FOLDER)],
         }
-        return _worked(task, found, sample_time(main.nominal))
+        return {**_worked(whole, found, load(main.nominal).sample_time), "beyond": found.refused}
 
 
-def _worked(task: Mapping[str, Any], found: Benches, sample_time: float) -> Any:
+def _names(file: Path) -> list[str]:
+    """The names in a file; none where there is none."""
+    return list(json.loads(file.read_text(encoding="utf-8"))) if file.is_file() else []
+
+
+def _worked(task: Mapping[str, Any], found: Benches, sample_time: float) -> dict[str, Any]:
     with (Path(task["folder"]) / "worker.txt").open("wb") as errors:
         process = subprocess.Popen(
             list(WORKER),
@@ -108,7 +117,7 @@ def _worked(task: Mapping[str, Any], found: Benches, sample_time: float) -> Any:
                 if "done" in told:
                     process.stdin.close()
                     process.wait()
-                    return told["done"]
+                    return dict(told["done"])
                 try:
                     answer = found.run(told["run"], sample_time)
                 except ValueError as error:

@@ -67,6 +67,28 @@ def shares(whole: Results) -> Drawing:
     return figure
 
 
+def names(whole: Results) -> Drawing:
+    """The share of single effects that each policy had rightly and surely named after so much machine time."""
+    found = whole["results"]["policies"]
+    times = np.array(found["times_s"])
+    figure, axes = style.subplots(1, 1, 62)
+    ax = axes[0, 0]
+    for at, (name, one) in enumerate(found["of"].items()):
+        curve = one["right_over_time"]
+        shown = [100 * point["hits"] / point["tries"] for point in curve]
+        low, high = (100 * curve[-1][end] for end in ("low", "high"))
+        ax.step(times, shown, where="post", color=style.COLOURS[at], label=name, linewidth=1.4)
+        beside = times[-1] + 1.2 * (1 + at)
+        ax.plot([beside, beside], [low, high], color=style.COLOURS[at], linestyle="-", linewidth=1.2)
+        ax.plot(beside, shown[-1], linestyle="none", marker=style.MARKERS[at], color=style.COLOURS[at])
+    ax.set_xlim(0, times[-1] + 1.2 * (len(found["of"]) + 1))
+    ax.set_ylim(-2, 102)
+    ax.set_xlabel("machine time [s]")
+    ax.set_ylabel("rightly named [%]")
+    ax.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=len(found["of"]), fontsize=7)
+    return figure
+
+
 def story(number: int) -> Any:
     """What draws the errors of a machine's motions before and after."""
 

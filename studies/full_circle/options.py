@@ -19,9 +19,7 @@ class CircleOptions(RecordOptions):
         "others are diagnosed. What is to be run next is written into --output; put its record into FOLDER and run "
         "the same command again: what has not changed is not computed again",
     )
-    disable: tuple[str, ...] = texts(
-        "NAME", "with --records: an effect of the catalogue to exclude, such as cogging; may be repeated"
-    )
+    disable: tuple[str, ...] = texts("NAME", "an effect of the catalogue to exclude, such as cogging; may be repeated")
     cases: int | None = whole(
         "N",
         "without --records: number of withheld machines, one case on each (default: 4; 1 with --quick). A run that was "

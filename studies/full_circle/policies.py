@@ -1,39 +1,24 @@
-"""A trial of policies at equal budget: which is right after how much machine time, on sealed machines in processes.
+"""Policies at equal budget: which is right after how much machine time, on sealed machines.
 
-Each (case, policy) is a sealed machine in a process of its own (blind_trial's sealer, told its seed on its input) and a
-diagnosis in another one, asker.py, which can open neither seed nor sealer; this module hands the lines between them and
-scores by the trial's own rules. Every policy begins with the same record, has the same limits, time, records and rules
-to stop; they differ in what they run next.
+Every policy begins with the same record, the design in place over the specified strokes, has the same limits, time,
+records and rules to stop, and a sealed machine of its own; they differ in what they run next.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-import tempfile
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, Final
 
 from diagnosis.experiments import policy
 from diagnosis.experiments.policy import Choose
 from models.effects.catalogue import every
-from studies.blind_trial.answering import program as program_hash
 from studies.blind_trial.figures_of_merit import Rate
-from studies.blind_trial.guard import SEALER_FOLDER
 from studies.blind_trial.scoring import WITHOUT_EFFECT, Label, Score, label_of, score
-from studies.folder import write_at_once
 from studies.gap_diagnosis.course import confirmed
-from studies.gap_diagnosis.options import MOST_SAMPLES
-from studies.machine_process import program
 
-ROOT: Final = Path(__file__).parents[2]
-SEALED: Final = (sys.executable, "-m", "studies.blind_trial.sealer.on_request")
-ASKER: Final = (sys.executable, "-m", "studies.full_circle.asker")
-THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "LOKY_MAX_CPU_COUNT")
 POLICIES: Final[Mapping[str, Callable[[int], Choose]]] = {
     "active": lambda _seed: policy.active,
     "fixed suite": lambda _seed: policy.in_turn,
@@ -44,24 +29,11 @@ POLICIES: Final[Mapping[str, Callable[[int], Choose]]] = {
 
 
 @dataclass(frozen=True)
-class Terms:
-    """On which terms every policy works: machine time [s], records, samples of all records together, the probability of
-    a false name over all looks [1], the seed of its own, and a folder for thresholds."""
-
-    seconds: float = 60.0
-    records: int = 6
-    samples: int = MOST_SAMPLES
-    chance: float = policy.CHANCE
-    seed: int = 0
-    cache: Path = Path("reports/out/.null")
-
-
-@dataclass(frozen=True)
 class Result:
-    """One policy on one case, scored. looks: machine time so far [s], the outcome and the names that were sure, look by
-    look; seconds of machine time, cpu_seconds of the diagnosis; refused: requests that were beyond the limits."""
+    """One policy on one machine, scored. looks: machine time so far [s] and the names that were sure, look by look;
+    seconds of machine time; refused: requests that were beyond the limits."""
 
-    case: int
+    case: str
     policy: str
     kind: str
     severity: str
@@ -69,172 +41,49 @@ class Result:
     counts: bool
     right: bool
     false_name: bool
-    stop: str
     named: tuple[str, ...]
     seconds: float
-    looks: tuple[tuple[float, str, tuple[str, ...]], ...]
+    looks: tuple[tuple[float, tuple[str, ...]], ...]
     refused: int
-    cpu_seconds: float
-    error: str = ""
+    failed: str = ""
 
 
-def answered(seed: int, case: int, name: str, terms: Terms) -> dict[str, Any]:
-    """What a policy found on a sealed machine: the course, the verdict, or an error; times in [s]."""
-    plan = _plan(seed, case)
-    task = {
-        **{key: one for key, one in asdict(terms).items() if key != "cache"},
-        "cache": str(terms.cache.resolve()),
-        "forbidden": [str(SEALER_FOLDER)],
-        "policy": name,
-        "disabled": [part.name for part in plan.parts] if plan.kind == "disabled" else [],
-    }
-    terms.cache.mkdir(parents=True, exist_ok=True)  # a process may not read a folder that is newer than itself
-    with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        with program(SEALED, work, f"{seed} {case}") as machine, _asker(work) as asker:
-            lines = _between(asker, machine, {**task, "work": str(work)})
-            answer: dict[str, Any] = json.loads(lines)
-        beyond = _beyond(work / "machine" / "log.jsonl")
-    return {**answer, "beyond": beyond, "body": json.dumps(plan.body())}
-
-
-def _beyond(log: Path) -> int:
-    """How many requests the machine refused, as it logged them itself; none where it was never asked."""
-    lines = log.read_text(encoding="utf-8").splitlines() if log.is_file() else []
-    return sum("refused" in json.loads(line) for line in lines)
-
-
-def _plan(seed: int, case: int) -> Any:
-    from studies.blind_trial.sealer.machines import cases  # the key of this trial, which the asker never has
-
-    return cases.plan(seed, case, str(case))
-
-
-def _asker(work: Path) -> subprocess.Popen[str]:
-    threads = dict.fromkeys(THREADS, "1")
-    with (work / "asker.txt").open("wb") as errors:
-        return subprocess.Popen(
-            ASKER,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            text=True,
-            encoding="utf-8",
-            cwd=ROOT,
-            env={**os.environ, **threads},
-        )
-
-
-def _between(asker: subprocess.Popen[str], machine: subprocess.Popen[str], task: Mapping[str, Any]) -> str:
-    """Hands lines from one to the other until the asker has an answer; that, as JSON."""
-    assert asker.stdin is not None
-    assert asker.stdout is not None
-    assert machine.stdin is not None
-    assert machine.stdout is not None
-    line = json.dumps(task) + "\n"
-    while True:
-        try:
-            asker.stdin.write(line)
-            asker.stdin.flush()
-            asked = asker.stdout.readline()
-            if asked.startswith("{"):
-                return asked
-            machine.stdin.write(asked)
-            machine.stdin.flush()
-            line = machine.stdout.readline()
-        except BrokenPipeError:
-            line = ""
-        if not asked or not line:
-            asker.kill()
-            return json.dumps({"error": "the asking process ended" if not asked else "the machine's process ended"})
-
-
-def scored(case: int, name: str, answer: Mapping[str, Any]) -> Result:
+def scored(case: str, name: str, answer: Mapping[str, Any], label: Mapping[str, Any]) -> Result:
     """A policy's answer by the trial's rules: names count where they are sure; times in [s]."""
-    label: Label = label_of(str(case), answer["body"], list(every()))
-    if "error" in answer:
-        verdict, course = {"outcome": "failed", "effects": [], "equivalent": []}, _no_course()
-    else:
-        course = answer["course"]
-        verdict = confirmed(answer["verdict"], course) if course["looks"] else answer["verdict"]
-    rule: Score = score(label, {"verdict": verdict, "which": [], "how_far": None, "seconds": 0.0})
+    true: Label = label_of(str(label["case"]), json.dumps(label), list(every()))
+    failed, looks = str(answer.get("failed", "")), tuple[tuple[float, tuple[str, ...]], ...]()
+    verdict: dict[str, Any] = {"outcome": "failed", "effects": [], "equivalent": []}
+    if not failed:
+        verdict, looks = confirmed(answer["verdict"], answer["course"]), tuple(_looks(answer))
+    rule: Score = score(true, {"verdict": verdict, "which": [], "how_far": None, "seconds": 0.0})
     return Result(
         case,
         name,
-        label.kind,
-        label.severity,
-        label.names,
+        true.kind,
+        true.severity,
+        true.names,
         rule.counts,
         rule.right,
         rule.false_positive,
-        course["outcome"],
-        tuple(course["effects"]),
-        course["seconds"],
-        tuple(_looks(course)),
-        int(answer.get("beyond", 0)) + len(answer.get("refused", ())),
-        float(answer.get("cpu_seconds", 0.0)),
-        str(answer.get("error", "")),
+        () if failed else tuple(answer["course"]["effects"]),
+        looks[-1][0] if looks else 0.0,
+        looks,
+        int(answer.get("beyond", 0)),
+        failed,
     )
 
 
-def _no_course() -> dict[str, Any]:
-    return {"outcome": "failed", "effects": [], "seconds": 0.0, "looks": [], "needed": 1.0}
-
-
-def _looks(course: Mapping[str, Any]) -> Iterator[tuple[float, str, tuple[str, ...]]]:
-    seconds = 0.0
+def _looks(answer: Mapping[str, Any]) -> Iterator[tuple[float, tuple[str, ...]]]:
+    """After each look, the machine time [s], that of the first record included, and the names that were sure."""
+    course, seconds = answer["course"], float(answer["begun_s"])
+    needed = math.log10(course["needed"])  # an e-value itself may be too large for a number
     for look in course["looks"]:
         seconds += look["seconds"]
-        if look["after"] is not None:
-            sure = {name for name, log in look["log10_e_values"].items() if 10.0**log >= course["needed"]}
-            there = 10.0 ** look["log10_e_value"] >= course["needed"]
-            names = tuple(name for name in look["after"]["names"] if there and name in sure)
-            yield seconds, look["after"]["outcome"], names
-
-
-def run(
-    seed: int,
-    cases: Sequence[int],
-    names: Sequence[str],
-    file: Path,
-    terms: Terms = Terms(),
-    progress: Callable[[float, str], None] = lambda _share, _text: None,
-    jobs: int = 1,
-) -> tuple[Result, ...]:
-    """Every policy on every case of a seed; answers are kept in `file` after each, and none is computed again by the
-    same program on the same terms. jobs: processes beside one another. Times in [s]."""
-    from joblib import Parallel, delayed
-
-    mark = f"{seed} {terms.seconds:g} {terms.records} {terms.samples} {terms.chance:g} {terms.seed} {program_hash()}"
-    kept = _kept(file, mark)
-    tasks = [(case, name) for case in cases for name in names]
-    left = [task for task in tasks if _key(*task) not in kept]
-    stream = Parallel(n_jobs=jobs, return_as="generator_unordered")(
-        delayed(_keyed)(seed, case, name, terms) for case, name in left
-    )
-    for key, answer in stream:
-        kept[key] = answer
-        write_at_once(file, json.dumps({"of": mark, "answers": kept}) + "\n")
-        stop = answer.get("error") or answer["course"]["outcome"]
-        progress(sum(_key(*one) in kept for one in tasks) / len(tasks), f"{key}: {stop}")
-    return tuple(scored(case, name, kept[_key(case, name)]) for case, name in tasks)
-
-
-def _key(case: int, name: str) -> str:
-    return f"{case} {name}"
-
-
-def _keyed(seed: int, case: int, name: str, terms: Terms) -> tuple[str, dict[str, Any]]:
-    return _key(case, name), answered(seed, case, name, terms)
-
-
-def _kept(file: Path, mark: str) -> dict[str, Any]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    answers: dict[str, Any] = content.get("answers", {}) if content.get("of") == mark else {}
-    return answers
+        names: tuple[str, ...] = ()
+        if look["after"] is not None and look["log10_e_value"] >= needed:
+            sure = {name for name, log in look["log10_e_values"].items() if log >= needed}
+            names = tuple(name for name in look["after"]["names"] if name in sure)
+        yield seconds, names
 
 
 def rates(results: Sequence[Result]) -> dict[str, dict[str, Rate]]:
@@ -254,7 +103,7 @@ def rates(results: Sequence[Result]) -> dict[str, dict[str, Rate]]:
                 )
                 for severity in ("low", "middle", "high")
             },
-            "false name": _rate(innocent, lambda one: one.false_name or bool(one.error)),
+            "false name": _rate(innocent, lambda one: one.false_name or bool(one.failed)),
             "no name for an outsider": _rate(outside, lambda one: one.right),
             "beyond the limits": _rate(own, lambda one: one.refused > 0),
         }
@@ -276,5 +125,5 @@ def right_over_time(results: Sequence[Result], times: Sequence[float]) -> dict[s
 
 
 def _right_at(one: Result, seconds: float) -> bool:
-    before = [names for at, _, names in one.looks if at <= seconds]
+    before = [names for at, names in one.looks if at <= seconds]
     return bool(before) and set(before[-1]) == set(one.effects)

@@ -1,4 +1,4 @@
-"""What of the gap was recovered, how often the name was right, and how well settling was predicted: over machines."""
+"""What of the gap was recovered, and how well settling was predicted: over machines."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ WAYS: Final = {
 WORSE: Final = 0.05
 RELATIVE: Final = 0.05  # of what there was before: a gap with less to be gained does not count as one
 DRAWS: Final = 2000
-INNOCENT: Final = ("clean", "parameters")
-NAMING: Final = ("attributed", "ambiguous")
 
 Case = Mapping[str, Any]
 
@@ -61,17 +59,13 @@ def _median(values: Sequence[float], seed: int) -> dict[str, float | None]:
 
 
 def rates(cases: Sequence[Case]) -> dict[str, Any]:
-    """Rates with their exact intervals: worse than before, prediction's interval holds, names."""
+    """Rates with their exact intervals: worse than before, within the prediction's interval, reasons told."""
     judged = [one for one in cases if one["before"] is not None]
     tried = [one for one in judged if one["tried"] is not None]
-    single = [one for one in judged if one["label"]["kind"] == "single" and one["label"]["identifiable"]]
-    innocent = [one for one in judged if one["label"]["kind"] in INNOCENT]
     return {
         "worse": rate_of([is_worse(one) for one in judged]).plain(),
         "inside_settling": rate_of([inside(one, "settling") for one in tried]).plain(),
         "inside_dispersion": rate_of([inside(one, "dispersion") for one in tried]).plain(),
-        "right_name": rate_of([right(one) for one in single]).plain(),
-        "false_accusation": rate_of([one["named"]["outcome"] in NAMING for one in innocent]).plain(),
         "said_why": rate_of([bool(one["redesign"]["unmet"]) for one in judged if not met(one)]).plain(),
     }
 
@@ -89,15 +83,6 @@ def inside(case: Case, name: str) -> bool:
     slack = case["noise"]["settling_s"] if name == "settling" else 0.0
     value = case["tried"][QUANTITIES[name]]
     return bool(row[name]["low"] - slack <= value <= row[name]["high"] + slack)
-
-
-def right(case: Case) -> bool:
-    """Whether the name, or a set of at most three that these records cannot tell apart, is the true one's."""
-    named, true = case["named"], case["label"]["name"]
-    if named["outcome"] not in NAMING:
-        return False
-    groups = [set(group) for group in named["equivalent"] if len(group) <= 3] or [{one} for one in named["effects"]]
-    return len(groups) == len(true) and all(any(name in group for group in groups) for name in true)
 
 
 def met(case: Case) -> bool:

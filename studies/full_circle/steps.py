@@ -14,7 +14,7 @@ from studies.folder import write_at_once
 from studies.manifest import ROOT, SUFFIXES, tree_hash
 
 MADE_BY: Final = ("models", "design", "diagnosis")
-AND_BY: Final = ("own_axis.py", "redesigning.py", "steps.py", "withheld.py")
+AND_BY: Final = ("own_axis.py", "policies.py", "redesigning.py", "steps.py", "withheld.py")
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from models.nominal_file import load
 from studies.blind_trial.committing import commit, require_committed
 from studies.command import to_text
 from studies.effort import foresee
-from studies.full_circle import benches, scoring, withheld
+from studies.full_circle import benches, policies, scoring, withheld
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.steps import Steps, program
 from studies.options import BadInputError
@@ -25,16 +25,22 @@ QUICK: Final = 1
 GROUP, EACH = 8, 6  # of the drawn cases: neighbours are on so many machines, and so many of a group are on each
 SLOW: Final = 6  # a case of the default seed whose controller samples slowly, so that it is worked on fast
 ENOUGH: Final = 30  # machines from which on the targets are checked
-A_CASE: Final = 400.0  # s of one core
+A_CASE: Final = 500.0  # s of one core
 QUICK_CASE: Final = 10.0
 HELD: Final = 1.5e9  # bytes
 SOURCE: Final = "what the circle is to reach"
 TOLD: Final = 10  # machines that are told as stories
+ACTIVE: Final = "active"
+GOALS: Final = {name: "redesign" if name == ACTIVE else "name" for name in policies.POLICIES}
+QUICKLY: Final = {ACTIVE: "refit"}
+SECONDS: Final = 60.0  # of machine time for a diagnosis, that of the first record included
+RECORDS: Final = 5  # for a diagnosis, the first one included
+TIMES: Final = tuple(float(second) for second in range(0, round(SECONDS) + 1, 5))  # s of the curve
 
 
 def compute(options: CircleOptions, progress: Progress) -> Answer:
     """Works on the withheld machines of a seed. Raises BadInputError for what can't be used."""
-    for name in ("controller", "disable", *(("column", "mapping", "recipe") if not options.records else ())):
+    for name in ("controller", "column", "mapping", "recipe"):
         if getattr(options, name):
             raise BadInputError(f"--{name}: is for the records of one's own axis; give --records too, or leave it out")
     output = options.output or Path("reports/out/full_circle")
@@ -43,37 +49,75 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
     foresee({f"{count} machines": count * (QUICK_CASE if options.quick else A_CASE) / cores}, HELD, options, progress)
     steps = Steps(output / "sealed" / "steps", program())
     names = [f"machine-{number + 1:03d}" for number in range(count)]
+    case = {name: case_of(number, quick=options.quick) for number, name in enumerate(names)}
     used = {
-        name: {"seed": options.seed, "case": case_of(number, quick=options.quick), "quick": options.quick}
-        for number, name in enumerate(names)
+        answer_of(name, policy): {
+            "seed": options.seed,
+            "case": case[name],
+            "disabled": list(options.disable),
+            "terms": {"policy": policy, "goal": goal, "seconds": SECONDS, "records": RECORDS},
+        }
+        for name in names
+        for policy, goal in (QUICKLY if options.quick else GOALS).items()
     }
-    working = partial(_worked, options, output)
-    answers = _over(steps, used, working, lambda share, text: progress(0.8 * share, text))
+    (output / "sealed" / "null").mkdir(parents=True, exist_ok=True)  # no process reads a folder newer than itself
+    answers = _over(steps, used, partial(_worked, output), lambda share, text: progress(0.8 * share, text))
     answers = {name: {**one, "of": steps.mark(used[name])} for name, one in answers.items()}
     committed = output / "sealed" / "answers_committed.json"
     require_committed(committed, answers, output / "sealed")
     commit(committed, answers)
     ran = {
-        f"{name}-opened": {**used[name], "of": answers[name]["of"]} for name in names if "failed" not in answers[name]
+        f"{name}-opened": {
+            "seed": options.seed,
+            "case": case[name],
+            "design": "redesign" in answers[name] and not options.quick,
+            "of": answers[name]["of"],
+        }
+        for name in names
     }
-    opened = _over(
-        steps, ran, partial(_opened, options, output), lambda share, text: progress(0.8 + 0.15 * share, text)
-    )
-    cases = [{**answers[name], **opened.get(f"{name}-opened", {}), "case": name} for name in names]
+    opened = _over(steps, ran, partial(_opened, output), lambda share, text: progress(0.8 + 0.15 * share, text))
+    cases = [{**answers[name], **opened[f"{name}-opened"], "case": name} for name in names]
     done = [one for one in cases if "failed" not in one]
+    found = [
+        policies.scored(name, policy, answers[answer_of(name, policy)], opened[f"{name}-opened"]["label"])
+        for name in names
+        for policy in ({} if options.quick else GOALS)
+    ]
     results = {
         "mode": "withheld",
         "quick": options.quick,
         "seed": options.seed,
         "count": count,
-        "failed": [{"case": one["case"], "why": one["failed"]} for one in cases if "failed" in one],
+        "failed": [{"case": name, "why": one["failed"]} for name, one in answers.items() if "failed" in one],
         "shares": scoring.shares(done, options.seed),
         "rates": scoring.rates(done),
+        "policies": told_of(found),
         "cases": [_row(one) for one in done],
         "stories": [_story(one) for one in done[:TOLD]],
         "enough": count >= ENOUGH,
     }
     return Answer(results, tuple(_checks(results)), {}, _summary(results))
+
+
+def answer_of(machine: str, policy: str) -> str:
+    """The name of a policy's answer for a machine; the active one's is what the redesign follows from."""
+    return machine if policy == ACTIVE else f"{machine}-{policy.replace(' ', '-')}"
+
+
+def told_of(found: Sequence[policies.Result]) -> dict[str, Any]:
+    """By policy, its rates and the curve of right names over machine time [s]; empty without results."""
+    curves = policies.right_over_time(found, TIMES)
+    return {
+        "times_s": list(TIMES),
+        "of": {
+            name: {
+                "rates": {key: one.plain() for key, one in rates.items()},
+                "right_over_time": [one.plain() for one in curves[name]],
+                "seconds": [one.seconds for one in found if one.policy == name],
+            }
+            for name, rates in policies.rates(found).items()
+        },
+    }
 
 
 def case_of(number: int, *, quick: bool) -> int:
@@ -102,22 +146,22 @@ def _over(
     return found
 
 
-def _worked(options: CircleOptions, output: Path, name: str, made_from: Mapping[str, Any]) -> dict[str, Any]:
-    """One machine's answers."""
+def _worked(output: Path, name: str, made_from: Mapping[str, Any]) -> dict[str, Any]:
+    """One answer for a machine: by a policy, as far as its goal."""
     folder = output / "sealed" / name
     shutil.rmtree(folder, ignore_errors=True)
-    asked = {"seed": options.seed, "quick": options.quick}
-    machine = f"{made_from['seed']} {made_from['case']}"
-    return dict(benches.answered(machine, folder, lambda file: load(file).sample_time, asked))
+    task = {name: made_from[name] for name in ("seed", "disabled", "terms")}
+    task["cache"] = str((output / "sealed" / "null").absolute())
+    return benches.answered(f"{made_from['seed']} {made_from['case']}", folder.absolute(), task)
 
 
-def _opened(options: CircleOptions, output: Path, name: str, made_from: Mapping[str, Any]) -> dict[str, Any]:
+def _opened(output: Path, name: str, made_from: Mapping[str, Any]) -> dict[str, Any]:
     """What one machine was in truth, and what designs with the truth achieve on it."""
     folder, machine = output / "sealed" / name, f"{made_from['seed']} {made_from['case']}"
     shutil.rmtree(folder, ignore_errors=True)
     opened = benches.truth(machine, folder / "truth.json")
     (folder / "true.json").write_text(to_text(opened["nominal"]), encoding="utf-8")
-    if options.quick:
+    if not made_from["design"]:
         return {"truth": None, "label": opened["label"]}
     with benches.benches(machine, folder) as found:
         main = found.of("truth-1")
@@ -127,7 +171,7 @@ def _opened(options: CircleOptions, output: Path, name: str, made_from: Mapping[
             main.limits.distance, main.limits.speed, main.limits.feedforward, main.limits.machine_time
         )
         ask = withheld.asking(folder, known.sample_time, lambda asked: found.run(asked, known.sample_time))
-        best = withheld.with_truth(known, true, limits, ask, options.seed)
+        best = withheld.with_truth(known, true, limits, ask, made_from["seed"])
     return {"truth": best, "label": opened["label"]}
 
 
@@ -140,7 +184,7 @@ def _row(one: Mapping[str, Any]) -> dict[str, Any]:
         "true": list(label["name"]) or list(label["parameters"]),
         "outcome": one["named"]["outcome"],
         "named": list(one["named"]["effects"]),
-        "machine_s": one["seconds"],
+        "machine_s": one["begun_s"] + one.get("course", {}).get("seconds", 0.0),
         "chosen": one["redesign"]["chosen"],
         "rolled_back": one["rolled_back"],
         "specified_s": one["redesign"]["specified"]["settling_s"],
@@ -155,7 +199,8 @@ def _row(one: Mapping[str, Any]) -> dict[str, Any]:
 def _story(one: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "case": one["case"],
-        "asked": one["asked"],
+        "begun_s": one["begun_s"],
+        "course": one.get("course"),
         "pictures": one["pictures"],
         "specified": one["redesign"]["specified"],
         "designs": one["redesign"]["designs"],

@@ -18,9 +18,11 @@ from design.redesign.designs import Design, designed
 from design.redesign.learning_rounds import ROUNDS, corrected
 from design.redesign.outcome import Outcome, judged_target, outcome
 from design.redesign.stated import machines_as_stated
-from diagnosis.baseline import refit_and_null
 from diagnosis.diagnose import Diagnosis, diagnosed
-from diagnosis.experiments.schedules import Schedule, menu
+from diagnosis.experiments import active
+from diagnosis.experiments.look import Look
+from diagnosis.experiments.schedules import Schedule
+from diagnosis.experiments.within_limits import Bounds
 from diagnosis.handover.files import machine_of
 from diagnosis.handover.posterior import drawn, machines_allowed
 from diagnosis.improved import improved_machine
@@ -32,15 +34,10 @@ from models.quantity import QuantityError
 from models.records.record import Record
 from studies.command import to_text
 from studies.full_circle import redesigning
+from studies.full_circle.policies import POLICIES
+from studies.gap_diagnosis.course import confirmed
+from studies.gap_diagnosis.options import MOST_SAMPLES
 
-MENU: Final = (8, 2, 0)  # amplitude ladder, speed ladder, dwell sweep: the order in which a suite is asked for
-ASKS: Final = 2
-LONGEST: Final = 25.0  # s of one ask
-SAMPLES: Final = 40_000  # of one ask
-INTERVAL: Final = (2.5, 4.0)  # settling times between two motions
-RESTS: Final = 0.4  # of the time to settle, after which the reference rests
-LEAST: Final = 12  # samples of that
-PERIOD: Final = 12.0  # s that the judged motions may take together
 SHARES: Final = (0.95, 0.8, 0.65, 0.5)  # of the largest feedforward that designs have, as far as they go
 RUNS: Final = 39  # machines that could be this one
 FEW: Final = 9
@@ -59,53 +56,83 @@ class Limits:
     machine_time: float
 
 
-def task_of(machine: Machine) -> Machine:
-    """The machine with its motions asked to rest sooner than they have to settle, and the time between two of them cut,
-    so that a run of the judged motions takes a sixth of the machine time."""
-    wanted, ts = machine.specification, machine.sample_time
-    longest = PERIOD / (4 * wanted.motions)
-    low, high = (share * wanted.settling_time for share in INTERVAL)
-    interval = float(np.clip(longest, low, high))
-    rests = max(round(RESTS * wanted.settling_time / ts), LEAST) * ts
-    asked = replace(
-        wanted, interval=round(interval / ts) * ts, reference_settling_time=min(rests, wanted.settling_time)
-    )
-    return replace(machine, specification=asked)
+@dataclass(frozen=True)
+class Terms:
+    """On which a machine is diagnosed: the policy by which it is asked, machine time [s] and records, those of the
+    first record included; and how far: to its "name", or to a "redesign"; to a "refit" that asks for nothing."""
+
+    policy: str
+    goal: str
+    seconds: float
+    records: int
 
 
-def circle(machine: Machine, limits: Limits, ask: Ask, seed: int, *, quick: bool) -> dict[str, Any]:
+def circle(machine: Machine, limits: Limits, ask: Ask, settings: active.Settings, terms: Terms) -> dict[str, Any]:
     """All that is answered of one machine: what was asked, named, designed, and achieved (SI).
 
     ask(bench, references, controller): runs them, with another controller.json where one is given; the answer holds
     "record", or "refused" or "tripped" with the reason.
     """
-    machine = task_of(machine)
-    work = _Work(machine, limits, ask, seed)
+    work = _Work(machine, limits, ask, settings.seed)
     share, old = _allowed(machine, limits)
     first = work.run("main", old)
     if isinstance(first, str):
         return {"failed": f"the design in place could not be run: {first}"}
-    records, asked = [first], list[dict[str, Any]]()
-    if not quick:
-        for name, references in _suite(machine, limits):
-            told = ask("main", references, None)
-            found = _record(told)
-            asked.append(
-                {"name": name, "seconds": references.target.size * machine.sample_time, "ran": found is not None}
-            )
-            records += [] if found is None else [found]
-    named, better, refitted, could_be = _named(machine, records, seed, quick=quick)
-    as_was, as_is = within(machine, limits, share), within(better, limits, share)
-    made = redesigning.redesigned(as_was, as_is, could_be, seed, lambda _share, _text: None, pid=not quick)
+    told: dict[str, Any] = {"begun_s": first.position.size * machine.sample_time}
+    if terms.goal == "refit":
+        return {**told, **_redesigned(work, share, old, first, refitted(machine, first, settings.seed))}
+    found = _asked(work, first, settings, terms)
+    if found.last is None:
+        return {"failed": found.reason}
+    last = found.last.found
+    told["course"] = active.to_json(found)
+    told["verdict"] = {
+        "outcome": str(last.outcome),
+        "effects": list(last.names),
+        "equivalent": [list(one) for one in last.alike],
+    }
+    if terms.goal == "name":
+        return told
+    told |= _redesigned(work, share, old, first, known(found.last, settings), beside=True)
+    told["named"] = confirmed(told["named"], told["course"])
+    return told
+
+
+def _asked(work: _Work, first: Record, settings: active.Settings, terms: Terms) -> active.Asked:
+    """The diagnosis that asks for its records, the first of which is that of the design in place."""
+    machine, limits = work.machine, work.limits
+    seconds = min(terms.seconds, limits.machine_time, MOST_SAMPLES * machine.sample_time)
+
+    def run(references: Schedule) -> Record | str:
+        told = work.ask("main", references, None)
+        found = _record(told)
+        return found if found is not None else str(told.get("refused") or told.get("tripped"))
+
+    budget = active.Budget(
+        Bounds(limits.distance, limits.speed, limits.feedforward),
+        seconds - first.position.size * machine.sample_time,
+        terms.records - 1,
+    )
+    return active.ask(machine, run, budget, settings, choose=POLICIES[terms.policy](settings.seed), have=(first,))
+
+
+def _redesigned(
+    work: _Work, share: float, old: Design, first: Record, now: Known, *, beside: bool = False
+) -> dict[str, Any]:
+    """The designs for the machine as it is known now, what came of the one that was run, and of simpler ways beside
+    it."""
+    machine, limits = work.machine, work.limits
+    as_was, as_is = within(machine, limits, share), within(now.better, limits, share)
+    made = redesigning.redesigned(as_was, as_is, now.could_be, work.seed, lambda _share, _text: None, pid=beside)
     before = outcome(first, machine)
     after, why, last = _tried(work, made, first)
-    rounds = None if quick else learned(work, old, first, ROUNDS)
-    shown = redesigning.to_json(made)
+    compared: dict[str, Any] = {}
+    if beside:
+        compared = _beside(work, as_was, within(now.refitted, limits, share), as_is)
+        compared["learning"] = redesigning.outcome_to_json(learned(work, old, first, ROUNDS))
     return {
-        "asked": asked,
-        "seconds": sum(one.position.size for one in records) * machine.sample_time,
-        "named": named,
-        "redesign": shown,
+        "named": now.told,
+        "redesign": redesigning.to_json(made),
         "before": redesigning.outcome_to_json(before),
         "after": redesigning.outcome_to_json(after),
         "rolled_back": why,
@@ -114,10 +141,7 @@ def circle(machine: Machine, limits: Limits, ask: Ask, seed: int, *, quick: bool
             "before": redesigning.errors_over_time(first, machine),
             "after": redesigning.errors_over_time(first if last is None or why else last, machine),
         },
-        "beside": {
-            **({} if quick else _beside(work, as_was, within(refitted, limits, share), as_is)),
-            "learning": redesigning.outcome_to_json(rounds),
-        },
+        "beside": compared,
         "noise": {"settling_s": machine.sample_time, "dispersion_m": _reading(machine)},
     }
 
@@ -175,37 +199,30 @@ def _record(told: Mapping[str, Any]) -> Record | None:
     return read_record(Path(told["record"]), None, trusted=True) if "record" in told else None
 
 
-def _suite(machine: Machine, limits: Limits) -> Sequence[tuple[str, Schedule]]:
-    """The first experiments of the menu that the machine may run: the seam for a policy that chooses by what it saw."""
-    found, known = list[tuple[str, Schedule]](), menu(machine)
-    for number in MENU:
-        one = known[number].schedule
-        given = one.given
-        force = np.abs(given.feedforward + given.compensation).max()
-        speed = np.abs(np.diff(given.position, prepend=0.0)).max() / machine.sample_time
-        far = max(np.abs(given.position).max(), np.abs(one.target).max())
-        short = one.target.size <= SAMPLES and one.target.size * machine.sample_time <= LONGEST
-        if short and far <= limits.distance and speed <= limits.speed and force <= limits.feedforward:
-            found.append((one.name, one))
-    return found[:ASKS]
+@dataclass(frozen=True)
+class Known:
+    """What is known of a machine: the verdict, the machine as it is known now, as the re-fit alone leaves it, and
+    machines that it could be."""
+
+    told: dict[str, Any]
+    better: Machine
+    refitted: Machine
+    could_be: Sequence[Machine]
 
 
-def _named(
-    machine: Machine, records: Sequence[Record], seed: int, *, quick: bool
-) -> tuple[dict[str, Any], Machine, Machine, Sequence[Machine]]:
-    """The verdict, the machine as it is known now, as the re-fit alone leaves it, and machines that it could be.
+def refitted(machine: Machine, record: Record, seed: int) -> Known:
+    """What the re-fit of one record tells, which names nothing."""
+    fitted = refit(parameters(machine, 1), [record])
+    better = machine_of(machine, fitted.candidate)
+    few = [machine_of(machine, one) for one in drawn(fitted, None, FEW, seed)]
+    return Known({"outcome": "parameters", "effects": [], "equivalent": []}, better, better, few)
 
-    A quick run re-fits and names nothing.
-    """
-    if quick:
-        fitted = refit(parameters(machine, len(records)), records)
-        better = machine_of(machine, fitted.candidate)
-        few = [machine_of(machine, one) for one in drawn(fitted, None, FEW, seed)]
-        return {"outcome": "parameters", "effects": [], "equivalent": []}, better, better, few
-    found: Diagnosis = diagnosed(refit_and_null(machine, records), seed=seed)
+
+def known(last: Look, settings: active.Settings) -> Known:
+    """What the diagnosis of all records tells of a machine."""
+    found: Diagnosis = diagnosed(last.baseline, seed=settings.seed, disabled=settings.disabled)
     better = improved_machine(found, "full_circle")
     alone = found.how_far.handover.named("re-fitted")
-    refitted = better if alone is None else alone.machine
     told = {
         "outcome": str(found.outcome),
         "effects": list(found.effects),
@@ -214,10 +231,10 @@ def _named(
         "closure": found.how_far.closure,
     }
     try:
-        could_be = machines_allowed(found, RUNS, seed)
+        could_be = machines_allowed(found, RUNS, settings.seed)
     except (QuantityError, ValueError):
-        could_be = machines_as_stated(better, RUNS, seed)
-    return told, better, refitted, could_be
+        could_be = machines_as_stated(better, RUNS, settings.seed)
+    return Known(told, better, better if alone is None else alone.machine, could_be)
 
 
 def _tried(work: _Work, made: redesigning.Redesign, first: Record) -> tuple[Outcome | None, list[str], Record | None]:
@@ -282,10 +299,9 @@ def with_truth(machine: Machine, true: Machine, limits: Limits, ask: Ask, seed: 
 
     machine: as it is known, whose specification and loop count. None where it could not be run.
     """
-    known = task_of(machine)
-    whole = replace(true, specification=known.specification, control=known.control)
-    work = _Work(known, limits, ask, seed)
-    design = designed(within(whole, limits, _allowed(known, limits)[0]), "with the truth")
+    whole = replace(true, specification=machine.specification, control=machine.control)
+    work = _Work(machine, limits, ask, seed)
+    design = designed(within(whole, limits, _allowed(machine, limits)[0]), "with the truth")
     record = work.run("truth-1", design)
     if isinstance(record, str):
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -43,7 +44,7 @@ def confirmed(verdict: Mapping[str, Any], looks: Mapping[str, Any] | None) -> di
     if looks is None or verdict["outcome"] not in {"attributed", "ambiguous"}:
         return dict(verdict)
     sure = [name for name in verdict["effects"] if name in looks["effects"]]
-    there = verdict["outcome"] == "ambiguous" and 10 ** looks["looks"][-1]["log10_e_value"] >= looks["needed"]
+    there = verdict["outcome"] == "ambiguous" and looks["looks"][-1]["log10_e_value"] >= math.log10(looks["needed"])
     if sure or there:
         return {**verdict, "confirmed": len(sure) == len(verdict["effects"])}
     return {**verdict, "outcome": "none_of_these", "effects": [], "partly": verdict["effects"], "confirmed": False}

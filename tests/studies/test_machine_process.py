@@ -125,6 +125,9 @@ def test_what_is_at_the_limits_is_within_them() -> None:
     ramp = np.linspace(0.0, 9e-3, 10)
     limits = Limits(9e-3, 2.0, 5.0, 5e-3, 1)
     whole = Left(limits.machine_time, limits.records)
+    clipped = Schedule("clipped", still, References(still, still + float(f"{1.000000006:.9g}"), still))
+    assert beyond(clipped, 5e-4, replace(limits, feedforward=1.000000006), whole) == ""
+    assert "feedforward" in beyond(clipped, 5e-4, replace(limits, feedforward=0.99999999), whole)
     asked = Schedule("ramp", ramp, References(ramp, still + 5.0, still))
     assert beyond(asked, 5e-4, limits, whole) == ""
     assert "records" in beyond(asked, 5e-4, limits, replace(whole, records=0))

@@ -4,7 +4,8 @@
 
 The first line on its input is "SEED CASE": the machine and what is wrong with it are those of that case of a pack of
 drawn machines, and follow from the seed, which is therefore in no file and on no command line. FOLDER then holds
-nominal.json, what is known of the machine, and limits.json. Each further line is the path of a table of references
+nominal.json, what is known of the machine and asked of it, limits.json and, where effects are not to be named,
+disabled.json. Each further line is the path of a table of references
 (time_s, target_m, reference_m, feedforward_N, as the diagnosis writes its next_experiment.csv), or a line of JSON,
 {"references": PATH, "controller": PATH}: the run is then made with the plain PID and the reference's delay of that
 controller.json in place of its own, as an engineer would load it into the drive; the machine trips where that asks for
@@ -30,7 +31,8 @@ from numpy.typing import NDArray
 from studies.blind_trial.sealer.machines import cases
 from studies.blind_trial.sealer.machines.cases import Bench, Plan
 from studies.blind_trial.sealer.machines.motions import Schedule
-from studies.blind_trial.sealer.machines.writing import table
+from studies.blind_trial.sealer.machines.specifying import specification
+from studies.blind_trial.sealer.machines.writing import disabled, table
 
 Array = NDArray[np.float64]
 
@@ -166,8 +168,9 @@ def require(asked: Schedule, limits: Limits, used: Used, sample_time: float) -> 
 def serve(found: Plan, folder: Path, requests: Iterable[str], tell: Callable[[str], None]) -> Used:
     """Runs what is asked, one request a line, and tells one line of JSON each; what was taken in the end."""
     limits, used, ts = limits_of(found.bench), Used(), found.bench.axis.sample_time
-    nominal = found.bench.axis.nominal("sealed machine")
+    nominal = found.bench.axis.nominal("sealed machine") | {"specification": specification(found)}
     (folder / "nominal.json").write_text(json.dumps(nominal, indent=1) + "\n", encoding="utf-8")
+    disabled(folder, found)
     (folder / "limits.json").write_text(json.dumps(limits.to_json(), indent=1) + "\n", encoding="utf-8")
     with (folder / "log.jsonl").open("x", encoding="utf-8") as log:
         for line in requests:

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import json
-import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from studies.blind_trial.guard import SEALER_FOLDER
+from models.effects.catalogue import every
 from studies.blind_trial.sealer.machines.cases import machine_of
 from studies.command import BAD_INPUT, main
-from studies.full_circle import scoring
+from studies.full_circle import benches, policies, scoring, trial
 from studies.full_circle.__main__ import STUDY
-from studies.full_circle.benches import WORKER, benches
 from studies.full_circle.trial import case_of
-from studies.manifest import ROOT
 
+NAMED, OFF, EXCLUDED = (5, 7), (2, 28), (5, 39)  # seed and case: one effect, parameters, one that may not be named
 QUIET = {"settling_s": 1e-3, "dispersion_m": 1e-9}
 
 
@@ -33,8 +32,6 @@ def case(before: float, after: float, truth: float, **more: Any) -> dict[str, An
         "tried": outcome(after),
         "beside": {},
         "noise": QUIET,
-        "named": {"outcome": "attributed", "effects": ["cogging"], "equivalent": []},
-        "label": {"kind": "single", "name": ["cogging"], "identifiable": True},
         "redesign": {
             "specified": {"settling_s": 50e-3},
             "unmet": ["because"],
@@ -68,7 +65,7 @@ def test_medians_have_an_interval_that_holds_the_true_one_and_rates_are_counted(
     assert found["low"] <= 0.7
     assert found["high"] >= 0.9
     rates = scoring.rates(cases)
-    assert (rates["right_name"]["hits"], rates["worse"]["hits"], rates["inside_settling"]["tries"]) == (5, 0, 5)
+    assert (rates["worse"]["hits"], rates["inside_settling"]["tries"]) == (0, 5)
     assert rates["inside_settling"]["hits"] == sum(20e-3 <= one["after"]["settling_s"] <= 31e-3 for one in cases)
 
 
@@ -76,50 +73,71 @@ def test_every_case_is_on_a_machine_of_its_own() -> None:
     assert [machine_of(case_of(number, quick=False)) for number in range(40)] == list(range(40))
 
 
-def worked(task: dict[str, Any]) -> dict[str, Any]:
-    """What the working process ends with."""
-    done = subprocess.run(
-        list(WORKER), input=json.dumps(task) + "\n", capture_output=True, text=True, cwd=ROOT, check=True
-    )
-    told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])["done"]
-    return told
+FEW = ("play", "cogging", "dwell_breakaway")  # candidates of these tests
 
 
-def test_who_works_on_a_machine_and_looks_at_what_is_sealed_has_no_answer(tmp_path: Path) -> None:
-    """Planted: its nominal file is a link into the sealer's folder, or its truth."""
-    key = tmp_path / "truth.json"
-    key.write_text('{"label": "cogging"}', encoding="utf-8")
-    limits = {"distance": 1.0, "speed": 1.0, "feedforward": 1.0, "machine_time": 90.0}
-    for file in (SEALER_FOLDER / "nominal.json", key):
-        link = tmp_path / f"link-{file.stem}.json"
-        link.symlink_to(file)
-        task = {"forbidden": [str(SEALER_FOLDER), str(key)], "nominal": str(link), "limits": limits, "seed": 0,
-                "quick": True, "folder": str(tmp_path)}  # fmt: skip
-        told = worked(task)
-        assert told["failed"].startswith(("refused: open", "PermissionError")), told
-        assert "cogging" not in json.dumps(told)
+def made_from(machine: tuple[int, int], goal: str, seconds: float = 0.0, records: int = 1) -> dict[str, Any]:
+    seed, number = machine
+    terms = {"policy": "active", "goal": goal, "seconds": seconds, "records": records}
+    others = [name for name in every() if name not in FEW]
+    return {"seed": seed, "case": number, "terms": terms, "disabled": others, "design": True}
 
 
-def test_a_request_beyond_the_limits_is_not_run_whoever_asks(tmp_path: Path) -> None:
-    """Planted: a table that ignores what the machine allows, and benches without end."""
-    rows = "\n".join(f"{k * 1.6e-3:.9g},{k},{k},0" for k in range(200))
-    far = tmp_path / "far.csv"
-    far.write_text(f"time_s,target_m,reference_m,feedforward_N\n{rows}\n", encoding="utf-8")
-    with benches("0 6", tmp_path / "work") as found:
-        main_bench = found.of("main")
-        assert main_bench.nominal is not None
-        told = found.run({"bench": "main", "table": str(far), "controller": None}, 1.6e-3)
-        assert "distance" in told["refused"]
-        assert main_bench.left.records == main_bench.limits.records
-        with pytest.raises(ValueError, match="there is no bench"):
-            found.of("../elsewhere")
+@pytest.fixture(scope="module")
+def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where three sealed machines, all with a slow controller, are worked on."""
+    made = tmp_path_factory.mktemp("circle")
+    (made / "sealed" / "null").mkdir(parents=True)
+    return made
+
+
+def test_a_sealed_machine_is_asked_until_its_effect_is_sure(output: Path) -> None:
+    """Within the limits of time and records; what it is in truth comes from its sealer."""
+    found = trial._worked(output, "asked", made_from(NAMED, "name", 20.0, 3))
+    label = trial._opened(output, "asked-opened", {**made_from(NAMED, ""), "design": False})["label"]
+    one = policies.scored("asked", "active", found, label)
+    assert (one.failed, one.refused, one.effects, one.named) == ("", 0, ("play",), ("play",))
+    assert one.right
+    assert found["begun_s"] < one.seconds <= 20.0
+    assert [names for _, names in one.looks] == [(), ("play",)]
+    curve = trial.told_of([one])["of"]["active"]["right_over_time"]
+    assert (curve[0]["hits"], curve[-1]["hits"], curve[-1]["tries"]) == (0, 1, 1)
+
+
+def test_a_gap_that_is_asked_to_close_closes_and_counts(output: Path) -> None:
+    """Mass and stiffness are off: the nominal design misses what is specified, and designs with the truth meet it."""
+    found = trial._worked(output, "redesigned", made_from(OFF, "refit"))
+    opened = trial._opened(output, "redesigned-opened", made_from(OFF, "refit"))
+    asked = found["redesign"]["specified"]["settling_s"]
+    assert opened["label"]["kind"] == "parameters"
+    assert opened["truth"]["settling_s"] <= asked < found["before"]["settling_s"]
+    share = scoring.recovered({**found, **opened}, "after", "settling")
+    assert share is not None
+    assert share > 0.8
+
+
+def test_who_looks_at_what_is_sealed_or_asks_for_too_much_gains_nothing(
+    output: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(benches, "WORKER", (sys.executable, "-m", "tests.studies.full_circle.cheating_worker"))
+    found = trial._worked(output, "cheated", made_from(EXCLUDED, "name"))
+    assert found["failed"].startswith("refused: open")
+    said = found["said"]
+    assert set(list(said.values())[:3]) == {"RefusedError"}
+    assert "distance" in json.loads(said["asks for too much"])["refused"]
+    assert "there is no bench" in json.loads(said["asks for a bench elsewhere"])["refused"]
+    assert found["beyond"] == 1
+    assert not (output / "sealed" / "cheated" / "main" / "machine" / "record-1.csv").exists()
+    assert "dwell_breakaway" in found["task"]["disabled"]  # as the machine itself asks for, and nothing here does
 
 
 def test_answers_that_were_changed_after_they_were_committed_stop_the_study(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a run in which nobody works: the working is put in place."""
-    monkeypatch.setattr("studies.full_circle.trial._worked", lambda *_: {"failed": "nobody works here"})
+    monkeypatch.setattr(trial, "_worked", lambda *_: {"failed": "nobody works here"})
+    label = {"case": "sealed", "kind": "clean", "name": []}
+    monkeypatch.setattr(trial, "_opened", lambda *_: {"truth": None, "label": label})
     given = ["--cases", "2", "--no-report", "--output", str(tmp_path / "out")]
     main(STUDY, given)
     steps = tmp_path / "out" / "sealed" / "steps" / "machine-001.json"

@@ -135,7 +135,7 @@ class Plan:
         """The log of a run of the true machine, with other gains of its controller and another delay of its reference
         [samples] where they are given: what is wrong with a gain is then as wrong with the new one. Raises
         ArithmeticError where the command leaves the drive's range."""
-        true, change = shifted(self.bench.axis, self.shift), _together(self.parts, self.bench.units)
+        true, change = shifted(self.bench.axis, self.shift), together(self.parts, self.bench.units)
         if gains is not None:
             old = true.control
             wrong = {
@@ -147,7 +147,8 @@ class Plan:
         return simulate(true, schedule, seed, change)
 
 
-def _together(parts: Sequence[Part], units: Units) -> Change:
+def together(parts: Sequence[Part], units: Units) -> Change:
+    """What is wrong with a machine, all of it together."""
     changes = [part.change(units) for part in parts]
     return Change(
         {name: number for one in changes for name, number in one.fields.items()},

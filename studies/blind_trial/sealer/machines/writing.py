@@ -28,6 +28,11 @@ def write(place: Path, found: Plan) -> None:
     (place / "nominal.json").write_text(json.dumps(nominal, indent=1) + "\n", encoding="utf-8")
     for which, name in enumerate(RECORDS):
         (place / f"{name}.csv.gz").write_bytes(record(found, which))
+    disabled(place, found)
+
+
+def disabled(place: Path, found: Plan) -> None:
+    """Writes which catalogue entries the diagnosis may not use, where there are any."""
     if found.kind == "disabled":
         names = [part.name for part in found.parts]
         (place / "disabled.json").write_text(json.dumps(names) + "\n", encoding="utf-8")
