@@ -32,6 +32,7 @@ RESTS: Final = 0.4  # of the settling time, after which the reference rests
 INTERVAL: Final = (2.5, 4.0)  # settling times between two motions
 LASTS: Final = (12.0, 40_000)  # s and samples that all motions take together, if their interval allows
 MOTIONS: Final = 5  # one way
+STROKE: Final = 0.5  # of the longest presliding displacement: so all of the motions one way leave no contact unturned
 PERIODS: Final = 2  # of which the second counts
 BRISK: Final = 0.8  # of the experiment's speed and force, which the motions may take
 START: Final = 11  # seed of the friction's state
@@ -60,7 +61,7 @@ def wanted(axis: Axis, share: float, tolerance: float) -> dict[str, Any]:
     lasts = min(LASTS[0] / ts, LASTS[1])
     interval = int(np.clip(lasts / (2 * MOTIONS * PERIODS), *(round(one * settles) for one in INTERVAL)))
     return {
-        "stroke_m": max(0.2 * axis.reach, 20 * axis.read),
+        "stroke_m": max(STROKE * axis.reach, 20 * axis.read),
         "tolerance_m": tolerance,
         "settling_time_s": settles * ts,
         "reference_settling_time_s": round(RESTS * settles) * ts,
