@@ -199,8 +199,9 @@ class MachineProcess:
             except (OSError, ValueError):  # not there yet, or half-written
                 content = None
             if content is not None:
-                *bounds, machine_time, records = self._numbers(content, "limits.json", (*OF_A_RUN, *OF_ALL_RUNS))
-                return Limits(*bounds, machine_time, int(records))
+                distance, speed, force = self._numbers(content, "limits.json", OF_A_RUN)
+                machine_time, records = self._numbers(content, "limits.json", OF_ALL_RUNS)
+                return Limits(distance, speed, force, machine_time, int(records))
             if self._channel.ended():
                 raise self._fault("ended before it had written limits.json")
             time.sleep(LOOKING)

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from models.machine import load as default_machine
 from models.nominal_file import load
 from studies.blind_trial.committing import commit, require_committed
 from studies.command import to_text
@@ -17,6 +18,7 @@ from studies.effort import foresee
 from studies.full_circle import benches, policies, scoring, withheld
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.steps import Steps, program
+from studies.gap_diagnosis.records import disabled
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
@@ -43,6 +45,7 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
     for name in ("controller", "column", "mapping", "recipe"):
         if getattr(options, name):
             raise BadInputError(f"--{name}: is for the records of one's own axis; give --records too, or leave it out")
+    disabled(options.disable, default_machine())
     output = options.output or Path("reports/out/full_circle")
     count = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
     cores = min(os.cpu_count() or 1, count)

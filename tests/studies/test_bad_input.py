@@ -56,7 +56,7 @@ OWN = {
         (["--records", BROKEN, "--machine", str(DEFAULT)], "or move broken.csv out of --records"),
         (["--records", TWICE, "--machine", str(DEFAULT)], "b.csv: has the same content as a.csv; remove one of them"),
         (["--records", EMPTY, "--machine", str(DEFAULT), "--cases", "2"], "--cases: counts withheld machines"),
-        (["--disable", "cogging"], "--disable: is for the records of one's own axis"),
+        (["--disable", "coging"], "--disable coging: is not an effect that is looked for; did you mean cogging?"),
         (["--column", "position=x"], "--column: is for the records of one's own axis"),
     ),
     "identify_machine": (

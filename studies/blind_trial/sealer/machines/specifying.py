@@ -57,9 +57,10 @@ def specification(found: Plan) -> dict[str, Any]:
 def wanted(axis: Axis, share: float, tolerance: float) -> dict[str, Any]:
     """The specification with this tolerance [m], its settling time as a share [1] of a period of the crossover."""
     ts = axis.sample_time
-    settles = int(np.clip(np.ceil(share / axis.crossover / ts), *SAMPLES))
+    settles = int(np.clip(np.ceil(share / axis.crossover / ts), SAMPLES[0], SAMPLES[1]))
     lasts = min(LASTS[0] / ts, LASTS[1])
-    interval = int(np.clip(lasts / (2 * MOTIONS * PERIODS), *(round(one * settles) for one in INTERVAL)))
+    shortest, longest = (round(one * settles) for one in INTERVAL)
+    interval = int(np.clip(lasts / (2 * MOTIONS * PERIODS), shortest, longest))
     return {
         "stroke_m": max(STROKE * axis.reach, 20 * axis.read),
         "tolerance_m": tolerance,
