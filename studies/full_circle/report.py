@@ -113,7 +113,7 @@ def closed(results: Results) -> str:
     machines = f"{count} machine{'s' if count != 1 else ''}"
     share = results["shares"]["after"]["settling"]
     if share["median"] is None:
-        return f"On {machines}, of which {worse} end worse than before; on none is there a share to be recovered."
+        return f"On {machines}, of which {worse} end worse than before; on none could settling be much faster."
     return (
         f"On {machines}, the redesign recovers {_part(share['median'])} (median of {share['count']}) of the settling "
         f"time that designs with the truth would gain; {worse} end worse than before."
