@@ -15,11 +15,11 @@ settings.load_profile("reproducible")
 
 
 HERE = Path(__file__).parent
-# What runs whole studies or diagnoses and is left out by `make test-fast`, except for what follows.
+# What runs whole studies, diagnoses or many programs and is left out by `make test-fast`, except for what follows.
 SLOW = (
     "benchmark",
-    "design/pid/test_published.py",
-    "design/trajectory/test_history_aware.py",
+    "design/pid",
+    "design/trajectory",
     "diagnosis",
     "models/identification/test_response.py",
     "models/test_emps.py",
