@@ -35,6 +35,7 @@ from diagnosis.which.command_jitter import gained_by_chance
 from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
 from models.effects.catalogue import in_order
+from models.friction import deflections
 from models.machine import Machine, to_json
 from models.records.record import Record
 from models.simulation.simulator import simulate
@@ -79,6 +80,12 @@ class Null:
 def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Record:
     """The record that a candidate would have made of the same references, from the same start, with other noise, and as
     rough as the candidate takes the record of this index to be."""
+    return _simulated(candidate, record, index, seed)[0]
+
+
+def _simulated(candidate: Candidate, record: Record, index: int, seed: int) -> tuple[Record, Array]:
+    """The record, and the displacements (N,) [m] of the friction's elements at its first sample: while the table comes
+    to rest before it, contacts that were deflected against each other push it some way."""
     machine, layout = candidate.machine, candidate.layout
     effects = (*candidate.effects, *_white_force(candidate, index, seed))
     origin = float(record.reference[0])
@@ -98,9 +105,10 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
         initial_friction=initial_state(layout, candidate.theta, index),
     )
     made = run.record.last(record.position.size)
+    state = deflections(machine.friction.limit, run.position[: lead + 1], initial_state(layout, candidate.theta, index))
     return Record(
         record.sample_time, record.target, record.reference, record.feedforward, made.command, made.position + origin,
-    )  # fmt: skip
+    ), state[-1]  # fmt: skip
 
 
 def _white_force(candidate: Candidate, index: int, seed: int) -> tuple[WhiteForce, ...]:
@@ -218,8 +226,11 @@ def _drawn(layout: Parameters, records: Sequence[Record], roughness: tuple[float
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects), roughness=roughness)
-    made = [*parallel_map(lambda i, record: simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)]
-    fitted = one_step(truth, made, walk=slow_walk(layout.machine))
+    runs = parallel_map(lambda i, record: _simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)
+    made, states = map(list, zip(*runs, strict=True))
+    theta = theta.copy()
+    theta[layout.of("initial_friction_state")] = np.concatenate(states)
+    fitted = one_step(replace(truth, theta=bounded(layout, theta)), made, walk=slow_walk(layout.machine))
     return fitted, made, partial_out(fitted, numbered(pieces(made, loop_time(layout.machine)), made))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from diagnosis.model.start_states import static_equilibrium_start
 from diagnosis.null import Null
 from diagnosis.which.scan import NuisanceProjection, partial_out, scan
 from models.records.record import Record
+from models.simulation.simulator import simulate
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.where.cases import fitted, schedules
 
@@ -67,6 +69,22 @@ def test_one_step_from_the_truth_is_as_good_as_a_fit(monkeypatch: pytest.MonkeyP
         assert step.gains[name] == pytest.approx(gains, abs=0.1 * CRITERIA.min_gain), name
     assert np.array(step.variance) == pytest.approx(np.array(whole.variance), rel=1e-3)
     assert step.spike(CRITERIA) == pytest.approx(whole.spike(CRITERIA), rel=0.02)
+
+
+def test_a_table_starts_where_its_contacts_are_at_the_first_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It creeps by 2 um while it comes to rest before the record: contacts that can follow do, the others slip."""
+    layout, limit = parameters(MACHINE, len(RECORDS)), np.array(MACHINE.friction.limit)
+    theta = np.zeros(layout.count)
+    theta[layout.of("initial_friction_state")] = np.tile(-0.5 * limit, len(RECORDS))
+
+    def creeping(*given: Any, **options: Any) -> Any:
+        run = simulate(*given, **options)
+        lead = run.position.size - RECORDS[0].position.size
+        return replace(run, position=np.minimum(np.arange(run.position.size) / lead, 1.0) * 2e-6)
+
+    monkeypatch.setattr(null, "simulate", creeping)
+    _, state = null._simulated(Candidate(layout, theta), RECORDS[0], 0, 1)
+    assert state == pytest.approx(np.minimum(-0.5 * limit + 2e-6, limit), rel=1e-9)
 
 
 def test_a_threshold_is_beyond_the_largest_gain_by_chance() -> None:

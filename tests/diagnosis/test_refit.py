@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from diagnosis import refit as refit_module
+from diagnosis.model.fit import one_step
 from diagnosis.model.parameters import applied, parameters
+from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit_within
 from models.friction import elements
 from models.machine import Tolerance
@@ -60,3 +63,27 @@ def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
     theta = np.zeros(wide.count)
     theta[at] = 5.0
     assert applied(wide, theta).tolerance == loose.tolerance
+
+
+def test_values_are_fitted_before_the_starts_only_where_starts_alone_leave_more_than_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    records = recorded(MACHINE, PLAN, seed=19, wrong=0.0)
+    layout = parameters(MACHINE, len(records))
+    some, count = one_step(Candidate(layout, np.zeros(layout.count)), records), sum(r.position.size for r in records)
+    quiet, loud = (replace(some, innovations=np.full(count, size), cost=count * size**2) for size in (0.9, 9.0))
+    for first, second, kept, steps in (
+        (quiet, loud, quiet, [0]),
+        (loud, quiet, quiet, [0, 3]),
+        (loud, loud, loud, [0, 3]),
+    ):
+        fits, asked = iter((first, second)), list[int]()
+
+        def begun(*given: Any, fits: Any = fits, asked: list[int] = asked) -> Any:
+            asked.append(given[2])
+            return next(fits)
+
+        monkeypatch.setattr(refit_module, "_begun", begun)
+        monkeypatch.setattr(refit_module, "started", lambda found, _: found)
+        assert refit_module.refit(layout, records) is kept
+        assert asked == steps
