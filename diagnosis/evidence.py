@@ -66,8 +66,9 @@ def examined(
 def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
     spike, replays, criteria = found.spike, found.replays, found.criteria
     lies = locate(
-        found.nominal, found.records, found.pieces, seed=seed, spike=spike, replays=replays, criteria=criteria
-    )
+        found.nominal, found.records, found.pieces,
+        seed=seed, spike=spike, replays=replays, criteria=criteria, usual=found.null.usual,
+    )  # fmt: skip
     return lies, confusability(found.nominal, found.records, disabled, found.criteria)
 
 

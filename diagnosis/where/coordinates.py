@@ -9,12 +9,13 @@ motion stays as it is. (Permuting motions instead would keep a force that all mo
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import czt
 
 from diagnosis.model.fit import Fit
 from diagnosis.where.energy import PHASES, Samples, bootstrap_counts, bootstrap_interval, centred
@@ -163,18 +164,50 @@ def hat_functions(
     return basis, spaced
 
 
+@dataclass(frozen=True)
+class Target:
+    """What is to be explained: `products` gives, for columns (n, K) [1], their Gram matrices (motions, K, K) and their
+    products with it (motions, K); energy (motions,): its square in each motion; ridges: of which the best is taken."""
+
+    products: Callable[[Array], tuple[Array, Array]]
+    energy: Array
+    ridges: tuple[float, ...] = (RIDGE,)
+
+    def held_out(self, grams: Array, slopes: Array, fold: Integers) -> tuple[Array, Array]:
+        """`held_out` with the ridge that explains the most."""
+        found = (held_out(grams, slopes, fold, ridge) for ridge in self.ridges)
+        return max(found, key=lambda one: float(one[0].sum()))
+
+    def chance(self, grams: Array, slopes: Array, fold: Integers, seed: int) -> Array:
+        """`sign_flip_null` for a choice among the ridges (FLIPS,)."""
+        found = [sign_flip_null(grams, slopes, fold, seed, ridge) for ridge in self.ridges]
+        return np.asarray(np.max(found, axis=0))
+
+
+def of_signal(signal: Array, samples: Samples) -> Target:
+    """A signal (n,), its mean removed, as what is to be explained; its energy in [its unit squared]."""
+    z = centred(signal, samples)
+    return Target(lambda columns: by_motion(columns, z, samples.motion), energies(z, samples))
+
+
 def explain(signal: Array, coordinate: Coordinate, samples: Samples, seed: int = 0) -> Explained:
     """How much of a signal (n,), its mean removed, the coordinate explains [1]."""
+    return explain_target(of_signal(signal, samples), coordinate, samples, seed)
+
+
+def explain_target(target: Target, coordinate: Coordinate, samples: Samples, seed: int = 0) -> Explained:
+    """How much of a target's energy the coordinate explains [1]."""
     plain, knots = hat_functions(coordinate, samples.counts)
-    count, z = plain.shape[1], centred(signal, samples)
+    count = plain.shape[1]
     columns = np.hstack([plain, plain * samples.direction[:, None]]) if coordinate.directional else plain
-    grams, slopes = by_motion(columns * samples.counts[:, None], z, samples.motion)
+    grams, slopes = target.products(columns * samples.counts[:, None])
     fold = folds(grams.shape[0], seed)
-    gains, weights = held_out(grams, slopes, fold)
-    chance = sign_flip_null(grams, slopes, fold, seed)
-    turned = slice(count, None)
-    turning = held_out(grams[:, turned, turned], slopes[:, turned], fold)[0] if coordinate.directional else np.zeros(1)
-    found = explained(coordinate, gains, chance, turning, energies(z, samples), seed)
+    gains, weights = target.held_out(grams, slopes, fold)
+    chance = target.chance(grams, slopes, fold, seed)
+    turned, turning = slice(count, None), np.zeros(1)
+    if coordinate.directional:
+        turning = target.held_out(grams[:, turned, turned], slopes[:, turned], fold)[0]
+    found = explained(coordinate, gains, chance, turning, target.energy, seed)
     return replace(found, knots=knots, curve=weights[:count], turned=weights[turned])
 
 
@@ -206,18 +239,20 @@ def explained(
     """The shares [1] of the gain in each motion (motions,), with the p-value against the gains by chance (FLIPS,)."""
     whole = max(float(energy.sum()), 1e-300)
     many = bootstrap_counts(gains.size, seed) @ np.column_stack([gains, energy])
-    low, high = bootstrap_interval(many[:, 0] / np.maximum(many[:, 1], 1e-300))
+    low, high = bootstrap_interval(np.minimum(many[:, 0] / np.maximum(many[:, 1], 1e-300), 1.0))
     p = float((1 + np.count_nonzero(chance >= gains.sum())) / (1 + FLIPS))
-    share, turn = (max(float(part.sum()) / whole, 0.0) for part in (gains, turning))
+    share, turn = (min(max(float(part.sum()) / whole, 0.0), 1.0) for part in (gains, turning))
     nothing = np.zeros(0)
     return Explained(
         coordinate.name, coordinate.unit, share, max(low, 0.0), max(high, 0.0), p, turn, nothing, nothing, nothing
     )
 
 
-def explain_pitch(signal: Array, position: Coordinate, samples: Samples, seed: int = 0) -> Explained | None:
-    """How much of a signal (n,) is periodic over the position [m], with a period that is estimated on the other
-    motions; None where the travel is too short for any of `pitches`."""
+def explain_pitch(
+    signal: Array, target: Target, position: Coordinate, samples: Samples, seed: int = 0
+) -> Explained | None:
+    """How much of a target is periodic over the position [m], with a period that is estimated on the other motions of
+    a signal (n,) that shows it; None where the travel is too short for any of `pitches`."""
     place, used = position.values, samples.counts
     extent = float(np.ptp(place[used]))
     if extent < 1.5 * pitches(samples)[0]:
@@ -228,16 +263,14 @@ def explain_pitch(signal: Array, position: Coordinate, samples: Samples, seed: i
     signs = np.random.default_rng(seed + 1).choice([-1.0, 1.0], (FLIPS, fold.size))
     for number in range(int(fold.max()) + 1):
         out = fold == number
-        grams, slopes = by_motion(
-            _harmonics(strongest_period(z, place, samples, ~out), place, samples), z, samples.motion
-        )
+        grams, slopes = target.products(_harmonics(strongest_period(z, place, samples, ~out), place, samples))
         gains[out] = _left_out(grams, slopes, out)
         turning[out] = _left_out(grams[:, 3:, 3:], slopes[:, 3:], out)
         inside, by = grams[out].sum(axis=0), signs[:, out] @ slopes[out]
         weights = np.linalg.solve(_ridged(grams[~out].sum(axis=0)), (signs[:, ~out] @ slopes[~out]).T).T
         chance += 2 * np.sum(weights * by, axis=1) - np.einsum("fi,ij,fj->f", weights, inside, weights)
     pitch = strongest_period(z, place, samples, np.ones(fold.size, bool))
-    found = explained(Coordinate("pitch", "m", place), gains, chance, turning, energies(z, samples), seed)
+    found = explained(Coordinate("pitch", "m", place), gains, chance, turning, target.energy, seed)
     return replace(found, pitch=pitch)
 
 
@@ -265,15 +298,31 @@ def periodogram(signal: Array, place: Array, samples: Samples, among: NDArray[np
     count = np.bincount(bins).astype(float)
     longest = min(most, 1.5 * max(extent, shortest))
     inverse = np.arange(1 / longest, 1 / shortest, 1 / (6 * max(extent, shortest)))
-    angle = 2 * np.pi * inverse[:, None] * middle
-    basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)  # (F, 3, bins)
-    gram = np.einsum("fib,b,fjb->fij", basis, count, basis) + RIDGE * count.sum() * np.eye(3)
+    whole = count.sum()
+    once, twice = (_waves(count, middle, order * inverse) for order in (1, 2))
+    gram = np.empty((inverse.size, 3, 3))  # of 1, cosine and sine
+    gram[:, 0, 0], gram[:, 1, 1], gram[:, 2, 2] = whole, (whole + twice.real) / 2, (whole - twice.real) / 2
+    gram[:, 0, 1] = gram[:, 1, 0] = once.real
+    gram[:, 0, 2] = gram[:, 2, 0] = once.imag
+    gram[:, 1, 2] = gram[:, 2, 1] = twice.imag / 2
+    gram += RIDGE * whole * np.eye(3)
     best = np.zeros(inverse.size)
     for weight in (signal[used], signal[used] * samples.direction[used]):
-        onto = basis @ np.bincount(bins, weight)
+        summed = np.bincount(bins, weight).astype(float)
+        waves = _waves(summed, middle, inverse)
+        onto = np.column_stack([np.full(inverse.size, summed.sum()), waves.real, waves.imag])
         gain = np.einsum("fi,fi->f", onto, np.linalg.solve(gram, onto[:, :, None])[:, :, 0])
-        best = np.maximum(best, gain - onto[:, 0] ** 2 / count.sum())
+        best = np.maximum(best, gain - onto[:, 0] ** 2 / whole)
     return inverse, best
+
+
+def _waves(weight: Array, place: Array, inverse: Array) -> NDArray[np.complex128]:
+    """Sums (F,) of weights (b,) times exp(2 pi i place / period) over evenly spaced places (b,) [m], for evenly spaced
+    1 / period (F,) [1/m], by a chirp transform: the table of all their products would be a hundred megabytes."""
+    turn, first = 2j * np.pi * (place[1] - place[0] if place.size > 1 else 0.0), inverse[0]
+    step = inverse[1] - first if inverse.size > 1 else 0.0
+    found = czt(weight, inverse.size, np.exp(turn * step), np.exp(-turn * first))
+    return np.asarray(found * np.exp(2j * np.pi * place[0] * inverse))
 
 
 def parity(signal: Array, speed: Coordinate, samples: Samples, seed: int = 0) -> tuple[Explained, Explained]:
@@ -326,13 +375,13 @@ def _ridged(gram: Array, ridge: float = RIDGE) -> Array:
     return np.asarray(gram + (ridge * np.trace(gram) / gram.shape[0] + 1e-300) * np.eye(gram.shape[0]))
 
 
-def sign_flip_null(grams: Array, slopes: Array, fold: Integers, seed: int) -> Array:
+def sign_flip_null(grams: Array, slopes: Array, fold: Integers, seed: int, ridge: float = RIDGE) -> Array:
     """`held_out`'s total (FLIPS,) with the signal's sign flipped in random motions; [square of the signal's unit]."""
     signs = np.random.default_rng(seed + 1).choice([-1.0, 1.0], (FLIPS, slopes.shape[0]))
     gram, slope, total = grams.sum(axis=0), signs @ slopes, np.zeros(FLIPS)
     for number in range(int(fold.max()) + 1):
         out = fold == number
         inside, by = grams[out].sum(axis=0), signs[:, out] @ slopes[out]
-        weights = np.linalg.solve(_ridged(gram - inside), (slope - by).T).T
+        weights = np.linalg.solve(_ridged(gram - inside, ridge), (slope - by).T).T
         total += 2 * np.sum(weights * by, axis=1) - np.einsum("fi,ij,fj->f", weights, inside, weights)
     return total

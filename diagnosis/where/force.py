@@ -127,6 +127,19 @@ def likeliest_walk(fitted: Fit, records: Sequence[Record]) -> float:
     return float(WALKS[int(np.argmax(likelihoods))])
 
 
+def own_course(fitted: Fit, records: Sequence[Record], walk: float) -> float:
+    """The part [1] of the innovations' energy that goes where the unknown force may walk by `walk` [usual white forces
+    per sample] instead of the fit's own: what it was a moment ago tells the force, whatever it depends on."""
+    left = [0.0, 0.0]
+    for k, one in enumerate((fitted.walk, walk)):
+        model = unweighted_predictor(fitted.candidate, records[0].sample_time, one)
+        for i, record in enumerate(records):
+            reading = explained_reading(fitted, record, i)
+            e = innovations(model, fitted.residuals[i].force, reading, _start(model, reading))[STARTING:]
+            left[k] += float(e @ e)
+    return float(np.clip(1 - left[1] / max(left[0], 1e-300), 0.0, 1.0))
+
+
 def _log_likelihoods(fitted: Fit, records: Sequence[Record], walk: float) -> Iterator[float]:
     """Logarithm of each record's likelihood, up to a constant."""
     model = unweighted_predictor(fitted.candidate, records[0].sample_time, walk)

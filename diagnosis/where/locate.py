@@ -28,13 +28,14 @@ from diagnosis.where.coordinates import (
     coordinates,
     explain,
     explain_by_all,
-    explain_pitch,
+    of_signal,
     parity,
 )
+from diagnosis.where.dependence import explained_by, of_innovations
 from diagnosis.where.energy import PHASES, EnergyShares, Samples, by_band, by_wavelength, label_samples, shares
-from diagnosis.where.force import FAST, UnknownForce, smoother_response, unknown_force
+from diagnosis.where.force import FAST, UnknownForce, own_course, smoother_response, unknown_force
 from diagnosis.where.side import Side, sides
-from diagnosis.which.scan import partial_out
+from diagnosis.which.scan import NuisanceProjection, partial_out
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -49,8 +50,9 @@ class Where:
     controller: the replay of each record. unknown: the force that the fitted model lacks. energy: in which motions,
     phases, bands and wavelengths it lies. dependence: on which coordinates it depends. sides: whether it looks like a
     force or like an error of the reading. samples, coordinates: what is known of every sample, sampled every
-    sample_time [s]. spike: the largest innovation, where noise makes none of its size. beyond_rating [N]: the largest
-    command, where the drive followed commands beyond its rating.
+    sample_time [s]. gap: what each coordinate explains of the innovations, see dependence.py. course [1]: see
+    `force.own_course`. spike: the largest innovation, where noise makes none of its size. beyond_rating [N]: the
+    largest command, where the drive followed commands beyond its rating.
     """
 
     controller: tuple[Replayed, ...]
@@ -61,6 +63,8 @@ class Where:
     samples: Samples
     coordinates: tuple[Coordinate, ...]
     sample_time: float
+    gap: tuple[Explained, ...] = ()
+    course: float = 0.0
     spike: Largest | None = None
     beyond_rating: float | None = None
     criteria: Criteria = Criteria()
@@ -83,7 +87,26 @@ class Where:
     @property
     def coordinate(self) -> Explained:
         """The coordinate that explains the most; those that chance could explain as well come last."""
-        return max(self.dependence.coordinates, key=lambda one: (one.p < self.criteria.stated_p_value, one.share))
+        return max(self.dependence.coordinates, key=lambda one: (_stated(one, self.criteria), one.share))
+
+    @property
+    def by_coordinate(self) -> dict[str, float]:
+        """Share [1] of the gap by coordinate, of those that explain more of it than chance does.
+
+        Where there is none, it comes at random: then it is the share of its size, over the coordinates on which that
+        depends. Where its size depends on none either, it has a course of its own over time.
+        """
+        shares = {one.name: one.share if one.p < self.criteria.stated_p_value else 0.0 for one in self.gap}
+        if any(_stated(one, self.criteria) for one in self.gap) or self.is_noise:
+            return shares
+        sizes = {
+            one.name: one.share for one in self.dependence.scatter if _stated(one, self.criteria) and one.name in shares
+        }
+        return dict.fromkeys(shares, 0.0) | (sizes or {"time": self.course})
+
+
+def _stated(one: Explained, criteria: Criteria) -> bool:
+    return one.p < criteria.stated_p_value and one.share > criteria.stated_share
 
 
 def locate(
@@ -95,10 +118,11 @@ def locate(
     spike: float = Criteria().spike,
     replays: Sequence[Replayed] | None = None,
     criteria: Criteria = Criteria(),
+    usual: Sequence[float] = (),
 ) -> Where:
     """Where the fitted model leaves the records; pieces: those of `motions.pieces`; spike [1]: see `Null.spike`.
 
-    replays: of the controller on each record, where they are known already.
+    replays: of the controller on each record, where they are known already. usual [1]: see `Null.usual`.
     """
     nominal = fitted.candidate.nominal
     motion = numbered(pieces, records)
@@ -106,17 +130,21 @@ def locate(
     samples = label_samples(records, pieces, motion, weights(records), settling_time, nominal.priors.units)
     known = coordinates(fitted, records, samples)
     unknown = unknown_force(fitted, records, pieces)
+    projection = partial_out(fitted, motion, seed)
     dependence = _dependence(fitted, records, unknown.centred(samples), known, samples, seed)
+    gap = of_innovations(fitted, records, projection, samples, usual)
     most = largest(fitted)
     return Where(
         controller=tuple(replays or (replayed(nominal, record, criteria) for record in records)),
         unknown=unknown,
         energy=_energy(fitted, records, unknown, samples, seed),
         dependence=dependence,
-        sides=_sides(fitted, records, motion, known, dependence, samples, seed),
+        sides=_sides(fitted, records, projection, known, dependence, samples, seed),
         samples=samples,
         coordinates=known,
         sample_time=records[0].sample_time,
+        gap=explained_by(gap, unknown.centred(samples), known, samples, seed),
+        course=own_course(fitted, records, unknown.likely.walk / fitted.candidate.usual_white_force),
         spike=most if most.deviations > spike else None,
         beyond_rating=nominal.drive.rated_thrust if nominal.sources.get(RATED) == FOLLOWED else None,
         criteria=criteria,
@@ -144,14 +172,9 @@ def _dependence(
     fitted: Fit, records: Sequence[Record], force: Array, known: Sequence[Coordinate], samples: Samples, seed: int
 ) -> Dependence:
     """What each coordinate, all together, and the speed's parity explain of the force (n,) [N]."""
-    explained = [explain(force, one, samples, seed) for one in known]
-    for one in known:
-        if one.name == "position":
-            pitch = explain_pitch(force, one, samples, seed)
-            explained += [pitch] if pitch else []
     velocity = np.concatenate([path.path.speed[:, 0] for path in fitted.paths])
     return Dependence(
-        coordinates=tuple(sorted(explained, key=lambda one: -one.share)),
+        coordinates=explained_by(of_signal(force, samples), force, known, samples, seed),
         ceiling=explain_by_all(force, known, samples, seed),
         parity=parity(force, Coordinate("velocity", "m/s", velocity, logarithmic=True), samples, seed),
         scatter=_scatter(fitted, records, known, samples, seed),
@@ -177,7 +200,7 @@ def _scatter(
 def _sides(
     fitted: Fit,
     records: Sequence[Record],
-    motion: NDArray[np.int64],
+    projection: NuisanceProjection,
     known: Sequence[Coordinate],
     dependence: Dependence,
     samples: Samples,
@@ -186,4 +209,4 @@ def _sides(
     """Time, position and the two coordinates that explain the most, as a force and as an error of the reading."""
     strongest = [one.name for one in dependence.coordinates if one.name != "pitch"][:2]
     chosen = [one for one in known if one.name in {"time", "position", *strongest}]
-    return sides(fitted, records, partial_out(fitted, motion, seed), chosen, samples, seed)
+    return sides(fitted, records, projection, chosen, samples, seed)

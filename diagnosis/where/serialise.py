@@ -46,7 +46,7 @@ def to_json(where: Where) -> dict[str, Any]:
                 (0.0, *WAVELENGTHS), (*WAVELENGTHS, None), where.energy.wavelength.share, strict=True
             )
         ],
-        "by_coordinate": {one.name: one.share for one in where.dependence.coordinates},
+        "by_coordinate": where.by_coordinate,
         "statements": [one.text for one in stated],
         "topics": [one.topic.value for one in stated],
         "details": _details(where),

@@ -58,7 +58,7 @@ def sides(
     for coordinate in chosen:
         basis, _ = hat_functions(coordinate, samples.counts)
         turned = np.hstack([basis, basis * samples.direction[:, None]]) if coordinate.directional else basis
-        force = _gain(_as_force(fitted, records, turned), projection, records, samples, seed)
+        force = _gain(as_force(fitted, records, turned), projection, records, samples, seed)
         may = coordinate.name in {"time", "position"}
         reading = (
             _gain(_as_reading(fitted, records, basis, samples.units), projection, records, samples, seed)
@@ -92,8 +92,8 @@ def _gain(
     return max(float(gains.sum()), 0.0)
 
 
-def _as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
-    """Change of the whitened innovations (n, k) by forces of 1 N times the basis (n, k)."""
+def as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
+    """Change (n, k) [1] of the whitened innovations by forces of 1 N times the basis (n, k)."""
     parts, begin = [], 0
     for i, record in enumerate(records):
         here = basis[begin : begin + record.position.size]
@@ -144,7 +144,7 @@ def _fine(
     angle = 2 * np.pi * place.values / pitch
     basis = np.column_stack([np.cos(angle), np.sin(angle)])
     chance = 2 * float(np.log(tried))
-    force = _gain(_as_force(fitted, records, basis), projection, records, samples, seed)
+    force = _gain(as_force(fitted, records, basis), projection, records, samples, seed)
     reading = _gain(_as_reading(fitted, records, basis, samples.units), projection, records, samples, seed)
     return Side("fine period", max(force - chance, 0.0), max(reading - chance, 0.0), pitch)
 

@@ -13,7 +13,7 @@ from diagnosis.experiments.schedules import Move, multisine, schedule
 from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
 from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
-from diagnosis.where.coordinates import Coordinate, explain
+from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches
 from diagnosis.where.energy import PHASES, Samples, label_samples, shares
 from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
 from diagnosis.where.locate import Where, locate
@@ -184,6 +184,49 @@ def test_a_coordinate_explains_what_depends_on_it_and_chance_nothing() -> None:
     assert explain(signal, Coordinate("y", "m", other), known).share < 0.01
     turned = explain(known.direction * np.sin(3 * value) + noise, Coordinate("x", "m", value), known)
     assert turned.turning == pytest.approx(turned.share, abs=0.02)
+
+
+def test_a_periodogram_is_what_sines_of_the_place_take_off() -> None:
+    """Against least squares with a sine, a cosine and a constant, period by period."""
+    known, draw = samples(10, 100), np.random.default_rng(4)
+    place = np.cumsum(draw.standard_normal(1000))
+    place *= 0.05 / np.ptp(place)
+    signal = np.cos(2 * np.pi * place / 0.011) + draw.standard_normal(1000)
+    signal -= np.mean(signal)
+    inverse, gain = periodogram(signal, place, known, np.ones(10, bool))
+    width = pitches(known)[0] / 8
+    middle = place.min() + (np.floor((place - place.min()) / width) + 0.5) * width
+    for i in range(0, inverse.size, 7):
+        angle, gains = 2 * np.pi * inverse[i] * middle, [0.0]
+        basis = np.column_stack([np.ones(1000), np.cos(angle), np.sin(angle)])
+        for z in (signal, signal * known.direction):
+            onto = basis.T @ z
+            gains.append(onto @ np.linalg.solve(basis.T @ basis + np.eye(3), onto) - onto[0] ** 2 / 1000)
+        assert gain[i] == pytest.approx(max(gains), abs=1e-9 * np.sum(signal**2))
+
+
+def test_what_no_coordinate_explains_has_a_size_that_one_does_or_a_course_of_its_own(relaxing: Where) -> None:
+    nothing = tuple(replace(one, p=0.5) for one in relaxing.gap)
+    of_speed = replace(relaxing.gap[0], name="velocity", p=0.005, share=0.3)
+    scatter = (replace(of_speed, name="command_change"), of_speed)
+    at_random = replace(relaxing, gap=nothing, course=0.4)
+    sized = replace(at_random, dependence=replace(relaxing.dependence, scatter=scatter))
+    alone = replace(at_random, dependence=replace(relaxing.dependence, scatter=()))
+    for where, expected in ((sized, {"velocity": 0.3}), (alone, {"time": 0.4})):
+        assert {name: share for name, share in where.by_coordinate.items() if share} == expected
+    assert max(relaxing.by_coordinate.values()) == max(one.share for one in relaxing.gap if one.p < 0.02)
+
+
+def test_pushes_at_random_times_have_a_course_of_their_own_and_a_cogging_depends_on_the_position() -> None:
+    machine, draw, pushed = table(), np.random.default_rng(5), []
+    for record in case("")[0]:
+        kicks = draw.standard_normal(record.position.size) * (draw.random(record.position.size) < 2e-3)
+        push = np.convolve(kicks, np.exp(-np.arange(200) / 40))[: kicks.size]
+        pushed.append(replace(record, command=record.command - 2.0 * push))
+    found = locate(fitted(machine, pushed), pushed, pieces(pushed)).by_coordinate
+    assert max(found, key=lambda name: found[name]) == "time"
+    cogging = answers("cogging").by_coordinate
+    assert max(cogging, key=lambda name: cogging[name]) in {"position", "pitch"}
 
 
 def test_chance_is_as_often_below_each_p_value_as_that_says() -> None:
