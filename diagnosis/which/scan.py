@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft
 from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.model.fit import ROOM, Fit, effects_prior_std, weights
@@ -353,10 +354,11 @@ def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded:
     count = int(2 ** np.ceil(np.log2(padded * max(extent, 2 * high) / width)))
     if (1 / low - 1 / high) * count * width < LINES:  # a range too narrow for a spectrum
         return [float(1 / wave) for wave in np.linspace(1 / high, 1 / low, LINES)]
-    power = np.zeros(count // 2 + 1)
+    power = np.zeros(count // 2 + 1, np.float32)  # single precision does: lines are only ranked by it
+    size = max(float(np.max(np.abs(weight))) for _, weight in spans) or 1.0
     for coordinate, weight in spans:
         bins = np.floor((coordinate - coordinate.min()) / width).astype(int)
-        power += np.abs(np.fft.rfft(np.bincount(bins, weight, count))) ** 2
+        power += np.abs(rfft(np.bincount(bins, weight / size, count).astype(np.float32))) ** 2
     frequency = np.fft.rfftfreq(count, width)
     edges = np.geomspace(1 / high, 1 / low, 1 + max(round(np.log10(high / low)), 1))
     found: list[float] = []
