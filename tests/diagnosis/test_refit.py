@@ -65,17 +65,19 @@ def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
     assert applied(wide, theta).tolerance == loose.tolerance
 
 
-def test_values_are_fitted_before_the_starts_only_where_starts_alone_leave_more_than_noise(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("fine", [False, True])
+def test_starts_are_found_before_values_where_a_fine_scale_leaves_more_than_noise(
+    fine: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     records = recorded(MACHINE, PLAN, seed=19, wrong=0.0)
-    layout = parameters(MACHINE, len(records))
+    machine = replace(MACHINE, scale=replace(MACHINE.scale, noise=1e-10, resolution=1e-10)) if fine else MACHINE
+    layout = parameters(machine, len(records))
     some, count = one_step(Candidate(layout, np.zeros(layout.count)), records), sum(r.position.size for r in records)
     quiet, loud = (replace(some, innovations=np.full(count, size), cost=count * size**2) for size in (0.9, 9.0))
     for first, second, kept, steps in (
-        (quiet, loud, quiet, [0]),
-        (loud, quiet, quiet, [0, 3]),
-        (loud, loud, loud, [0, 3]),
+        (quiet, loud, quiet, [3]),
+        (loud, quiet, quiet, [3, 0]),
+        (loud, loud, loud, [3, 0]),
     ):
         fits, asked = iter((first, second)), list[int]()
 
@@ -85,5 +87,5 @@ def test_values_are_fitted_before_the_starts_only_where_starts_alone_leave_more_
 
         monkeypatch.setattr(refit_module, "_begun", begun)
         monkeypatch.setattr(refit_module, "started", lambda found, _: found)
-        assert refit_module.refit(layout, records) is kept
-        assert asked == steps
+        assert refit_module.refit(layout, records) is (kept if fine else first)
+        assert asked == (steps if fine else [3])
