@@ -24,6 +24,7 @@ SLOW = (
     "models/identification/test_response.py",
     "models/test_emps.py",
     "studies",
+    "test_positioning.py",
 )
 QUICK = (
     "diagnosis/model",
