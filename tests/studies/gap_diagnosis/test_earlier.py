@@ -26,7 +26,9 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder, machine = tmp_path_factory.mktemp("first"), table()
     (folder / "axis.toml").write_text(to_toml(machine), encoding="utf-8")
     for name, seed in (("one", 1), ("two", 2)):
-        (record,) = recorded(machine, (strokes(machine, 20e-3, (0.1,), passes=4),), [ViscousFriction(40.0)], seed=seed, wrong=0.0)
+        (record,) = recorded(
+            machine, (strokes(machine, 20e-3, (0.1,), passes=4),), [ViscousFriction(40.0)], seed=seed, wrong=0.0
+        )
         write(record, folder / f"{name}.csv")
     given = [str(folder / "one.csv"), "--machine", str(folder / "axis.toml"), "--disable", "cogging"]
     assert command.main([*given, "--seed", "3", "--no-report", "--output", str(folder / "out")]) in {DONE, CHECK_MISSED}
