@@ -100,7 +100,29 @@ class Criteria:
     experiment_repeats: int = _criterion(10, "1", "repetitions of an experiment that are reasonable")
 
     # Forward selection.
-    max_effects: int = _criterion(3, "1", "classes of effects in one answer; also random forces in one model")
+    max_effects: int = _criterion(
+        3, "1", "classes of effects in one answer by their chi-square alone; also random forces in one model"
+    )
+    max_effects_by_force: int = _criterion(
+        5,
+        "1",
+        "classes of effects in one answer at most: a sum of many laws draws anything",
+        "EMPS has three of its own before anything is injected",
+    )
+    min_force_share_further: float = _criterion(
+        0.1,
+        "1",
+        "part of the energy of the unknown force that is left, which a class beyond the first three has to take off",
+        "on EMPS with injected laws a lag that is none takes off up to 0.01, a cogging of 0.7 N 0.13",
+    )
+    force_share_of_slow: float = _criterion(
+        0.5,
+        "1",
+        "part of the energy of the unknown force that is left, from which on an effect that takes it off needs to gain "
+        "no more than chance does: the filter's own random force follows slow forces, which then hardly show in "
+        "chi-square",
+        "a spring injected into EMPS takes off 0.80 and gains 191, where the form error of others is 500",
+    )
     max_members: int = _criterion(2, "1", "effects of one class in a model, such as two time constants")
     shortlist_size: int = _criterion(3, "1", "proposals that are re-fitted with everything else before one is kept")
     shortlist_min_ratio: float = _criterion(

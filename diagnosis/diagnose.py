@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from diagnosis.answer import (
     Answer,
+    by_force,
     closes_too_little,
     form_parts,
     largest_adequate,
@@ -151,9 +152,10 @@ def diagnosed(
 def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     stages, names, outcome, closure = answer.stages, answer.names, answer.outcome, answer.closure
     criteria = baseline.criteria
-    parts = form_parts(stages, criteria)
+    slow = by_force(stages, baseline)
+    parts = form_parts(stages, criteria, slow)
     partly = tuple(n for n in strongest_first(stages) if n not in parts) if outcome is Outcome.NONE else ()
-    rivals = rivalling(stages, criteria) if outcome is Outcome.ATTRIBUTED else ()
+    rivals = rivalling(stages, criteria, slow) if outcome is Outcome.ATTRIBUTED else ()
     if rivals:
         outcome = Outcome.AMBIGUOUS
     unknown = learned(pruned.stages[0].fitted, closure.floor, baseline) if outcome is Outcome.NONE else None

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
@@ -117,6 +118,17 @@ def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequen
         return np.asarray(states[:, state])
 
     return tuple(parallel_map(force, records, evaluate(candidate, records, paths)))
+
+
+def force_left(fitted: Fit, records: Sequence[Record]) -> float:
+    """The deviation [N] of the unknown force that a fit leaves: a search leaves a constant force open."""
+    left = unknown_force(fitted.candidate, records, fitted.paths)
+    return rms([force - np.nanmean(force) for force in left])
+
+
+def force_share(before: float, after: float) -> float:
+    """The part [1] of the energy of the unknown force that is taken off, by its deviations [N]."""
+    return 1 - (after / before) ** 2 if before > 0 else 0.0
 
 
 def errors_of(

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
-from diagnosis.how_far import unknown_force
+from diagnosis.how_far import force_left, force_share
 from diagnosis.model.fit import Fit, fit
-from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
 from diagnosis.which.select import min_gain_beside_others
 from diagnosis.which.stage import Stage
@@ -55,18 +54,28 @@ def prune(stages: Sequence[Stage], baseline: Baseline) -> Pruned:
 
 def _needed(names: Sequence[str], fits: Mapping[Names, Fit], baseline: Baseline) -> Names:
     """The names that each gain more than chance, and than the others' form error, beside all the others."""
-    criteria, thresholds, kept = baseline.criteria, baseline.thresholds, frozenset(names)
-    while len(kept) > 1:
-        worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
-        limit = {name: thresholds.get(name, criteria.min_gain) for name in worth}
-        least = min(worth, key=lambda name: (worth[name] - limit[name], name))
-        without = fits[kept - {least}].innovations
-        gained = fits[frozenset()].cost - fits[kept].cost
-        further = min_gain_beside_others(gained, float(without @ without), baseline.floors, criteria)
-        if worth[least] >= max(limit[least], further):
-            break
-        kept -= {least}
+    kept = frozenset(names)
+    while len(kept) > 1 and (useless := _useless(kept, fits, baseline)):
+        kept -= {useless}
     return kept
+
+
+def _useless(kept: Names, fits: Mapping[Names, Fit], baseline: Baseline) -> str | None:
+    """The name that is needed the least, if it isn't needed; one that gains little is, where it takes off a good part
+    of a slow force."""
+    criteria, thresholds = baseline.criteria, baseline.thresholds
+    worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
+    limit = {name: thresholds.get(name, criteria.min_gain) for name in worth}
+    gained = fits[frozenset()].cost - fits[kept].cost
+    for name in sorted(worth, key=lambda name: (worth[name] - limit[name], name)):
+        without = fits[kept - {name}]
+        left = float(without.innovations @ without.innovations)
+        if worth[name] >= max(limit[name], min_gain_beside_others(gained, left, baseline.floors, criteria)):
+            return None
+        slow = force_share(*(force_left(one, baseline.records) for one in (without, fits[kept])))
+        if worth[name] < limit[name] or slow < criteria.force_share_of_slow:
+            return name
+    return None
 
 
 def shrinking(pruned: Pruned, baseline: Baseline) -> tuple[Stage, ...]:
@@ -78,9 +87,9 @@ def shrinking(pruned: Pruned, baseline: Baseline) -> tuple[Stage, ...]:
     alone = parallel_map(lambda name: _without(pruned.stages, names - {name}, records, start), sorted(names))
     for name, fitted in zip(sorted(names), list(alone), strict=True):
         fits[frozenset({name})] = min(fitted, fits[frozenset({name})], key=lambda fitted: fitted.cost)
-    least = _force(fits[frozenset()], records)
+    least = force_left(fits[frozenset()], records)
     while names:
-        forces = {name: _force(fits[frozenset((*ordered, name))], records) for name in sorted(names)}
+        forces = {name: force_left(fits[frozenset((*ordered, name))], records) for name in sorted(names)}
         best = min(forces, key=lambda name: forces[name])
         if forces[best] >= baseline.criteria.max_force_ratio * least:
             break
@@ -92,12 +101,6 @@ def shrinking(pruned: Pruned, baseline: Baseline) -> tuple[Stage, ...]:
 def _name(stage: Stage) -> str:
     assert stage.added is not None
     return stage.added
-
-
-def _force(fitted: Fit, records: Sequence[Record]) -> float:
-    """What a fit leaves of unknown force, its deviation [N]."""
-    left = unknown_force(fitted.candidate, records, fitted.paths)
-    return rms([force - np.nanmean(force) for force in left])  # the search leaves a constant force open
 
 
 def _fits(stages: Sequence[Stage], names: Sequence[str], records: Sequence[Record]) -> dict[Names, Fit]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
+from diagnosis.how_far import force_left, force_share
 from diagnosis.model.fit import Fit, amplitudes, at_bounds, fit
 from diagnosis.model.parallel import parallel_map
 from diagnosis.refit import started, weighed
@@ -61,6 +62,9 @@ class Search(Protocol):
 
     def settled(self, trial: Trial, before: Stage) -> Trial:
         """The trial that is about to be kept, with what it may have stood in for estimated anew."""
+
+    def force(self, fitted: Fit) -> float:
+        """The deviation [N] of the unknown force that a model leaves."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,10 @@ class RecordSearch:
             fitted = weighed(fitted, records, self.criteria, self.baseline.null.usual)
         return replace(trial, fitted=fitted)
 
+    def force(self, fitted: Fit) -> float:
+        """Of the baseline's records."""
+        return force_left(fitted, self.baseline.records)
+
 
 def select(
     baseline: Baseline, disabled: Collection[str] = (), say: Callable[[str], None] = lambda _: None
@@ -137,6 +145,9 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
         best = search.settled(min(trials, key=lambda trial: trial.fitted.cost), stages[-1])
         if stages[-1].fitted.cost - best.fitted.cost < criteria.min_gain:
             set_aside |= {trial.proposal.name for trial in trials}
+            continue
+        if _one_class_more(best, stages[-1], criteria) and not _takes_force(best, stages[-1], search):
+            set_aside.add(best.proposal.name)
             continue
         if _too_many(best.fitted, criteria):
             break
@@ -235,10 +246,26 @@ def _opposed(fitted: Fit, name: str) -> bool:
     return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
 
 
+def _one_class_more(trial: Trial, before: Stage, criteria: Criteria) -> bool:
+    """Whether a trial adds a class beyond those that chi-square alone may put into one answer."""
+    return _classes(trial.fitted) > max(criteria.max_effects, _classes(before.fitted))
+
+
+def _takes_force(trial: Trial, before: Stage, search: Search) -> bool:
+    """Whether a trial takes off enough of the unknown force for a further class; a chi-square alone can be gained by
+    what many laws draw together."""
+    taken = force_share(search.force(before.fitted), search.force(trial.fitted))
+    return taken >= search.criteria.min_force_share_further
+
+
+def _classes(fitted: Fit) -> int:
+    return len({effect.name for effect in fitted.candidate.added_effects})
+
+
 def _too_many(fitted: Fit, criteria: Criteria) -> bool:
     """Whether so many effects are in the model that they could be a series expansion of anything."""
-    found = fitted.candidate.added_effects
-    return len({effect.name for effect in found}) > criteria.max_effects or len(found) > criteria.max_effects + 2
+    most = max(criteria.max_effects_by_force, criteria.max_effects)
+    return _classes(fitted) > most or len(fitted.candidate.added_effects) > most + 2
 
 
 def _dull(stages: Sequence[Stage], criteria: Criteria) -> set[str]:

@@ -80,6 +80,7 @@ def test_a_law_of_the_same_kind_that_gains_little_beside_another_is_a_part_of_it
     for left, parts in ((1000.0, {"stribeck": "viscous_friction"}), (200.0, {})):
         third = replace(_stage(left, "stribeck"), fitted=_fit(left, [drag, falling]))
         assert form_parts([first, second, third], CRITERIA) == parts
+        assert form_parts([first, second, third], CRITERIA, slow={"stribeck"}) == {}
     other = replace(_stage(1000.0, "cogging"), fitted=_fit(1000.0, [drag, cogging]))
     assert form_parts([first, second, other], CRITERIA) == {}
 

@@ -72,6 +72,9 @@ class Planned:
     def settled(self, trial: Trial, before: Stage) -> Trial:  # noqa: ARG002 - of the protocol
         return trial
 
+    def force(self, fitted: Fit) -> float:
+        return float(np.sqrt(fitted.cost))
+
     def _effect(self, name: str) -> Effect:
         return self.effects.get(name, every()[name].typical())
 
@@ -103,12 +106,23 @@ def test_of_those_tried_the_one_that_leaves_least_is_kept_and_the_others_are_its
 
 
 @pytest.mark.parametrize("own", [(), ("viscous_friction",), ("viscous_friction", "cogging", "play")])
-def test_three_effects_are_looked_for_whatever_the_machine_file_holds(own: Sequence[str]) -> None:
+@pytest.mark.parametrize(("share", "found"), [(0.9, 3), (1.1, 4)])  # of what a fourth class has to take off
+def test_three_effects_are_looked_for_and_more_if_they_take_off_force(
+    own: Sequence[str], share: float, found: int
+) -> None:
     wanted = ["stribeck", "cable_spring", "thrust_ripple", "gain_asymmetry"]
     promises = {len(own) + i: {name: 900.0} for i, name in enumerate(wanted)}
-    costs = {name: 1500.0 - 400.0 * i for i, name in enumerate(wanted)}
+    costs = {name: 1500.0 - 400.0 * i for i, name in enumerate(wanted[:3])}
+    costs[wanted[3]] = costs[wanted[2]] * (1 - share * CRITERIA.min_force_share_further)
     stages = _searched(promises, costs, [every()[name].typical() for name in own])
-    assert [set(stage) for stage in stages] == [set(wanted[:count]) for count in range(CRITERIA.max_effects + 1)]
+    assert [set(stage) for stage in stages] == [set(wanted[:count]) for count in range(found + 1)]
+
+
+def test_more_classes_than_draw_anything_are_no_answer() -> None:
+    wanted = ["stribeck", "cable_spring", "thrust_ripple", "gain_asymmetry", "play", "cogging", "backlash"]
+    promises = {i: {name: 900.0} for i, name in enumerate(wanted)}
+    costs = {name: START / 2 ** (i + 1) for i, name in enumerate(wanted)}
+    assert len(_searched(promises, costs)) == CRITERIA.max_effects_by_force + 1
 
 
 def test_the_first_effect_beside_the_machine_files_own_needs_no_more_than_any_first_one() -> None:
