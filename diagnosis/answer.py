@@ -122,13 +122,14 @@ def form_parts(stages: Sequence[Stage], criteria: Criteria, slow: Collection[str
 def by_force(stages: Sequence[Stage], baseline: Baseline) -> frozenset[str]:
     """Effects that gained as little as a part of another one's form does, but took off most of the unknown force: a
     spring beside a cogging, which the filter's own random force follows."""
-    little = form_parts(stages, baseline.criteria)
-    added = [(before.fitted, after) for before, after in pairwise(stages) if after.added in little]
-    shares = {
-        f"{after.added}": force_share(*(force_left(one, baseline.records) for one in (before, after.fitted)))
-        for before, after in added
-    }
-    return frozenset(name for name, share in shares.items() if share >= baseline.criteria.force_share_of_slow)
+    little, least = form_parts(stages, baseline.criteria), baseline.criteria.force_share_of_slow
+    return frozenset(
+        after.added
+        for before, after in pairwise(stages)
+        if after.added is not None
+        and after.added in little
+        and force_share(*(force_left(one.fitted, baseline.records) for one in (before, after))) >= least
+    )
 
 
 def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) -> Answer:

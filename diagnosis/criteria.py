@@ -113,7 +113,7 @@ class Criteria:
         0.1,
         "1",
         "part of the energy of the unknown force that is left, which a class beyond the first three has to take off",
-        "on EMPS with injected laws a lag that is none takes off up to 0.01, a cogging of 0.7 N 0.13",
+        "on EMPS with injected laws a current-loop lag takes off up to 0.01, the axis' own cogging of 0.7 N (rms) 0.13",
     )
     force_share_of_slow: float = _criterion(
         0.5,

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diagnosis.answer import by_force
 from diagnosis.baseline import Baseline
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
@@ -20,6 +22,7 @@ from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
+from models.effects.structure import CableSpring
 from tests.diagnosis.tables import recorded, schedules, table
 
 NAMES = ("a", "b", "c")
@@ -55,3 +58,39 @@ def test_an_effect_that_another_makes_useless_is_taken_out() -> None:
     assert found.shares == {"cogging": 1.0}
     assert [effect.name for effect in found.stages[-1].fitted.candidate.effects] == ["cogging"]
     assert found.stages[-1].fitted.cost < both.cost + 20.0
+
+
+@pytest.fixture(scope="module")
+def springy() -> tuple[list[Stage], Baseline]:
+    """A table with a cogging and a spring; in its stages the spring comes last."""
+    machine = table()
+    wrong = (Cogging(0.5, 0.035, 1.0), CableSpring(300.0))
+    records = recorded(machine, schedules(machine)[1:], wrong, seed=3)
+    nominal = refit(parameters(machine, len(records)), records)
+    first = _with(nominal, wrong[0], records)
+    stages = [
+        Stage(nominal),
+        Stage(first, added="cogging"),
+        Stage(_with(first, wrong[1], records), added="cable_spring"),
+    ]
+    nothing = Null({}, tuple((0.0,) * len(records) for _ in range(2)), (4.0, 4.0))
+    return stages, Baseline(nominal, records, pieces(records), nothing)
+
+
+@pytest.mark.parametrize(("least", "kept"), [(0.5, {"cogging", "cable_spring"}), (1.1, {"cable_spring"})])
+def test_what_takes_off_most_of_the_force_is_needed_whatever_it_gains(
+    springy: tuple[list[Stage], Baseline], least: float, kept: set[str]
+) -> None:
+    """No chi-square is enough here; a share of more than 1 can't be reached."""
+    stages, baseline = springy
+    criteria = Criteria(min_gain_further=1e9, force_share_of_slow=least)
+    assert set(prune(stages, replace(baseline, criteria=criteria)).shares) == kept
+
+
+@pytest.mark.parametrize(("least", "found"), [(0.5, {"cable_spring"}), (1.1, set())])
+def test_a_spring_beside_a_cogging_is_no_part_of_its_form(
+    springy: tuple[list[Stage], Baseline], least: float, found: set[str]
+) -> None:
+    stages, baseline = springy
+    little = Criteria(form_part=1e9, force_share_of_slow=least)  # whatever it gains is little beside the other
+    assert by_force(stages, replace(baseline, criteria=little)) - {"cogging"} == found
