@@ -8,7 +8,7 @@ diagnosis may explain. Imports nothing of the models.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,12 +21,15 @@ Array = NDArray[np.float64]
 
 SEGMENTS: Final = 8  # of the record over which the spectrum of its roughness is averaged
 LIMIT: Final = 5.0  # D from which an injected force counts as identifiable
+KNOTS: Final = 8  # of a free curve over speed, evenly in its logarithm
+SLOWEST: Final = 0.01  # quantile of the speeds at which it begins
+SAME: Final = 1e-9  # of the largest singular value, below which directions are one
 SIZES: Final = {"low": 0.5 * LIMIT, "middle": 1.5 * LIMIT, "high": 4 * LIMIT}
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What a record's rigid axis with friction leaves: its directions (n, 4), each of length 1, and the one-sided
+    """What a record's rigid axis with friction leaves: its directions (n, k), orthonormal, and the one-sided
     spectral density (m,) [N2/Hz] at frequencies (m,) [Hz]; the sample time [s]; rms [N] of what is left."""
 
     directions: Array
@@ -48,8 +51,20 @@ def noise_of(path: Course, sample_time: float) -> Noise:
     return Noise(directions, frequency, density, sample_time, float(np.sqrt(np.mean(left**2))))
 
 
+def beside_speed(path: Course, noise: Noise) -> Noise:
+    """The same roughness, with friction over speed among what is explained: any curve, in each direction for itself."""
+    friction, speed = dragged(path.position, path.soft), np.abs(path.speed)
+    knots = np.log(np.geomspace(np.quantile(speed[speed > 0], SLOWEST), np.max(speed), KNOTS))
+    at = np.log(np.maximum(speed, np.exp(knots[0])))
+    hats = [np.interp(at, knots, one) for one in np.eye(KNOTS)]
+    curves = [np.maximum(way * friction, 0) * hat for way in (1, -1) for hat in hats]
+    columns = [one / max(float(np.linalg.norm(one)), 1e-300) for one in curves]
+    left, sizes, _ = np.linalg.svd(np.column_stack([noise.directions, *columns]), full_matrices=False)
+    return replace(noise, directions=left[:, sizes > SAME * sizes[0]])
+
+
 def unexplained(force: Array, noise: Noise) -> Array:
-    """What of a force (n,) [N] mass, drag, friction and offset cannot explain [N]."""
+    """What of a force (n,) [N] the noise's directions cannot explain [N]: mass, drag, friction and offset."""
     return np.asarray(force - noise.directions @ (noise.directions.T @ force))
 
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.blind_trial.injection.distance import LIMIT, SIZES, Noise, distance, unexplained
+from studies.blind_trial.injection.distance import LIMIT, SIZES, Noise, beside_speed, distance, unexplained
 from studies.blind_trial.injection.laws import LAWS, Chance, Injected, Ranges
 from studies.blind_trial.injection.motion import Course
 
@@ -108,12 +108,14 @@ def draw(plan: Plan, known: Known) -> Drawn:
     if over > 1:
         size /= over
         force = law.force(path, size, shape)
-    apart = distance(force, noise)
+    apart, beside = distance(force, noise), distance(force, beside_speed(path, noise))
+    known = law.kind != "parameters"
     body = {
         "name": [law.name],
         "kind": law.kind,
         "severity": plan.severity,
-        "identifiable": law.kind != "parameters" and apart >= LIMIT * (1 - 1e-9),
+        "identifiable": known and apart >= LIMIT * (1 - 1e-9),
+        "identifiable_beside_speed": known and beside >= LIMIT * (1 - 1e-9),
         "record": plan.record,
         "force_N": _rms(force),
         "unexplained_force_N": _rms(unexplained(force, noise)),
@@ -124,6 +126,7 @@ def draw(plan: Plan, known: Known) -> Drawn:
                 "size": size,
                 "unit": law.unit,
                 "distance": apart,
+                "distance_beside_speed": beside,
                 "shape": shape,
                 "period": {law.period: shape["period"]} if law.period else {},
             }

@@ -3,8 +3,9 @@
 No design made from the nominal file can know how the true machine departs from the nominal one under equal references,
 and one made with the truth can take all off it that repeats. So the machine is asked to settle within a tolerance
 between that departure and the scale's readings; of several settling times, within the longest that leaves such a
-tolerance. Where none does, as where nothing is wrong, the usual specification stays. Some machines are asked for more
-than their scale can show, so that what cannot be met comes up as well. Of the label it tells no more than that.
+tolerance. Where none does, as where nothing is wrong, the tolerance is drawn between the same ends, so that a tight one
+does not tell that something is. Some machines are asked for more than their scale can show, so that what cannot be met
+comes up as well.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def specification(found: Plan) -> dict[str, Any]:
     axis = found.bench.axis
     rng = np.random.default_rng([found.seed, 6])
     over, impossible = rng.uniform(*DEPARTURE), rng.random() < IMPOSSIBLE[0]
-    usual = wanted(axis, TIMES[0], max(0.005 * axis.reach, SHOWN * axis.read))
+    usual = wanted(axis, TIMES[0], SHOWN * axis.read)
     if impossible:
         return {**usual, "tolerance_m": IMPOSSIBLE[1] * axis.read}
     for share in TIMES:
@@ -51,7 +52,8 @@ def specification(found: Plan) -> dict[str, Any]:
         departs = departure(found, asked)
         if departs is not None and departs > over * asked["tolerance_m"]:
             return {**asked, "tolerance_m": min(departs / over, WIDEST * asked["stroke_m"])}
-    return usual
+    widest = max(WIDEST * usual["stroke_m"], usual["tolerance_m"])
+    return {**usual, "tolerance_m": float(usual["tolerance_m"] * (widest / usual["tolerance_m"]) ** rng.random())}
 
 
 def wanted(axis: Axis, share: float, tolerance: float) -> dict[str, Any]:
