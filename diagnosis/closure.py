@@ -23,10 +23,9 @@ from diagnosis.criteria import Criteria
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.motions import Piece, repeated, rms, scatter
-from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, smooth
 from diagnosis.model.units import noise
-from diagnosis.null import simulated
+from diagnosis.null import simulated_with_starts
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out
 from diagnosis.which.stage import Carrier, Stage
@@ -36,6 +35,8 @@ from models.machine import Machine
 from models.records.record import Record
 
 Array = NDArray[np.float64]
+
+Made = tuple[Candidate, tuple[Record, ...]]
 
 BOOTSTRAP: Final = 1000
 BANDS: Final = 40  # of frequency, equally wide on a logarithmic scale
@@ -95,7 +96,7 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     nothing but a simulation tells from the floor, is it simulated as well.
     """
     records, first, final = baseline.records, stages[0].fitted, stages[-1].fitted
-    floor = _repeated_floor(stages[-1], baseline) or _simulated_floor(stages[-1], baseline, seed)
+    floor = _repeated_floor(stages[-1], baseline) or simulated_floor(stages[-1], baseline, seed)
     known, weight = floor.known, weights(records)
     left = held_out(final, partial_out(final, baseline.segment)) * _deviations(final)
     left = left * noise(final.candidate.machine) * weight  # in the order of `signal`: closure of nothing is exactly 0
@@ -124,22 +125,22 @@ def _repeated_floor(stage: Stage, baseline: Baseline) -> NoiseFloor | None:
     return measured(fitted, records, baseline.pieces, criteria, baseline.driving)
 
 
-def _simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
+def simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
     """The floor from records that the stage's model made of the same references."""
     final, records = stage.fitted, baseline.records
     seeds = [seed + SEED + 10 * i for i in range(SIMULATED)]
     made = [simulated_records(final.candidate, records, one) for one in seeds]
-    random, again = tuple[RandomEnergy, ...](), list[tuple[Record, ...]]()
+    random, again = tuple[RandomEnergy, ...](), list[Made]()
     parts = [proposal.random_part for proposal in stage.carried_by(Carrier.FLOOR) if proposal.random_part]
     if parts:
         (part,) = parts  # one detector finds effects that act at random
         again = [simulated_records(final.candidate, records, one, [part.effect]) for one in seeds]
-        random = tuple(RandomEnergy(innovations_of(final.candidate, one, final.walk), part.part) for one in again)
-    least = tuple(innovations_of(final.candidate, one, final.walk) for one in made)
+        random = tuple(RandomEnergy(innovations_of(*one, final.walk), part.part) for one in again)
+    least = tuple(innovations_of(*one, final.walk) for one in made)
     ratio = 1 + 1 / SIMULATED
 
-    def left(of_these: Sequence[Record]) -> Gap:
-        return errors_of(final.candidate, of_these, smooth(final.candidate, of_these)).gap()
+    def left(made: Made) -> Gap:
+        return errors_of(*made, smooth(*made)).gap()
 
     def more() -> float:
         if not again:
@@ -175,13 +176,12 @@ def measured(
     return NoiseFloor((apart * size,), (), ratio, "repeats", scattered)
 
 
-def simulated_records(
-    candidate: Candidate, records: Sequence[Record], seed: int, extra: Sequence[Effect] = ()
-) -> tuple[Record, ...]:
-    """Records that the candidate makes of the same references, with noise; `extra` effects besides."""
+def simulated_records(candidate: Candidate, records: Sequence[Record], seed: int, extra: Sequence[Effect] = ()) -> Made:
+    """The candidate as it has to be to see the records that it makes of the same references, with noise, and these;
+    `extra` effects besides."""
     whole = with_sines(candidate)
-    whole = replace(whole, effects=in_order((*whole.effects, *extra)))
-    return tuple(parallel_map(lambda i, record: simulated(whole, record, i, seed + i), range(len(records)), records))
+    made, begun = simulated_with_starts(replace(whole, effects=in_order((*whole.effects, *extra))), records, seed)
+    return replace(candidate, theta=begun.theta), made
 
 
 def innovations_of(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:

@@ -112,7 +112,8 @@ class Criteria:
     min_force_share_further: float = _criterion(
         0.1,
         "1",
-        "part of the energy of the unknown force that is left, which a class beyond the first three has to take off",
+        "part of the energy of the unknown force that is left, which a class beyond the first three has to take off; a "
+        "slow force as much of the energy that was there at first",
         "on EMPS with injected laws a current-loop lag takes off up to 0.01, the axis' own cogging of 0.7 N (rms) 0.13",
     )
     force_share_of_slow: float = _criterion(
@@ -121,7 +122,8 @@ class Criteria:
         "part of the energy of the unknown force that is left, from which on an effect that takes it off needs to gain "
         "no more than chance does: the filter's own random force follows slow forces, which then hardly show in "
         "chi-square",
-        "a spring injected into EMPS takes off 0.80 and gains 191, where the form error of others is 500",
+        "of laws injected into EMPS a spring takes off 0.80 and gains 191, two friction drifts take off 0.53 and 0.59 "
+        "and gain 386 and 514, where the form error of others is 500",
     )
     max_members: int = _criterion(2, "1", "effects of one class in a model, such as two time constants")
     shortlist_size: int = _criterion(3, "1", "proposals that are re-fitted with everything else before one is kept")

@@ -83,6 +83,17 @@ def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Re
     return _simulated(candidate, record, index, seed)[0]
 
 
+def simulated_with_starts(
+    candidate: Candidate, records: Sequence[Record], seed: int
+) -> tuple[tuple[Record, ...], Candidate]:
+    """`simulated` for all records, and the candidate with its friction as it was at their first samples."""
+    runs = parallel_map(lambda i, record: _simulated(candidate, record, i, seed + i), range(len(records)), records)
+    made, states = zip(*runs, strict=True)
+    theta = candidate.theta.copy()
+    theta[candidate.layout.of("initial_friction_state")] = np.concatenate(states)
+    return made, replace(candidate, theta=bounded(candidate.layout, theta))
+
+
 def _simulated(candidate: Candidate, record: Record, index: int, seed: int) -> tuple[Record, Array]:
     """The record, and the displacements (N,) [m] of the friction's elements at its first sample: while the table comes
     to rest before it, contacts that were deflected against each other push it some way."""
@@ -226,12 +237,9 @@ def _drawn(layout: Parameters, records: Sequence[Record], roughness: tuple[float
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects), roughness=roughness)
-    runs = parallel_map(lambda i, record: _simulated(truth, record, i, 1000 * seed + i), range(len(records)), records)
-    made, states = map(list, zip(*runs, strict=True))
-    theta = theta.copy()
-    theta[layout.of("initial_friction_state")] = np.concatenate(states)
-    fitted = one_step(replace(truth, theta=bounded(layout, theta)), made, walk=slow_walk(layout.machine))
-    return fitted, made, partial_out(fitted, numbered(pieces(made, loop_time(layout.machine)), made))
+    made, begun = simulated_with_starts(truth, records, 1000 * seed)
+    fitted = one_step(begun, made, walk=slow_walk(layout.machine))
+    return fitted, list(made), partial_out(fitted, numbered(pieces(made, loop_time(layout.machine)), made))
 
 
 def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:

@@ -42,7 +42,7 @@ def learning_filter(machine: Machine, omega: Array) -> NDArray[np.complex128]:
     crossing = omega[np.flatnonzero(np.any(np.abs(plants * feedback) >= 1, axis=0))]
     keeps = 1 / (1 + (omega / (PASS * float(crossing[-1]) if crossing.size else omega[-1])) ** (2 * STEEP))
     shrinks = np.max(np.abs(1 - STEP * inverse * reach), axis=0) <= 1
-    return np.asarray(STEP * inverse * keeps * shrinks)
+    return np.asarray(inverse * (STEP * keeps * shrinks), np.complex128)
 
 
 def corrected(record: Record, machine: Machine, limit: float) -> Array:
@@ -53,7 +53,7 @@ def corrected(record: Record, machine: Machine, limit: float) -> Array:
     """
     n, ts, delay = record.position.size, machine.sample_time, machine.control.reference_delay
     path = np.concatenate([np.full(delay, record.reference[0]), record.reference])[:n]
-    omega = 2 * math.pi * np.fft.rfftfreq(2 * n, ts)
+    omega = np.asarray(2 * math.pi * np.fft.rfftfreq(2 * n, ts), float)
     omega[0] = omega[1] * 1e-3  # the integral has no response at rest
     judged = judged_motions(record, machine)
     error = path - record.position

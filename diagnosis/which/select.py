@@ -131,7 +131,7 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
     criteria = search.criteria
     stage, columns = search.examined(Stage(nominal))
     stages, set_aside = [stage], set[str]()
-    while shortlist := shortlisted(stages, search, set_aside):
+    while shortlist := shortlisted(stages, search, set_aside) or slow_ones(stages, search, set_aside):
         say(f"fitting {', '.join(proposal.name for proposal in shortlist)} with all that is nominal")
         trials = search.tried(stages[-1], shortlist)
         if trials[0].proposal.decided:
@@ -146,7 +146,7 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
         if stages[-1].fitted.cost - best.fitted.cost < criteria.min_gain:
             set_aside |= {trial.proposal.name for trial in trials}
             continue
-        if _one_class_more(best, stages[-1], criteria) and not _takes_force(best, stages[-1], search):
+        if not _takes_force(best, stages, search):
             set_aside.add(best.proposal.name)
             continue
         if _too_many(best.fitted, criteria):
@@ -175,6 +175,15 @@ def shortlisted(stages: Sequence[Stage], search: Search, set_aside: Collection[s
     return (max(decided, key=lambda proposal: proposal.gain),) if decided else promising
 
 
+def slow_ones(stages: Sequence[Stage], search: Search, set_aside: Collection[str] = ()) -> tuple[Proposal, ...]:
+    """The proposal to be fitted beside effects once no other is worth it, in case that it is a slow force: the next of
+    those few that gain the most of all that gain more than chance."""
+    inside = {effect.name for effect in stages[-1].fitted.candidate.added_effects}
+    allowed = [one for one in stages[-1].scanned if one.name not in inside and _above_chance(one, search)]
+    left = [one for one in allowed[: search.criteria.shortlist_size] if one.name not in set_aside]
+    return tuple(left[:1]) if inside else ()
+
+
 def _promising(stages: Sequence[Stage], search: Search, set_aside: Collection[str]) -> tuple[Proposal, ...]:
     """Of the scan's significant proposals those that gain nearly as much as the best; a second member of a class in the
     model goes before another class."""
@@ -200,11 +209,15 @@ def _significant(stages: Sequence[Stage], search: Search, set_aside: Collection[
     allowed = []
     for proposal in stages[-1].scanned:
         members = inside.count(proposal.name)
-        least = criteria.min_gain if members or not inside else further
-        needed = max(proposal.threshold, least, of_excess)
-        if proposal.gain > needed and members < criteria.max_members and proposal.name not in set_aside:
+        enough = proposal.gain > max(0.0 if members or not inside else further, of_excess)
+        may = members < criteria.max_members and proposal.name not in set_aside
+        if may and enough and _above_chance(proposal, search):
             allowed.append(proposal)
     return allowed
+
+
+def _above_chance(proposal: Proposal, search: Search) -> bool:
+    return proposal.gain > max(proposal.threshold, search.criteria.min_gain)
 
 
 def min_gain_beside_others(gained: float, left: float, floors: Array, criteria: Criteria) -> float:
@@ -246,16 +259,23 @@ def _opposed(fitted: Fit, name: str) -> bool:
     return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
 
 
-def _one_class_more(trial: Trial, before: Stage, criteria: Criteria) -> bool:
-    """Whether a trial adds a class beyond those that chi-square alone may put into one answer."""
-    return _classes(trial.fitted) > max(criteria.max_effects, _classes(before.fitted))
+def _takes_force(trial: Trial, stages: Sequence[Stage], search: Search) -> bool:
+    """Whether a trial takes off as much of the unknown force as it needs to.
 
-
-def _takes_force(trial: Trial, before: Stage, search: Search) -> bool:
-    """Whether a trial takes off enough of the unknown force for a further class; a chi-square alone can be gained by
-    what many laws draw together."""
-    taken = force_share(search.force(before.fitted), search.force(trial.fitted))
-    return taken >= search.criteria.min_force_share_further
+    That is a good part of what is left, and of what was there at first, where it gains less than the form of the others
+    may be wrong by; a part of what is left for a class beyond those that chi-square alone may put into one answer, as
+    many laws together draw anything; nothing else.
+    """
+    criteria, before = search.criteria, stages[-1].fitted
+    slow = trial.proposal not in _significant(stages, search, ())
+    further = _classes(trial.fitted) > max(criteria.max_effects, _classes(before))
+    if not (slow or further):
+        return True
+    first, last, now = (search.force(one) for one in (stages[0].fitted, before, trial.fitted))
+    taken = force_share(last, now)
+    if not slow:
+        return taken >= criteria.min_force_share_further
+    return taken >= criteria.force_share_of_slow and last**2 - now**2 >= criteria.min_force_share_further * first**2
 
 
 def _classes(fitted: Fit) -> int:

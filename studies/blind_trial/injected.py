@@ -352,6 +352,7 @@ def _row(one: Verdict, body: Mapping[str, Any], answer: Mapping[str, Any]) -> di
         "force_N": body["force_N"],
         "unexplained_force_N": body["unexplained_force_N"],
         "distance": one.distance,
+        "distance_beside_speed": effect["distance_beside_speed"],
         "counts": one.counts,
         "outcome": one.outcome,
         "new": list(one.new),
@@ -367,6 +368,7 @@ def _row(one: Verdict, body: Mapping[str, Any], answer: Mapping[str, Any]) -> di
 
 TARGETS: Final = (
     ("right_name", "right name, above the detection limit", ">=", 0.90),
+    ("right_name_apart", "the same beside any friction over speed", ">=", 0.90),
     ("wrong_name", "wrong name, all cases", "<=", 0.02),
 )
 

@@ -37,13 +37,15 @@ CHANGED: Final = 5.0  # deviations by which what an effect does has to be anothe
 class Verdict:
     """One case scored: the names that are new, those that the uninjected record has too, whether the injected effect is
     named and nothing wrong is, whether something wrong is named, whether an abstention names it in part; the closure of
-    the injected part [1]."""
+    the injected part [1]. counts: whether it is above the detection limit; apart: also beside any friction over speed.
+    """
 
     case: str
     kind: str
     name: str
     severity: str
     counts: bool
+    apart: bool
     record: int
     distance: float
     outcome: str
@@ -84,6 +86,7 @@ def score(case: str, body: Mapping[str, Any], answer: Answer, uninjected: Answer
         name,
         str(body["severity"]),
         bool(body["identifiable"]),
+        bool(body["identifiable_beside_speed"]),
         int(body["record"]),
         float(effect["distance"]),
         str(verdict.get("outcome") or "failed"),
@@ -170,11 +173,13 @@ def _size(effect: str, answer: Answer) -> tuple[float | None, float]:
 
 
 def rates(scores: Sequence[Verdict]) -> dict[str, Rate]:
-    """The rates of the table; those of right names and abstentions over what is above the detection limit."""
+    """The rates of the table; those of right names and abstentions over what is above the detection limit, and of right
+    names also over what is above it beside any friction over speed: a law that is none of that alone."""
     singles = [one for one in scores if one.kind == "single"]
     seen = [one for one in singles if one.counts]
     return {
         "right_name": rate_of([one.right for one in seen]),
+        "right_name_apart": rate_of([one.right for one in seen if one.apart]),
         "right_or_in_part": rate_of([one.right or (one.in_part and not one.wrong) for one in seen]),
         "below_the_limit": rate_of([one.right for one in singles if not one.counts]),
         "abstention": rate_of([one.right for one in scores if one.kind == "outsider" and one.counts]),

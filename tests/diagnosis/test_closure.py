@@ -1,13 +1,24 @@
-"""The closure of a gap that is known: a slow signal in white noise, of which a share is taken out."""
+"""The closure of a gap that is known: a slow signal in white noise, of which a share is taken out; and its floor."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.closure import RandomEnergy, gap_closure, gap_share, weighted
+from diagnosis.baseline import Baseline
+from diagnosis.closure import RandomEnergy, gap_closure, gap_share, simulated_floor, weighted
+from diagnosis.model.fit import one_step
+from diagnosis.model.motions import pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.null import Null, simulated_with_starts
+from diagnosis.which.stage import Stage
+from models.records.record import Record
+from tests.diagnosis.tables import schedules, table
 
 COUNT, MOTIONS = 20_000, 40
 SEGMENT = np.repeat(np.arange(MOTIONS), COUNT // MOTIONS)
@@ -63,3 +74,26 @@ def test_what_late_commands_add_to_the_floor_counts_as_explained() -> None:
         found, (low, high) = gap_closure(before, before, floors, segment, late)
         assert abs(found - explained) < 0.15
         assert low - 0.02 <= explained <= high + 0.02
+
+
+@pytest.mark.slow
+def test_the_floor_is_what_a_complete_model_leaves_however_finely_its_scale_resolves_the_friction() -> None:
+    """A fit may push the contacts' displacements at the first sample a little beyond their limits. A simulation slips
+    there while it comes to rest before the record, and begins elsewhere, which a fine scale sees."""
+    machine = table()
+    machine = replace(machine, scale=replace(machine.scale, resolution=2e-11, noise=1e-11))
+    layout, wanted = parameters(machine, 1), schedules(machine)[0]
+    theta, limit = np.zeros(layout.count), np.array(machine.friction.limit)
+    theta[layout.of("initial_friction_state")] = 1.03 * limit
+    asked = Record(
+        machine.sample_time, wanted.target, wanted.given.position, wanted.given.feedforward, *2 * [wanted.target]
+    )
+    made, begun = simulated_with_starts(Candidate(layout, theta), [asked], 7)
+    fitted = one_step(begun, made)
+    left, last = fitted.innovations, replace(fitted, candidate=replace(begun, theta=theta))
+    baseline = Baseline(fitted, made, pieces(made), Null({}, ((1.0,),), (4.0,)))
+    floor = simulated_floor(Stage(last), baseline, 0)
+    size = fitted.residuals[0].deviation * np.hypot(1e-11, 2e-11 / np.sqrt(12))
+    for one in floor.innovations:
+        assert np.mean(one**2) == pytest.approx(np.mean((left * size) ** 2), rel=0.2)
+    assert floor.gap().force < 1e-3 * float(np.dot(machine.friction.stiffness, limit))

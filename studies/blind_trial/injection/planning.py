@@ -109,13 +109,13 @@ def draw(plan: Plan, known: Known) -> Drawn:
         size /= over
         force = law.force(path, size, shape)
     apart, beside = distance(force, noise), distance(force, beside_speed(path, noise))
-    known = law.kind != "parameters"
+    is_force = law.kind != "parameters"
     body = {
         "name": [law.name],
         "kind": law.kind,
         "severity": plan.severity,
-        "identifiable": known and apart >= LIMIT * (1 - 1e-9),
-        "identifiable_beside_speed": known and beside >= LIMIT * (1 - 1e-9),
+        "identifiable": is_force and apart >= LIMIT * (1 - 1e-9),
+        "identifiable_beside_speed": is_force and beside >= LIMIT * (1 - 1e-9),
         "record": plan.record,
         "force_N": _rms(force),
         "unexplained_force_N": _rms(unexplained(force, noise)),

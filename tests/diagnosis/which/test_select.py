@@ -195,3 +195,32 @@ def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wro
 def test_an_effect_has_to_gain_more_than_chance_does(gain: float) -> None:
     search = Planned({0: {"cogging": gain * 300.0}}, {"cogging": 1000.0}, {}, {}, threshold=300.0)
     assert len(grown(_fit(START), search)) == (2 if gain > 1 else 1)
+
+
+@pytest.mark.parametrize(
+    (
+        "first",
+        "share",
+        "found",
+    ),  # chi-square, as which forces count here, that the first effect leaves; what a second takes
+    [
+        (1000.0, 1.02 * CRITERIA.force_share_of_slow, True),
+        (1000.0, 0.98 * CRITERIA.force_share_of_slow, False),
+        (0.5 * CRITERIA.min_force_share_further * START, 0.9, False),  # most of next to nothing
+    ],
+)
+def test_a_slow_force_that_gains_little_is_added_for_what_it_takes_off(first: float, share: float, found: bool) -> None:
+    assert CRITERIA.min_gain < 50.0 < CRITERIA.min_gain_further
+    costs = {"play": first, "friction_drift": first * (1 - share)}
+    names = _searched({0: {"play": 900.0}, 1: {"friction_drift": 50.0}}, costs)
+    assert [set(stage) for stage in names] == [set(), {"play"}, *([{"play", "friction_drift"}] if found else [])]
+
+
+def test_alone_such_a_force_has_to_gain_as_much_as_any_and_few_are_tried_for_it() -> None:
+    assert CRITERIA.shortlist_size == 3
+    slow = {"friction_drift": 50.0, "cable_spring": 49.0, "stribeck": 48.0, "cogging": 47.0}
+    costs = {"play": 1000.0, **dict.fromkeys(["friction_drift", "cable_spring", "stribeck"], 900.0)}
+    assert _searched({0: {"play": 900.0}, 1: slow}, costs) == [[], ["play"]]  # a fourth has no cost to look up
+    costs = {"friction_drift": START - 50.0}
+    large = Planned({0: {"friction_drift": 50.0}}, costs, {}, {}, threshold=60.0)
+    assert len(grown(_fit(START), large)) == 1

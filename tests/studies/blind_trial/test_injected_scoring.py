@@ -40,6 +40,7 @@ def body(name: str, kind: str = "single", **period: float) -> dict[str, Any]:
         "kind": kind,
         "severity": "high",
         "identifiable": True,
+        "identifiable_beside_speed": name != "stribeck",
         "record": 0,
         "effects": [effect],
         **sizes,
@@ -84,8 +85,10 @@ def test_closure_is_of_the_injected_part_alone() -> None:
     found = score("case-01", body("cable_spring"), answer("cable_spring", left=1.25), BEFORE)
     assert found.closure == pytest.approx(1 - math.sqrt(1.25**2 - 1.0**2))
     assert closure_of([found])["median"] == found.closure
-    rate: Mapping[str, Rate] = rates([found, replace(found, right=False, wrong=True, kind="outsider")])
-    assert (rate["right_name"].hits, rate["right_name"].tries) == (1, 1)
-    assert (rate["wrong_name"].hits, rate["wrong_name"].tries) == (1, 2)
+    missed = score("case-02", body("stribeck"), answer(), BEFORE)
+    rate: Mapping[str, Rate] = rates([found, missed, replace(found, right=False, wrong=True, kind="outsider")])
+    assert (rate["right_name"].hits, rate["right_name"].tries) == (1, 2)
+    assert (rate["right_name_apart"].hits, rate["right_name_apart"].tries) == (1, 1)
+    assert (rate["wrong_name"].hits, rate["wrong_name"].tries) == (1, 3)
     assert isinstance(found, Verdict)
     assert not found.failed

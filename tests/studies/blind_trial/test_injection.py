@@ -27,7 +27,7 @@ from studies.blind_trial import compute
 from studies.blind_trial.__main__ import STUDY
 from studies.blind_trial.guard import shared_code
 from studies.blind_trial.injected import INJECTION_FOLDER, NOT_SHARED, ROOT
-from studies.blind_trial.injection.distance import LIMIT, distance, noise_of, unexplained
+from studies.blind_trial.injection.distance import LIMIT, beside_speed, distance, noise_of, unexplained
 from studies.blind_trial.injection.inverse import Channel, NoInverseError, channel, inject
 from studies.blind_trial.injection.laws import LAWS, Chance
 from studies.blind_trial.injection.motion import Course, course, dragged, since_reversal, stretched
@@ -250,6 +250,20 @@ def test_distance_counts_nothing_that_a_wrong_nominal_value_explains(axis: Machi
     assert distance(2 * force, noise) == pytest.approx(2 * distance(force, noise))
     assert distance(force, noise) > LIMIT
     assert np.linalg.norm(unexplained(force, noise)) <= np.linalg.norm(force)
+
+
+def test_any_friction_over_speed_is_told_from_no_law_over_speed_and_from_others(axis: Machine) -> None:
+    path = path_of(axis)
+    rough = replace(path, command=path.command + np.random.default_rng(1).standard_normal(path.time.size))
+    noise = noise_of(rough, 1e-3)
+    free = beside_speed(path, noise)
+    assert np.allclose(free.directions.T @ free.directions, np.eye(free.directions.shape[1]), atol=1e-9)
+    friction, fastest = dragged(path.position, path.soft), np.max(np.abs(path.speed))
+    bent = friction * np.sqrt(np.abs(path.speed) / fastest)
+    one_way = np.maximum(friction, 0.0)
+    assert all(distance(force, free) < 0.2 * distance(force, noise) for force in (bent, one_way))
+    place = np.sin(2 * np.pi * path.position / 3e-3)
+    assert distance(place, free) > 0.9 * distance(place, noise)
 
 
 def test_laws_share_no_code_with_effects_or_diagnosis() -> None:
