@@ -95,5 +95,5 @@ def test_the_floor_is_what_a_complete_model_leaves_however_finely_its_scale_reso
     floor = simulated_floor(Stage(last), baseline, 0)
     size = fitted.residuals[0].deviation * np.hypot(1e-11, 2e-11 / np.sqrt(12))
     for one in floor.innovations:
-        assert np.mean(one**2) == pytest.approx(np.mean((left * size) ** 2), rel=0.2)
+        assert np.mean(one**2) / np.mean((left * size) ** 2) == pytest.approx(1.0, rel=0.2)
     assert floor.gap().force < 1e-3 * float(np.dot(machine.friction.stiffness, limit))
