@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.baseline import Baseline
-from diagnosis.closure import RandomEnergy, gap_closure, gap_share, simulated_floor, weighted
+from diagnosis.closure import RandomEnergy, gap_closure, gap_share, innovations_of, simulated_floor, weighted
 from diagnosis.model.fit import one_step
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
@@ -90,10 +90,9 @@ def test_the_floor_is_what_a_complete_model_leaves_however_finely_its_scale_reso
     )
     made, begun = simulated_with_starts(Candidate(layout, theta), [asked], 7)
     fitted = one_step(begun, made)
-    left, last = fitted.innovations, replace(fitted, candidate=replace(begun, theta=theta))
+    left, last = innovations_of(begun, made, fitted.walk), replace(fitted, candidate=replace(begun, theta=theta))
     baseline = Baseline(fitted, made, pieces(made), Null({}, ((1.0,),), (4.0,)))
     floor = simulated_floor(Stage(last), baseline, 0)
-    size = fitted.residuals[0].deviation * np.hypot(1e-11, 2e-11 / np.sqrt(12))
     for one in floor.innovations:
-        assert np.mean(one**2) / np.mean((left * size) ** 2) == pytest.approx(1.0, rel=0.2)
+        assert np.mean(one**2) / np.mean(left**2) == pytest.approx(1.0, rel=0.2)
     assert floor.gap().force < 1e-3 * float(np.dot(machine.friction.stiffness, limit))
