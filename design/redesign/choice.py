@@ -76,9 +76,7 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
 
 def _least(machine: Machine) -> dict[str, float]:
     """What of each quantity the scale's noise and the samples make: a sample [s], three deviations of a reading [m]."""
-    scale = machine.scale
-    reading = float(np.hypot(scale.noise, scale.resolution / np.sqrt(12)))
-    return {"settling": machine.sample_time, "dispersion": 3 * reading}
+    return {"settling": machine.sample_time, "dispersion": 3 * machine.scale.reading_deviation}
 
 
 def worse(before: Outcome, after: Outcome, machine: Machine) -> tuple[str, ...]:

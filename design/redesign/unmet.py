@@ -30,7 +30,7 @@ def unmet(design: Design, machine: Machine, prediction: Prediction, seed: int = 
     settling = prediction.interval("settling")
     if settling.high > wanted.settling_time * (1 + 1e-9):
         told.append(_late(design, machine, prediction, seed))
-    floor = 3 * float(np.hypot(machine.scale.noise, machine.scale.resolution / np.sqrt(12)))
+    floor = 3 * machine.scale.reading_deviation
     dispersion = prediction.interval("dispersion")
     if dispersion.median < 2 * floor:
         told.append(

@@ -50,8 +50,7 @@ def loop_time(machine: Machine) -> float:
 
 def noise(machine: Machine) -> float:
     """Deviation [m] of the reading: the scale's noise and its rounding."""
-    scale = machine.scale
-    return max(float(np.hypot(scale.deviation, scale.resolution / np.sqrt(12))), READABLE * contact_length(machine))
+    return max(machine.scale.noisy().reading_deviation, READABLE * contact_length(machine))
 
 
 def white_force(machine: Machine) -> float:

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
+import numpy as np
+
 from models.controller import PID, Feedback
 from models.feedback.forms import NO_FILTERS, Cascade, Filters, described, law_of, nearest_pid
 from models.feedback.law import Law
@@ -60,6 +62,11 @@ class Scale:
     def deviation(self) -> float:
         """Standard deviation of the noise before rounding [m]; assumed to be UNSTATED steps where none is stated."""
         return self.noise or UNSTATED * self.resolution
+
+    @property
+    def reading_deviation(self) -> float:
+        """Standard deviation of a reading [m]: the stated noise, and the rounding's resolution / sqrt(12)."""
+        return float(np.hypot(self.noise, self.resolution / math.sqrt(12)))
 
     def noisy(self) -> Scale:
         """The scale with its noise stated."""

@@ -86,6 +86,5 @@ def point_row(machine: Machine, members: Sequence[Member], point: Point, validat
 
 
 def noise(machine: Machine, member: Member, feedback: Feedback) -> float:
-    """Standard deviation of the thrust [N] from the scale's rounding, resolution / sqrt(12), and its noise."""
-    reading = math.hypot(machine.scale.resolution / math.sqrt(12), machine.scale.noise)
-    return reading * rms(sensitivity(member.plant, feedback, "CS"))
+    """Standard deviation of the thrust [N] from the scale's rounding and its noise."""
+    return machine.scale.reading_deviation * rms(sensitivity(member.plant, feedback, "CS"))
