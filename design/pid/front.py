@@ -105,7 +105,7 @@ def tuned_from(problem: Problem, bounds: Bounds, starts: Sequence[Start], others
     try:
         found = tune(problem, bounds, others)
     except TuningError as error:
-        raise TuningError(str(error), (*tried.attempts, *error.attempts)) from tried
+        raise TuningError(str(error), (*tried.attempts, *error.attempts), error.reason) from tried
     return replace(found, attempts=(*tried.attempts, *found.attempts))
 
 

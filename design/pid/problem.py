@@ -47,11 +47,13 @@ class Attempt:
 
 
 class TuningError(ValueError):
-    """No PID keeps to the bounds; the message says what was tried and what would help, `attempts` tell each start."""
+    """No PID keeps to the bounds; the message says what was tried and what would help, `attempts` tell each start, and
+    `reason` is the message without either."""
 
-    def __init__(self, message: str, attempts: tuple[Attempt, ...] = ()) -> None:
+    def __init__(self, message: str, attempts: tuple[Attempt, ...] = (), reason: str | None = None) -> None:
         super().__init__(message)
         self.attempts = attempts
+        self.reason = message if reason is None else reason
 
 
 @dataclass(frozen=True)

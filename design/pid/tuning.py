@@ -132,11 +132,9 @@ def tune(problem: Problem, bounds: Bounds, starts: Sequence[tuple[str, PID]], to
     if best is None:
         tried = "; ".join(f"{attempt.start}: {attempt.outcome}" for attempt in attempts)
         limit = f", |T| <= {bounds.mt:g}, |CS| <= {show(bounds.mcs, 'N/m')}"
-        raise TuningError(
-            f"no PID with |S| <= {bounds.ms:g}{limit} for all {len(problem.members)} plants was found ({tried}); "
-            "raise a bound, or take plants out of the family",
-            tuple(attempts),
-        )
+        none = f"no PID with |S| <= {bounds.ms:g}{limit} for all {len(problem.members)} plants was found"
+        advice = "raise a bound, or take plants out of the family"
+        raise TuningError(f"{none} ({tried}); {advice}", tuple(attempts), none)
     return replace(best, attempts=tuple(attempts))
 
 

@@ -6,7 +6,6 @@ or, on a machine that was withheld, as it is.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -29,7 +28,6 @@ from models.feedback.law import follow
 from models.machine import Machine
 from models.machines.parts import MOST_COMPENSATED
 from models.quantity import show
-from models.variation import Variation, varied
 
 Array = NDArray[np.float64]
 
@@ -123,8 +121,9 @@ def retuned(design: Design, machine: Machine, before: Machine, others: Sequence[
         if not all(loop.stable for loop in loops) or not stable:
             raise TuningError("the loop to start from is not stable")
         found = tune(pose(here, Goal(), magnitude(machine)), Bounds(ms, mt_bound(ms), mcs), stable)
-    except (TuningError, ValueError) as error:
-        why = f"the PID stays as it is: {str(error).partition(' (')[0]}"
+    except ValueError as error:
+        reason = error.reason if isinstance(error, TuningError) else str(error)
+        why = f"the PID stays as it is: {reason}"
         return replace(design, name=name, notes=(*design.notes, why))
     return replace(design, name=name, controller=design.controller.with_feedback(found.pid))
 
@@ -161,15 +160,3 @@ def _later(signal: Array, count: int) -> Array:
     return (
         np.concatenate([np.zeros(min(count, signal.size)), signal[: max(signal.size - count, 0)]]) if count else signal
     )
-
-
-def off_by(machine: Machine, share: float) -> tuple[Machine, ...]:
-    """The machine with its mass off by a share [1] either way: what could be it, where nothing better is known."""
-    return tuple(varied(machine, Variation(payload=sign * share)) for sign in (-1, 1)) if share > 0 else ()
-
-
-def within_thrust(controller: Controller, machine: Machine, target: Array) -> float:
-    """The largest |u_ff + u_rf| [N] over a target (n,) [m], as a share of the rated thrust [1]."""
-    known = references(controller, target)
-    most = float(np.max(np.abs(known.feedforward + known.compensation)))
-    return most / machine.drive.rated_thrust if math.isfinite(most) else math.inf

@@ -182,17 +182,15 @@ def _of_project(path: str) -> Path | None:
 
 def _edited(taken: Taken) -> list[str]:
     """What in the folder is not as the manifest says."""
-    found, outputs = [], taken.claim.outputs
-    for name, expected in sorted(outputs.items()):
-        if name not in taken.names:
-            found.append(f"{visible(name)} is missing")
-        elif sha256(taken.copy / name) != expected:
-            found.append(f"{visible(name)} is not as the run wrote it")
-    found += [
-        f"{visible(name)} is not of this run: the manifest does not list it"
-        for name in sorted(taken.names - {MANIFEST, *outputs})
+    outputs = taken.claim.outputs
+    changed = {name for name in taken.names & set(outputs) if sha256(taken.copy / name) != outputs[name]}
+    found = [
+        f"{visible(name)} is {'not as the run wrote it' if name in changed else 'missing'}"
+        for name in sorted(changed | (set(outputs) - taken.names))
     ]
-    if any(one.startswith("results.json is not") for one in found):
+    others = taken.names - {MANIFEST, *outputs}
+    found += [f"{visible(name)} is not of this run: the manifest does not list it" for name in sorted(others)]
+    if "results.json" in changed | others:
         found.append("the report is not made from these results: it is older than they are, or they were edited")
     return found
 

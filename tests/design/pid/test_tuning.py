@@ -115,6 +115,8 @@ def test_a_front_says_all_that_was_tried_where_no_start_leads_to_a_pid(problem: 
     with pytest.raises(TuningError) as refused:
         tuned_from(problem, BOUNDS, unstable, [("worse", unstable[0][1])])
     assert [attempt.start for attempt in refused.value.attempts] == ["bad", "worse"]
+    assert refused.value.reason.startswith("no PID with |S| <= ")
+    assert refused.value.reason.endswith(" plants was found")  # neither what was tried nor advice
 
 
 def test_no_nearby_pid_within_the_bounds_has_a_larger_integral_gain(problem: Problem) -> None:

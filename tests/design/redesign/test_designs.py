@@ -17,6 +17,7 @@ from models.effects.catalogue import every
 from models.feedback.forms import Cascade
 from models.machine import Machine
 from models.simulation.simulator import simulate
+from models.variation import Variation, varied
 from tests.design.redesign.axes import KNOWN, TRUE
 
 MASS = KNOWN.plant.mass
@@ -117,6 +118,14 @@ def test_another_structure_than_a_pid_stays_and_it_is_said() -> None:
     kept = retuned(design, machine, machine, (), "PID")
     assert kept.controller == design.controller
     assert "only a plain PID is retuned" in kept.notes[-1]
+
+
+def test_a_pid_that_cannot_be_retuned_stays_and_the_note_says_why_without_advice() -> None:
+    others = [varied(TRUE, Variation(payload=share)) for share in (-0.9, 9.0)]
+    kept = retuned(designed(TRUE, "new"), TRUE, KNOWN, others, "PID")
+    assert kept.controller.pid == KNOWN.control.pid
+    assert kept.notes[-1].startswith("the PID stays as it is: no PID with |S| <= ")
+    assert kept.notes[-1].endswith("plants was found")
 
 
 def test_an_unstable_loop_is_not_tuned_from() -> None:
