@@ -81,7 +81,7 @@ def pieces(records: Sequence[Record], loop: float = REFERENCE.loop) -> tuple[Pie
     return tuple(found)
 
 
-def check_count(records: Sequence[Record], loop: float = REFERENCE.loop) -> None:
+def check_count(records: Sequence[Record], loop: float) -> None:
     """Raises RecordError for records with too few motions to hold some of them out of a fit; loop [s]: see `pieces`."""
     count = len(pieces(records, loop))
     if count < FEWEST:

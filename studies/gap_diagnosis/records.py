@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from diagnosis.model.motions import check_count
+from diagnosis.model.units import loop_time
 from diagnosis.where.controller import reproduces
 from models.identification.recognise import read
 from models.machine import Machine
@@ -90,7 +91,7 @@ def loaded_of(
             names = ", ".join(map(str, paths))
             raise BadInputError(f"{names}: hold more than {most:,} samples together; {limits.remedy}")
     records = [one.content for one in found if isinstance(one.content, Record)]
-    doubts = check(records, paths, trusted=options.trust_records)
+    doubts = check(machine, records, paths, trusted=options.trust_records)
     return (replace(found[0], findings=(*doubts, *found[0].findings)), *found[1:])
 
 
@@ -109,16 +110,19 @@ def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:
     return tuple(names)
 
 
-def check(records: Sequence[Record], paths: Sequence[Path], *, trusted: bool = False) -> tuple[str, ...]:
+def check(
+    machine: Machine, records: Sequence[Record], paths: Sequence[Path], *, trusted: bool = False
+) -> tuple[str, ...]:
     """Raises BadInputError for records in which nothing moves, which are too short, or not of one machine.
 
-    trusted: what only looks so is returned in sentences instead.
+    machine: its control loop says how short a motion may be. trusted: what only looks so is returned in sentences
+    instead.
     """
     names = [str(path) for path in paths]
     with _refused(", ".join(names)):
         check_length(records)
         still = _doubts(lambda: check_movement(records), trusted=trusted)
-        check_count(records)
+        check_count(records, loop_time(machine))
     with _refused():
         return (*still, *_doubts(lambda: check_one_machine(records, names), trusted=trusted))
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from diagnosis.model.units import loop_time
 from models.machine import load as load_machine
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import check, loaded
@@ -14,6 +16,7 @@ from studies.identify_machine import own_records
 from studies.options import BadInputError
 from tests.models.records.test_checks import MASS, moving
 
+MACHINE = load_machine()
 PATHS = (Path("a.csv"), Path("b.csv"))
 
 
@@ -22,27 +25,26 @@ def test_records_that_look_of_two_machines_are_refused_unless_they_are_trusted()
     with pytest.raises(
         BadInputError, match=r"a.csv and b.csv are of two machines.*right as it is, give --trust-records"
     ):
-        check(records, PATHS)
-    (doubt,) = check(records, PATHS, trusted=True)
+        check(MACHINE, records, PATHS)
+    (doubt,) = check(MACHINE, records, PATHS, trusted=True)
     assert doubt.startswith("Not refused, as the records are trusted: a.csv and b.csv are of two machines")
     assert doubt.endswith("diagnose each with its own machine file.")
-    assert check([moving(), moving()], PATHS) == ()
+    assert check(MACHINE, [moving(), moving()], PATHS) == ()
 
 
 def test_a_position_within_a_few_steps_of_its_scale_may_be_trusted_to_move() -> None:
     records = [moving(2e-5, step=1e-5)]
     with pytest.raises(BadInputError, match=r"a.csv: nothing moves; .* --trust-records"):
-        check(records, PATHS[:1])
-    assert check(records, PATHS[:1], trusted=True)[0].startswith(
+        check(MACHINE, records, PATHS[:1])
+    assert check(MACHINE, records, PATHS[:1], trusted=True)[0].startswith(
         "Not refused, as the records are trusted: nothing moves"
     )
 
 
 def test_how_each_record_was_read_is_told_before_the_work(tmp_path: Path) -> None:
-    machine = load_machine()
-    record = own_records.motions(machine, 1)
+    record = own_records.motions(MACHINE, 1)
     signals = {
-        "Zeit [ms]": 1e3 * machine.sample_time * np.arange(record.position.size),
+        "Zeit [ms]": 1e3 * MACHINE.sample_time * np.arange(record.position.size),
         "Soll [um]": 1e6 * record.reference,
         "Kraft [N]": record.command,
         "Ist [um]": 1e6 * record.position,
@@ -53,9 +55,21 @@ def test_how_each_record_was_read_is_told_before_the_work(tmp_path: Path) -> Non
     told: list[str] = []
     column = ("time=Zeit", "reference=Soll", "command=Kraft", "position=Ist")
     options = DiagnosisOptions(record=(path,), column=column)
-    loaded(machine, options, lambda _share, text: told.append(text))
+    loaded(MACHINE, options, lambda _share, text: told.append(text))
     assert told[0].startswith(
         f"read {path}\nASCII, columns separated by semicolons, names in line 2, numbers from line 3"
     )
     assert "  position   Ist     um    1e-06 m" in told[0].split("\n")
     assert f"{record.position.size:,} samples every 500 µs" in told[0]
+
+
+def test_motions_are_counted_as_the_machines_own_loop_cuts_them() -> None:
+    """A loop twenty times slower answers to twenty times longer motions; shorter ones do not stand alone."""
+    pid = MACHINE.control.pid
+    slow = replace(pid, kp=pid.kp / 400, ki=pid.ki / 8000, kd=pid.kd / 20)
+    drowsy = replace(MACHINE, control=replace(MACHINE.control, pid=slow))
+    assert loop_time(drowsy) == pytest.approx(20 * loop_time(MACHINE))
+    records = [moving(), moving()]
+    check(MACHINE, records, PATHS)
+    with pytest.raises(BadInputError, match=r"a.csv, b.csv: .* too few, some have to be left out"):
+        check(drowsy, records, PATHS)
