@@ -89,8 +89,7 @@ def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) ->
         )
     if found.outcome is Outcome.NONE:
         best = lies.coordinate
-        stated = best.share > criteria.stated_share and best.p < criteria.stated_p_value
-        return along(best.name if stated else None, machine)
+        return along(best.name if best.is_stated(criteria) else None, machine)
     if found.outcome is Outcome.ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
         return (

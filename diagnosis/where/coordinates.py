@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import czt
 
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit
 from diagnosis.where.energy import PHASES, Samples, bootstrap_counts, bootstrap_interval, centred
 from models.effects.priors import REFERENCE
@@ -66,6 +67,10 @@ class Explained:
     curve: Array
     turned: Array
     pitch: float | None = None
+
+    def is_stated(self, criteria: Criteria) -> bool:
+        """Whether it is more than chance explains, and enough to be told."""
+        return self.p < criteria.stated_p_value and self.share > criteria.stated_share
 
 
 @dataclass(frozen=True)

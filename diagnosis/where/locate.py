@@ -87,7 +87,7 @@ class Where:
     @property
     def coordinate(self) -> Explained:
         """The coordinate that explains the most; those that chance could explain as well come last."""
-        return max(self.dependence.coordinates, key=lambda one: (_stated(one, self.criteria), one.share))
+        return max(self.dependence.coordinates, key=lambda one: (one.is_stated(self.criteria), one.share))
 
     @property
     def by_coordinate(self) -> dict[str, float]:
@@ -97,16 +97,11 @@ class Where:
         depends. Where its size depends on none either, it has a course of its own over time.
         """
         shares = {one.name: one.share if one.p < self.criteria.stated_p_value else 0.0 for one in self.gap}
-        if any(_stated(one, self.criteria) for one in self.gap) or self.is_noise:
+        if any(one.is_stated(self.criteria) for one in self.gap) or self.is_noise:
             return shares
-        sizes = {
-            one.name: one.share for one in self.dependence.scatter if _stated(one, self.criteria) and one.name in shares
-        }
+        stated = [one for one in self.dependence.scatter if one.is_stated(self.criteria)]
+        sizes = {one.name: one.share for one in stated if one.name in shares}
         return dict.fromkeys(shares, 0.0) | (sizes or {"time": self.course})
-
-
-def _stated(one: Explained, criteria: Criteria) -> bool:
-    return one.p < criteria.stated_p_value and one.share > criteria.stated_share
 
 
 def locate(

@@ -226,7 +226,7 @@ def _coordinates(where: Where) -> Iterator[Statement]:
     stated = [
         one
         for one in where.dependence.coordinates
-        if _stated(one, criteria) or (one.share > criteria.stated_share and one.low > criteria.certain_share)
+        if one.is_stated(criteria) or (one.share > criteria.stated_share and one.low > criteria.certain_share)
     ]
     for one in stated:
         yield Statement(Topic.COORDINATE, _explains(one), one.low * (SLOW_CLOCK if one.name == "time" else 1.0))
@@ -237,10 +237,6 @@ def _coordinates(where: Where) -> Iterator[Statement]:
             f"No single coordinate explains it on held-out motions: the best, {words(best.name)}, explains "
             f"{percent(best.share)} (p = {best.p:.2g}).",
         )
-
-
-def _stated(one: Explained, criteria: Criteria) -> bool:
-    return one.p < criteria.stated_p_value and one.share > criteria.stated_share
 
 
 def _explains(one: Explained) -> str:
@@ -268,7 +264,7 @@ def _parity(where: Where) -> Iterator[Statement]:
 
 def _scatter(where: Where) -> Iterator[Statement]:
     for one in where.dependence.scatter[:1]:
-        if _stated(one, where.criteria):
+        if one.is_stated(where.criteria):
             yield Statement(
                 Topic.SCATTER,
                 f"While the table moves, the magnitude of the innovations depends on {words(one.name)} "

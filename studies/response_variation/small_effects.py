@@ -13,7 +13,6 @@ import numpy as np
 
 from design.validation import validate
 from models.controller import Controller
-from models.effects.base import Effect, parameters
 from models.effects.friction_laws import Stribeck, ViscousFriction
 from models.friction import elements
 from models.machine import Machine
@@ -33,7 +32,7 @@ def small_effects(machine: Machine, controller: Controller) -> list[dict[str, An
     stiffness = np.array(machine.friction.stiffness)
     critical = 2 * math.sqrt(machine.plant.mass * float(np.sum(stiffness)))
     damped = elements(stiffness, machine.friction.limit, LIGHT * critical * stiffness / np.sum(stiffness))
-    drag, stribeck = _typical(ViscousFriction), _typical(Stribeck)
+    drag, stribeck = ViscousFriction.typical(), Stribeck.typical()
     cases: tuple[tuple[str, str, Machine, float], ...] = (
         ("as it is", "", machine, 0.0),
         (
@@ -56,11 +55,6 @@ def small_effects(machine: Machine, controller: Controller) -> list[dict[str, An
         ),
     )
     return [_row(*case, controller) for case in cases]
-
-
-def _typical(kind: type[Effect]) -> Any:
-    """An effect with its typical sizes [SI]."""
-    return kind(**{one.name: one.typical for one in parameters(kind)})
 
 
 def _row(name: str, size: str, machine: Machine, force: float, controller: Controller) -> dict[str, Any]:
