@@ -8,7 +8,6 @@ import uuid
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from design.deployment.templating import filled, hexadecimal
@@ -174,12 +173,3 @@ def fmu(
         for name, content in files.items():
             archive.writestr(zipfile.ZipInfo(name, LONGEST_AGO), content)
     return made.getvalue()
-
-
-def sources_in(archive: bytes, folder: Path) -> list[str]:
-    """Unpacks the sources of an FMU into a folder; the names of those to compile."""
-    with zipfile.ZipFile(io.BytesIO(archive)) as opened:
-        names = [name for name in opened.namelist() if name.startswith("sources/")]
-        for name in names:
-            (folder / Path(name).name).write_bytes(opened.read(name))
-    return sorted(Path(name).name for name in names if name.endswith(".c"))

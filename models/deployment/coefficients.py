@@ -24,7 +24,6 @@ from numpy.typing import ArrayLike
 from models.controller import PID, Controller, ControllerError, References, load, references
 from models.deployment.learning_numbers import Learning, learning_numbers
 from models.feedback.law import POSITION, REFERENCE, Law
-from models.friction import Friction, follow
 
 Row = tuple[float, ...]
 
@@ -233,8 +232,3 @@ def planned(controller: Controller, target: ArrayLike) -> Row:
     whole: References = references(controller, target)
     bare = references(replace(controller, effect_compensation=None), target)
     return tuple((whole.compensation - bare.compensation).tolist())
-
-
-def led_along(rfm: Friction, path: ArrayLike) -> Row:
-    """Where the elements [m] stand after a path (n,) [m] from virgin; for those who start without a wipe."""
-    return tuple(follow(rfm, path)[1].tolist())

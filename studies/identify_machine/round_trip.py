@@ -16,7 +16,6 @@ from studies.identify_machine import own_records
 Array = NDArray[np.float64]
 
 WITHIN: Final = 1.96  # Half width of a 95 % interval, in standard deviations.
-DISTANCES: Final = (3e-6, 10e-6, 30e-6, 300e-6)  # m behind a reversal
 
 
 def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str], None]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.markup import Markdown
 from reports.report import Figure, Report
-from reports.style import COLOURS, HATCHES, MARKERS, mark_limit, subplots, tolerance_band
+from reports.style import COLOURS, MARKERS, mark_limit, subplots, tolerance_band
 
 
 def results() -> dict[str, Any]:
@@ -112,7 +112,7 @@ def draw_contributions(results: Mapping[str, Any]) -> Drawing:
             0.36,
             label=label,
             color=COLOURS[shift],
-            hatch=HATCHES[shift],
+            hatch=("", "////")[shift],
             edgecolor="white",
         )
     mark_limit(ax, parts["limit_um"], "limit 1 µm")

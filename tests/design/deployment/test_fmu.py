@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from design.deployment.c_source import law_sources
-from design.deployment.fmu import fmu, sources_in
+from design.deployment.fmu import fmu
 from design.deployment.plant_source import plant_sources
 from models.deployment.coefficients import load_coefficients
 from models.simulation.simulator import simulate
@@ -31,6 +33,15 @@ def archives(folder: Path) -> dict[str, tuple[dict[str, str], bytes]]:
         "plant": plant_sources(replace(machine, scale=replace(machine.scale, noise=0.0))),
     }
     return {kind: (one, fmu(kind, one, machine.sample_time, "a test")) for kind, one in sources.items()}
+
+
+def sources_in(archive: bytes, folder: Path) -> list[str]:
+    """Unpacks the sources of an FMU into a folder; the names of those to compile."""
+    with zipfile.ZipFile(io.BytesIO(archive)) as opened:
+        names = [name for name in opened.namelist() if name.startswith("sources/")]
+        for name in names:
+            (folder / Path(name).name).write_bytes(opened.read(name))
+    return sorted(Path(name).name for name in names if name.endswith(".c"))
 
 
 def loaded(kind: str, sources: dict[str, str], archive: bytes, folder: Path) -> tuple[Any, dict[str, int]]:
