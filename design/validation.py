@@ -228,6 +228,15 @@ def assess(
     return Validation(machine, last, achieved, periods, repeat_error, spread, worst)
 
 
+def last_errors(position: Array, target: Array, periods: int) -> list[Array]:
+    """x - r [m] of each motion in the last of the periods of a `sequence`, from its step on; position, target (n,) [m].
+
+    For positions that no simulation of this project gave, as those of exported programs.
+    """
+    begin = target.size - target.size // periods
+    return [position[one.start : one.stop] - one.target for one in motions(target) if one.start >= begin]
+
+
 def _within_period(period: Array) -> Sequence[Motion]:
     """The motions of one period that others precede: its first comes after a motion down, so it is a reversal."""
     return motions(np.concatenate([period, period]), initial=0.0)[: len(motions(period))]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from scipy.stats import beta
-
 from models.machine import Machine
 from models.variation import Variation
 
@@ -18,7 +16,6 @@ DAMPING: Final = 0.5
 DEAD_TIME: Final = 0.2
 OFFSET: Final = 2 / 16.5  # of the Coulomb force: 2 N on the default machine
 FINE: Final = 0.25  # of the specified tolerance: what a design that meets all of this is to settle within
-CONFIDENCE: Final = 0.95
 TOGETHER: Final = "all together"
 
 
@@ -52,8 +49,3 @@ def perturbations(machine: Machine) -> dict[str, Perturbed]:
     together = {key: most for part in parts.values() for key, most in part.items()}
     found[TOGETHER] = Perturbed(Variation(**together), start=True, noise=True)
     return found
-
-
-def lower_bound(hits: int, tries: int) -> float:
-    """The lower end of Clopper and Pearson's interval [1] for a share of which `hits` of `tries` were seen."""
-    return float(beta.ppf((1 - CONFIDENCE) / 2, hits, tries - hits + 1)) if hits else 0.0

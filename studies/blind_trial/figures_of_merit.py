@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import beta
 
+from studies.binomial import interval
 from studies.blind_trial.scoring import KINDS, NAMING, OUT_OF_CATALOGUE, WITHOUT_EFFECT, Score
 
 BINS: Final = 10
-CONFIDENCE: Final = 0.95
 
 
 @dataclass(frozen=True)
@@ -30,12 +29,7 @@ class Rate:
     @property
     def interval(self) -> tuple[float, float]:
         """0 .. 1 where nothing was tried."""
-        if self.tries == 0:
-            return 0.0, 1.0
-        tail = (1 - CONFIDENCE) / 2
-        low = beta.ppf(tail, self.hits, self.tries - self.hits + 1) if self.hits else 0.0
-        high = beta.ppf(1 - tail, self.hits + 1, self.tries - self.hits) if self.hits < self.tries else 1.0
-        return float(low), float(high)
+        return interval(self.hits, self.tries)
 
     def plain(self) -> dict[str, Any]:
         """For results.json."""

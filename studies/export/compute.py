@@ -25,7 +25,7 @@ from design.deployment.plant_source import plant_sources
 from design.deployment.structured_text import structured_text
 from design.deployment.vectors import Vectors, golden
 from design.effect_compensation import with_effects
-from design.validation import sequence
+from design.validation import last_errors, sequence
 from models.controller import Controller, ControllerError, References, load, references
 from models.deployment.coefficients import Coefficients, load_coefficients
 from models.deployment.learning_numbers import Learning
@@ -35,7 +35,6 @@ from models.feedback.forms import described
 from models.friction import follow
 from models.machine import Machine
 from models.quantity import show
-from models.records.record import motions
 from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from studies.beforehand import require_designable
@@ -44,11 +43,11 @@ from studies.export.evaluator import Library
 from studies.export.options import ExportOptions
 from studies.export.page import readme
 from studies.export.proof import prove
+from studies.export.tables import PERIODS
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
 Array = NDArray[np.float64]
-PERIODS = 2  # of the motions, of which the second is judged
 
 
 @dataclass(frozen=True)
@@ -311,10 +310,8 @@ def _drive(machine: Machine, given: _Given) -> dict[str, Any]:
 def _achieved(machine: Machine, controller: Controller, target: Array, known: References) -> dict[str, float]:
     """Slowest settling [s] and largest error at the settling time [m] of the last period's motions."""
     position = simulate(machine, controller, target, given=known).position
-    wanted, half = machine.specification, target.size // PERIODS
+    wanted, errors = machine.specification, last_errors(position, target, PERIODS)
     late = round(wanted.settling_time / machine.sample_time)
-    found = [one for one in motions(target) if one.start >= half]
-    errors = [position[one.start : one.stop] - one.target for one in found]
     return {
         "slowest_s": max(settling_time(error, wanted.tolerance, machine.sample_time) for error in errors),
         "error_m": max(float(np.max(np.abs(error[late:]), initial=0.0)) for error in errors),

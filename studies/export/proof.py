@@ -19,19 +19,18 @@ from design.deployment.c_source import selftest_sources
 from design.deployment.fmu import fmu
 from design.deployment.structured_text import structured_text
 from design.deployment.vectors import Vectors, golden, many, steady
-from design.validation import sequence
+from design.validation import last_errors, sequence
 from models.deployment.coefficients import Coefficients
 from models.deployment.running_law import INIT, LEARN, RESET, STEP, WIPE
 from models.machine import Machine
 from models.quantity import show
-from models.records.record import motions
 from models.records.settling import settling_time
 from studies.export.compiling import compiled
 from studies.export.evaluator import Library
 from studies.export.faults import FAULTS
 from studies.export.octave import PROGRAM, in_octave
 from studies.export.options import ExportOptions
-from studies.export.tables import on_tables
+from studies.export.tables import PERIODS, on_tables
 from studies.options import BadInputError
 from studies.study import Progress
 
@@ -287,12 +286,9 @@ def missed_faults(folder: Path, known: Coefficients, seed: int) -> tuple[list[st
 
 def _closed_loop(folder: Path, machine: Machine, known: Coefficients) -> float:
     """When the slowest motion of the second period has settled [s], with the law and the plant in C."""
-    target = sequence(machine, known.stroke, periods=2)
+    target = sequence(machine, known.stroke, periods=PERIODS)
     program = compiled(folder, ("axis_law.c", "axis_plant.c", "axis_closed_loop.c"), ("-O2",), "closed_loop")
     found = subprocess.run([str(program)], input=target.tobytes(), capture_output=True, check=True).stdout
     position = np.frombuffer(found).reshape(-1, 3)[:, 2]
-    chosen = [one for one in motions(target) if one.start >= target.size // 2]
-    return max(
-        settling_time(position[one.start : one.stop] - one.target, machine.specification.tolerance, machine.sample_time)
-        for one in chosen
-    )
+    errors, tolerance = last_errors(position, target, PERIODS), machine.specification.tolerance
+    return max(settling_time(error, tolerance, machine.sample_time) for error in errors)

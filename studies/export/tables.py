@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.deployment.plant_source import plant_sources
-from design.validation import sequence
+from design.validation import last_errors, sequence
 from models.deployment.coefficients import Coefficients
 from models.deployment.running_law import LEARN, RESET, STEP, WIPE
 from models.machine import Machine
 from models.quantity import show
-from models.records.record import motions
 from models.records.settling import settling_time
 from models.variation import drawn
+from studies.binomial import CONFIDENCE, interval
 from studies.export.compiling import compiled
-from studies.perturbed import CONFIDENCE, FINE, TOGETHER, lower_bound, perturbations
+from studies.perturbed import FINE, TOGETHER, perturbations
 
 Array = NDArray[np.float64]
 
@@ -45,13 +45,12 @@ def on_tables(
         (wanted.tolerance, wanted.settling_time),
         (FINE * wanted.tolerance, wanted.reference_settling_time),
     )
-    chosen = [one for one in motions(judged) if one.start >= judged.size // PERIODS]
     compiled(folder, ("axis_law.c",), ("-O2", "-c"), "axis_law.o")
     slowest = np.zeros((count, 2))
     for i, quiet in enumerate(drawn(machine, perturbations(machine)[TOGETHER].within, count, seed)):
         table = replace(quiet, scale=quiet.scale.noisy())
         position = _session(folder, table, _rows(machine, table, known, judged, [seed, i]))[-judged.size :]
-        errors = [position[one.start : one.stop] - one.target for one in chosen]
+        errors = last_errors(position, judged, PERIODS)
         slowest[i] = [
             max(settling_time(error, tolerance, known.sample_time) for error in errors) for tolerance, _ in goals
         ]
@@ -67,7 +66,7 @@ def _rate(slowest: Array, tolerance: float, time: float) -> dict[str, Any]:
         "name": f"every motion within {show(tolerance, 'm')} by {show(time, 's')}",
         "hits": hits,
         "share": hits / count,
-        "low": lower_bound(hits, count),
+        "low": interval(hits, count)[0],
         "slowest_s": float(np.max(slowest)),
     }
 

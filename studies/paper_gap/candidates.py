@@ -168,9 +168,9 @@ def _of_effect(kind: type[base.Effect]) -> Candidate:
 def _of_parameters() -> tuple[Candidate, ...]:
     """Parameters that are not what the design takes them for.
 
-    The table's are 1 + e times the design's, or larger by e. `payload_mass` is the mass that every mode moves here, not
-    the rigid body's alone as in a diagnosis: on the paper's table nothing was loaded. For the friction the other way round as well: the table's
-    is as published, and the one that the compensator was made of is 1 + e times that ("identified").
+    The table's are 1 + e times the design's, or larger by e. `payload_mass` is here the mass that every mode moves, and
+    not, as in a diagnosis, the rigid body's alone. For the friction the other way round as well: the table's is as
+    published, and the one that the compensator was made of is 1 + e times that ("identified").
     """
 
     def off(name: str, law: str, most: float, error: Callable[[float], Variation], unit: str = "1") -> Candidate:

@@ -17,7 +17,8 @@ from design.wiping import wipe, wipe_to_json
 from models.friction import reached_states
 from models.machine import Machine
 from models.variation import drawn
-from studies.perturbed import CONFIDENCE, DAMPING, DEAD_TIME, MODE_GAIN, OFFSET, Perturbed, lower_bound, perturbations
+from studies.binomial import CONFIDENCE, interval
+from studies.perturbed import DAMPING, DEAD_TIME, MODE_GAIN, OFFSET, Perturbed, perturbations
 from studies.starts import cost_of_starts
 from studies.study import Progress
 from studies.trajectory_optimisation.comparison import QUANTILE, judge_learning
@@ -110,9 +111,9 @@ def _told(found: Sequence[Outcome], missed: Array, machine: Machine, wanted: Wan
     rms = np.sqrt(np.mean(missed**2, axis=0))
     return {
         "tables": count,
-        "fine_aim": {"hits": fine, "share": fine / count, "low": lower_bound(fine, count)},
-        "specified": {"hits": coarse, "share": coarse / count, "low": lower_bound(coarse, count)},
-        "thrust": {"hits": within, "share": within / count, "low": lower_bound(within, count)},
+        "fine_aim": {"hits": fine, "share": fine / count, "low": interval(fine, count)[0]},
+        "specified": {"hits": coarse, "share": coarse / count, "low": interval(coarse, count)[0]},
+        "thrust": {"hits": within, "share": within / count, "low": interval(within, count)[0]},
         "dispersion_m": spread,
         "settling_fine_s": slow,
         "peak_thrust_N": max(one.peak_thrust for one in found),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from design.controller import default_controller
-from design.validation import BATCH, assess, sequence, validate, validate_many
+from design.validation import BATCH, assess, last_errors, sequence, validate, validate_many
 from models.machine import Machine, load
 from models.records.settling import dispersion, settling_time
 from models.simulation.simulator import Response, simulate, simulate_many
@@ -41,6 +41,14 @@ def test_the_outcome_is_that_of_the_definitions(machine: Machine, reading: str) 
     assert judged.worst_dispersion == pytest.approx(np.max(dispersion(errors[:5])[50:]))
     assert judged.dispersion_after(30e-3) == pytest.approx(np.max(dispersion(errors[:5])[60:]))
     assert judged.peak_thrust == np.max(np.abs(last.record.command))
+
+
+def test_the_errors_of_the_last_period_are_those_that_are_judged(machine: Machine) -> None:
+    target = sequence(machine, periods=3)
+    response = simulate(machine, default_controller(machine), target)
+    judged = assess(machine, response, periods=3).achieved
+    for error, one in zip(last_errors(response.position, target, 3), judged, strict=True):
+        np.testing.assert_array_equal(error, one.error)
 
 
 def test_a_reading_that_is_just_at_the_tolerance_is_within_it(machine: Machine) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from design.deployment.c_source import law_sources, loop_sources
@@ -14,8 +13,9 @@ from models.records.record import motions
 from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from models.variation import Variation
+from studies.binomial import interval
 from studies.export.tables import on_tables
-from studies.perturbed import TOGETHER, Perturbed, lower_bound
+from studies.perturbed import TOGETHER, Perturbed
 from tests.design.deployment.compiling import NEEDS_CC, put
 from tests.models.deployment.laws import designed, written
 
@@ -44,11 +44,4 @@ def test_a_table_like_the_machine_settles_as_the_simulator_says(
     assert alike["rows"][0]["slowest_s"] == pytest.approx(simulated, abs=1.01 * known.sample_time)
     assert alike["rows"][0]["share"] == (simulated <= machine.specification.settling_time)
     assert off["rows"][0]["slowest_s"] > alike["rows"][0]["slowest_s"]
-    assert off["rows"][0]["low"] == lower_bound(off["rows"][0]["hits"], 6)
-
-
-@pytest.mark.parametrize(("hits", "low"), [(0, 0.0), (200, 0.9817), (1000, 0.9963)])
-def test_the_bound_is_that_of_the_exact_interval(hits: int, low: float) -> None:
-    """Where all hit, the probability of that under the bound is 2.5 %: low^n."""
-    assert lower_bound(hits, max(hits, 1)) == pytest.approx(low, abs=5e-5)
-    assert hits == 0 or np.isclose(lower_bound(hits, hits) ** hits, 0.025)
+    assert off["rows"][0]["low"] == interval(off["rows"][0]["hits"], 6)[0]
