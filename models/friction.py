@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 MOST: Final = 200  # Elements: a hysteresis curve shows about ten, and the simulation's time grows with them.
 REACHING: Final = 30  # strokes that lead to a random state
+PERIOD: Final = 2000  # points of a period of the sine that a describing function is of
 STIFF: Final = "no contact is stiffer than a solid metre of steel"
 RANGE: Final = "contacts give way after nanometres to millimetres"
 
@@ -106,6 +107,20 @@ def follow(friction: Friction, path: ArrayLike, state: ArrayLike | None = None) 
     """
     z = deflections(friction.limit, path, state)
     return z @ np.asarray(friction.stiffness), z[-1].copy()
+
+
+def describing_stiffness(friction: Friction, amplitude: float) -> complex:
+    """The describing function K(a) [N/m]: the force's fundamental over that of x = a sin(omega t), for a [m].
+
+    It does not depend on the frequency, as the elements are rate independent; quasi-static, as in `follow`.
+
+    >>> round(describing_stiffness(Friction((1e6,), (1e-6,), (0.0,)), 1e-7).real)  # [N/m]: no element slips
+    1000000
+    """
+    angle = 2 * np.pi * np.arange(3 * PERIOD) / PERIOD
+    force, _ = follow(friction, amplitude * np.sin(angle))
+    last = slice(2 * PERIOD, None)
+    return complex(2j * np.mean(force[last] * np.exp(-1j * angle[last]))) / amplitude
 
 
 def random_pasts(friction: Friction, count: int, seed: int) -> Array:

@@ -1,29 +1,13 @@
-"""What to run on an axis so that it can be identified and diagnosed: references alone, in sizes of the axis itself.
-
-Lengths are in presliding distances and strokes, forces in shares of the rated thrust and of friction, times in settling
-times and sample times. On the paper's table the suite is nearly the one of the diagnosis' examples.
-"""
+"""Writes what to run on an axis so that it can be identified and diagnosed, as records without command and position."""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from diagnosis.experiments.schedules import (
-    PEAK_SPEED,
-    Excitation,
-    Move,
-    Schedule,
-    Step,
-    allowed,
-    quickest,
-    schedule,
-    to_csv,
-    together,
-)
-from models.controller import References
+from diagnosis.experiments.references import NAMES, references
+from diagnosis.experiments.schedules import Schedule, to_csv
 from models.machine import Machine, to_json
 from models.quantity import show
 from studies.command import DONE, to_text
@@ -32,23 +16,7 @@ from studies.identify_machine.options import IdentificationOptions
 from studies.manifest import FORMAT, hashes, versions
 from studies.study import machine_for
 
-Array = NDArray[np.float64]
-
 WRITER: Final = "identify_machine --write-references"
-NAMES: Final = ("slow_loops.csv", "sweep_low.csv", "sweep_high.csv", "strokes.csv", "suite.csv")
-SLOW: Final = 0.01  # of friction: the largest inertial force of slow loops, so that they show friction alone
-WIDE: Final = (2.5, 0.6)  # presliding distances: amplitudes of slow loops, and of the inner ones
-SAMPLES: Final = 4000  # least samples of a slow loop
-TOP: Final = 0.2  # of the sample rate: the end of sweeps
-DECADES: Final = 2.0  # of frequency in a sweep
-SWEEP: Final = 20_000  # samples of a sweep, 10 s at 2 kHz
-ROLLING: Final = 0.005  # of the rated speed: the axis rolls under the sweep
-STRONG: Final = 0.1  # of the rated thrust: the most of a sweep's force
-LEVELS: Final = {"sweep_low.csv": 0.3, "sweep_high.csv": 1.0}  # of the strongest sweep
-KEEPS_ROLLING: Final = 0.3  # of that speed: the most that a sweep's force may make the rigid body oscillate
-REST: Final = 10  # settling times
-LONG: Final = ((15, 0.002), (60, 0.008), (120, 0.033), (200, 0.05), (600, 0.06), (600, 0.06))
-"""Strokes of the suite: presliding distances, shares of the rated speed."""
 
 
 def write(options: IdentificationOptions) -> int:
@@ -74,99 +42,6 @@ def write(options: IdentificationOptions) -> int:
     )
     print("written:", *(str(place.folder / name) for name in (*NAMES, "manifest.json")))
     return DONE
-
-
-def references(machine: Machine) -> dict[str, Schedule]:
-    """The references by the names of their files; they begin at 0, and all but the sweeps end there. [m], [N].
-
-    The two sweeps roll in opposite directions, so that one after the other they end where they began.
-    """
-    sweeps = {name: sweep(machine, level, sign) for (name, level), sign in zip(LEVELS.items(), (1, -1), strict=True)}
-    others = {"strokes.csv": strokes(machine), "suite.csv": suite(machine)}
-    return {"slow_loops.csv": slow_loops(machine), **sweeps, **others}
-
-
-def slow_loops(machine: Machine) -> Schedule:
-    """Two slow loops over 2.5 presliding distances either way, then four inner ones; the inertial force is slight."""
-    ts, reach = machine.sample_time, max(machine.friction.limit)
-    heavy = machine.plant.mass * WIDE[0] * reach / (SLOW * machine.friction.coulomb_force)
-    count = max(SAMPLES, round(2 * np.pi * np.sqrt(heavy) / ts))
-    angle = 2 * np.pi * np.arange(4 * count) / count
-    path = np.where(angle < 4 * np.pi, WIDE[0] * np.sin(angle), WIDE[1] * np.sin(2 * angle)) * reach
-    path = np.asarray(np.append(path, 0.0), np.float64)
-    return Schedule("slow loops", path, References(path, np.zeros(path.size), np.zeros(path.size)))
-
-
-def sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
-    """A sweep on the feedforward while the axis rolls in one direction, at a level [1] of the strongest one.
-
-    Its force grows with frequency up to a share of the rated thrust, so that the axis never stops; it begins after a
-    twentieth of rolling alone.
-    """
-    ts, speed = machine.sample_time, ROLLING * machine.drive.rated_speed
-    begin, count = SWEEP // 20, SWEEP
-    share = np.arange(count) / count
-    low, rate = TOP / ts / 10**DECADES, DECADES * np.log(10)
-    frequency = low * np.exp(rate * share)
-    angle = 2 * np.pi * low * count * ts / rate * np.expm1(rate * share)
-    rolling = KEEPS_ROLLING * speed * machine.plant.mass * 2 * np.pi * frequency
-    soft = np.clip(np.minimum(share, 1 - share) * 50, 0, 1)
-    force = level * soft * np.minimum(STRONG * machine.drive.rated_thrust, rolling) * np.sin(angle)
-    position = np.asarray(sign * speed * ts * np.arange(begin + count), np.float64)
-    return Schedule(
-        "sweep", position, References(position, np.concatenate([np.zeros(begin), force]), np.zeros(begin + count))
-    )
-
-
-def strokes(machine: Machine) -> Schedule:
-    """Strokes of the specification, half as long and ten times, up and down, each with its rigid body's feedforward."""
-    wanted = machine.specification
-    steps: list[Step] = []
-    for size in (1.0, 0.5, 10.0):
-        for sign in (1, -1):
-            steps += [_move(machine, sign * size * wanted.stroke)] * wanted.motions
-    return schedule("strokes", machine, steps, lead=wanted.settling_time)
-
-
-def suite(machine: Machine) -> Schedule:
-    """What excites nearly every effect of the catalogue: moves of many sizes, rests of many lengths, a multisine at
-    rest, and strokes from slow to fast."""
-    wanted, settling = machine.specification, machine.specification.settling_time
-    ladder: list[Step] = [
-        _move(machine, sign * size * wanted.stroke)
-        for size in (0.1, 0.25, 0.5, 1, 2.5, 5, 10)
-        for sign in (1, 1, -1, -1)
-    ]
-    rests: list[Step] = [
-        _move(machine, sign * 0.865 * wanted.stroke, rest)
-        for rest in (2.4, 4.8, 10, 20, 40, 60)
-        for sign in (1, 1, -1, -1)
-    ]
-    top = TOP / machine.sample_time
-    low = top / 10**DECADES
-    quiet = Move(0.0, 4 * settling, 4 * settling)
-    force = min(0.24 * machine.friction.coulomb_force, 0.1 * machine.drive.rated_thrust)
-    noise: list[Step] = [quiet, Excitation((low, top), force, 16 / low), quiet]
-    long = [_strokes(machine, distance, share) for distance, share in LONG]
-    return together(
-        "suite", [schedule("part", machine, steps, lead=4 * settling) for steps in (ladder, rests, noise, *long)]
-    )
-
-
-def _strokes(machine: Machine, distance: float, share: float) -> list[Step]:
-    """A stroke there and back of a distance in presliding distances, within 40 settling times, at a share of the rated
-    speed."""
-    settling, speed = machine.specification.settling_time, share * machine.drive.rated_speed
-    size = min(distance * max(machine.friction.limit), 40 * settling * speed / PEAK_SPEED)
-    duration = PEAK_SPEED * size / allowed(machine, size, speed)
-    return [Move(sign * size, duration, REST * settling) for sign in (1, -1)]
-
-
-def _move(machine: Machine, distance: float, rest: float = REST) -> Move:
-    """A move [m] as quick as the specification wants it and 60 % of the rated thrust allow; rest [settling times]."""
-    wanted = machine.specification
-    duration = max(wanted.reference_settling_time, quickest(machine, abs(distance), 0.6))
-    return Move(distance, duration, rest * wanted.settling_time)
 
 
 def _extent(planned: Schedule, machine: Machine) -> str:

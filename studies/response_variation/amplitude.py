@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.controller import References
-from models.friction import Friction, follow
+from models.friction import describing_stiffness
 from models.machine import Machine
 from models.plant import bode
 from models.plant import frequency_response as rolling
@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 STROKES: Final = (0.1, 1.0, 5.0, 50.0, 250.0)  # amplitudes in specified strokes: 2 um to 5 mm on the paper's table
-POINTS: Final = 2000  # of a period of the sine
 MACRO: Final = 50.0  # strokes of the amplitude whose balance of mass and friction sets the frequencies:
 LOWEST: Final = 0.3  # of that at which both take the same force, 3.5 Hz on the paper's table,
 HIGHEST: Final = 60.0
@@ -34,18 +33,6 @@ CYCLES: Final = 6  # of a simulated sine, of which the first grow
 GROWING: Final = 2
 READ: Final = 3  # and the last are evaluated
 SIMULATED: Final = ((1.0, (0.6, 1.5, 3.0)), (MACRO, (0.6, 0.9, 1.5, 2.5)))  # strokes, and frequencies in units of that
-
-
-def describing_stiffness(friction: Friction, amplitude: float) -> complex:
-    """K(a) [N/m]: the friction's fundamental over that of x = a sin(omega t), for a [m]; quasi-static.
-
-    >>> round(describing_stiffness(Friction((1e6,), (1e-6,), (0.0,)), 1e-7).real)  # N/m: no element slips
-    1000000
-    """
-    angle = 2 * math.pi * np.arange(3 * POINTS) / POINTS
-    force, _ = follow(friction, amplitude * np.sin(angle))
-    last = slice(2 * POINTS, None)
-    return complex(2j * np.mean(force[last] * np.exp(-1j * angle[last]))) / amplitude
 
 
 def by_amplitude(machine: Machine) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.friction import Friction, branch, elements, fit_elements, follow
+from models.friction import Friction, branch, describing_stiffness, elements, fit_elements, follow
 from models.machine import load
 
 TABLE = load().friction
@@ -104,3 +105,22 @@ def test_a_friction_that_is_none_is_refused() -> None:
         Friction((1.0,), (1.0, 2.0), (0.0,))
     with pytest.raises(ValueError, match="does not rise"):
         fit_elements([1e-6], [1e-6, 2e-6], [-1.0, -2.0], 1.0)
+
+
+@pytest.mark.parametrize("over", [1.5, 3.0, 40.0])
+def test_the_describing_function_is_that_of_an_elastoplastic_element(over: float) -> None:
+    """In closed form (Caughey 1960): theta = acos(1 - 2 / over) is where the element begins to slip."""
+    stiffness, limit = 2e6, 1e-6
+    theta = math.acos(1 - 2 / over)
+    expected = stiffness / math.pi * complex(theta - math.sin(2 * theta) / 2, math.sin(theta) ** 2)
+    found = describing_stiffness(Friction((stiffness,), (limit,), (0.0,)), over * limit)
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_without_slip_it_is_the_spring_and_far_beyond_it_is_coulomb_friction() -> None:
+    friction = TABLE
+    assert describing_stiffness(friction, 0.5 * min(friction.limit)) == pytest.approx(sum(friction.stiffness))
+    far = 1000 * max(friction.limit)
+    assert describing_stiffness(friction, far).imag == pytest.approx(
+        4 * friction.coulomb_force / (math.pi * far), rel=0.01
+    )

@@ -17,9 +17,9 @@ def test_under_either_end_as_many_hits_or_more_are_as_rare_as_stated(hits: int, 
 
 @pytest.mark.parametrize(("tries", "low"), [(200, 0.9817), (1000, 0.9963)])
 def test_where_all_hit_the_lower_end_is_a_power(tries: int, low: float) -> None:
-    assert interval(tries, tries) == (pytest.approx(low, abs=5e-5), 1.0)
+    assert interval(tries, tries) == pytest.approx((low, 1.0), abs=5e-5)
     assert interval(tries, tries)[0] ** tries == pytest.approx(0.025)
-    assert interval(0, tries) == (0.0, pytest.approx(1 - interval(tries, tries)[0]))
+    assert interval(0, tries) == pytest.approx((0.0, 1 - interval(tries, tries)[0]))
 
 
 def test_without_a_try_any_share_is_possible() -> None:

@@ -10,10 +10,9 @@ import pytest
 
 from design.controller import default_controller
 from design.validation import Validation, validate
-from models.friction import Friction
 from models.machine import Machine, load
 from models.plant import frequency_response
-from studies.response_variation.amplitude import by_amplitude, describing_stiffness
+from studies.response_variation.amplitude import by_amplitude
 from studies.response_variation.observer import disturbance, estimated
 from studies.response_variation.small_effects import small_effects
 
@@ -27,25 +26,6 @@ def machine() -> Machine:
 @pytest.fixture(scope="module")
 def without(machine: Machine) -> Validation:
     return validate(machine, default_controller(machine).without_compensation())
-
-
-@pytest.mark.parametrize("over", [1.5, 3.0, 40.0])
-def test_the_complex_stiffness_is_that_of_an_elastoplastic_element(over: float) -> None:
-    """In closed form (Caughey 1960): theta = acos(1 - 2 / over) is where the element begins to slip."""
-    stiffness, limit = 2e6, 1e-6
-    theta = math.acos(1 - 2 / over)
-    expected = stiffness / math.pi * complex(theta - math.sin(2 * theta) / 2, math.sin(theta) ** 2)
-    found = describing_stiffness(Friction((stiffness,), (limit,), (0.0,)), over * limit)
-    assert found == pytest.approx(expected, rel=1e-3)
-
-
-def test_without_slip_it_is_the_spring_and_far_beyond_it_is_coulomb_friction(machine: Machine) -> None:
-    friction = machine.friction
-    assert describing_stiffness(friction, 0.5 * min(friction.limit)) == pytest.approx(sum(friction.stiffness))
-    far = 1000 * max(friction.limit)
-    assert describing_stiffness(friction, far).imag == pytest.approx(
-        4 * friction.coulomb_force / (math.pi * far), rel=0.01
-    )
 
 
 def test_the_droop_is_that_of_the_simulated_sines_and_needs_friction(machine: Machine) -> None:

@@ -1,87 +1,13 @@
-"""What is to be run on an axis is in its own sizes, is recognised for what it shows, and replaces nobody's files."""
+"""The references to run on an axis are written beside nothing else, and replace nobody's files."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from models.friction import elements
-from models.identification.recognise import recognised
-from models.machine import Machine, load
-from models.plant import Mode, Plant
-from models.records.files import Loaded
-from models.records.record import Record
-from models.simulation.simulator import simulate
+from diagnosis.experiments.references import NAMES
 from studies.identify_machine.__main__ import main
-from studies.identify_machine.references import LEVELS, NAMES, references
-
-
-def smaller(machine: Machine, factor: float) -> Machine:
-    """The machine with all forces, masses and lengths smaller by a factor; times stay."""
-    plant, drive, wanted = machine.plant, machine.drive, machine.specification
-    modes = tuple(Mode(factor * one.gain, one.frequency, one.damping) for one in plant.modes)
-    lengths = np.array(machine.friction.limit) / factor
-    return replace(
-        machine,
-        plant=Plant(plant.dead_time, plant.thrust_constant, modes),
-        drive=replace(drive, rated_thrust=drive.rated_thrust / factor**2, rated_speed=drive.rated_speed / factor),
-        friction=elements(np.array(machine.friction.stiffness) / factor, lengths),
-        specification=replace(wanted, stroke=wanted.stroke / factor, tolerance=wanted.tolerance / factor),
-    )
-
-
-def run(machine: Machine, name: str) -> Record:
-    """A record of the machine's feedback on the references of this name."""
-    one = references(machine)[name]
-    return simulate(machine, machine.feedback_only(), one.target, given=one.given, seed=0).record
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_references_are_in_the_sizes_of_the_machine(name: str) -> None:
-    machine = load()
-    usual, small = references(machine)[name], references(smaller(machine, 1000.0))[name]
-    assert small.target.size == usual.target.size
-    np.testing.assert_allclose(1e3 * small.given.position, usual.given.position, rtol=1e-9, atol=1e-15)
-    np.testing.assert_allclose(1e6 * small.given.feedforward, usual.given.feedforward, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_references_stay_within_the_ratings(name: str) -> None:
-    machine = load()
-    given = references(machine)[name].given
-    friction = machine.friction.coulomb_force
-    assert np.max(np.abs(given.feedforward)) < machine.drive.rated_thrust - friction
-    assert np.max(np.abs(np.diff(given.position))) / machine.sample_time < machine.drive.rated_speed
-
-
-def test_the_slow_loops_show_friction_alone() -> None:
-    machine = load()
-    record = run(machine, "slow_loops.csv")
-    assert recognised(machine, Loaded("slow_loops", "", record, (), ())) == "hysteresis"
-    # In the second wide loop the axis rolls up and down, with full friction either way.
-    second = slice(record.position.size // 4, record.position.size // 2)
-    steady = np.convolve(record.command[second], np.full(100, 0.01), "valid")  # without the PID's answer to the scale
-    climbed = float(np.ptp(steady))
-    assert climbed == pytest.approx(2 * machine.friction.coulomb_force, rel=0.03)
-
-
-@pytest.mark.parametrize("name", LEVELS)
-def test_the_axis_rolls_in_one_direction_under_a_sweep(name: str) -> None:
-    machine = load()
-    record = run(machine, name)
-    assert recognised(machine, Loaded(name, "", record, (), ())) == "excitation"
-    tenth = record.position.size // 10
-    step = round(2e-3 / machine.sample_time)
-    moved = np.sign(record.position[-1]) * (record.position[tenth + step :] - record.position[tenth:-step])
-    assert np.min(moved) > 0
-
-
-def test_strokes_are_recognised() -> None:
-    machine = load()
-    assert recognised(machine, Loaded("strokes", "", run(machine, "strokes.csv"), (), ())) == "motion"
 
 
 def test_they_are_written_without_identifying_and_replace_only_themselves(
