@@ -200,7 +200,9 @@ def _problem(plant: Plant, sample_time: float, count: int, stroke: float) -> _Pr
         return None
     powers = _reach(a, b, count)
     if not np.all(np.isfinite(powers)):
-        raise DesignError(f"the modes are beyond all numbers over {count} samples; correct their gains and frequencies")
+        raise DesignError(
+            f"the response of the modes overflows over {count} samples; correct their gains and frequencies"
+        )
     goal = np.zeros(states)
     goal[2 * plant.rigid] = 1.0
     scale = stroke / (plant.rigid_gain * (count * sample_time) ** 2)

@@ -144,7 +144,7 @@ def null(
     """The gains of every effect on `draws` simulated tables without any; read from `cache` where they were kept.
 
     roughness: the white force of each record over the usual one [1], which the tables have and their fits allow for.
-    The cache is JSON in a folder of the user's. Where its file is spoiled, or somebody else owns the folder, the tables
+    The cache is JSON in a folder of the user's. Where its file is damaged, or somebody else owns the folder, the tables
     are simulated again.
     """
     place = cache / f"{_key(layout.machine, records, draws, roughness)}.json" if cache else None

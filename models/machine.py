@@ -127,7 +127,7 @@ class Machine:
         return self.control.sample_time
 
     def unit(self, unit: str) -> str:
-        """What this axis has in place of a unit of one that moves straight: "rad" for "m" if it turns; no unit [-]."""
+        """What this axis has in place of a linear one's unit: "rad" for "m" if it is rotary; no unit [-]."""
         return rotary(unit) if self.axis == "rotary" else unit
 
     def feedback_only(self, reference_delay: int | None = None) -> Controller:
@@ -232,9 +232,9 @@ def _check_units(axis: str, sources: Mapping[str, Provenance]) -> None:
     for name, source in sources.items():
         if source.rotary is not None and source.rotary != (axis == "rotary"):
             if source.rotary:
-                raise MachineError(f'{name}: is in units of an axis that turns; write axis = "rotary" above all tables')
+                raise MachineError(f'{name}: is in units of a rotary axis; write axis = "rotary" above all tables')
             raise MachineError(
-                f'{name}: is in units of an axis that moves straight, but axis = "rotary"; '
+                f'{name}: is in units of a linear axis, but axis = "rotary"; '
                 "write it with rad for m, N m for N and kg m^2 for kg"
             )
 

@@ -154,7 +154,7 @@ def _text(given: object, unit: str, where: str) -> str:
     try:
         number = float(given)
     except OverflowError:
-        raise MachineError(f"{where}: {cut(str(given))} is beyond all numbers; write one in SI units") from None
+        raise MachineError(f"{where}: {cut(str(given))} is too large for a number; write one in SI units") from None
     return f"{number!r} {unit}" if unit != "1" else repr(number)
 
 

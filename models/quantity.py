@@ -3,7 +3,7 @@
 A physical field of a dataclass is declared with `value(unit, ...)`. From that declaration follow the reading of machine
 files, the names in results.json and the parameter tables of the reports, so that a unit is written down once.
 
-An axis that turns has the same numbers in other units: its position in rad stands where a table's stands in m, its
+A rotary axis has the same numbers in other units: its position in rad stands where a table's stands in m, its
 torque in N m for the force in N, its moment of inertia in kg m^2 for the mass in kg. `parse` takes either; `is_rotary`
 tells which one a text has, so that whoever knows the axis refuses the other.
 """
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     import pint
 
-ROTARY: Final = {"m": "rad", "N": "N m", "kg": "kg m^2"}  # what an axis that turns has in place of these units
+ROTARY: Final = {"m": "rad", "N": "N m", "kg": "kg m^2"}  # what a rotary axis has in place of these units
 _NUMBER: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*(.*)", re.IGNORECASE)
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 # Powers of (kg, m, s, A, rad) and the power of ten to SI of the units that machine files are full of.
@@ -103,7 +103,7 @@ def declaration(field: dataclasses.Field[Any], part: object = None) -> Declarati
 def parse(text: object, unit: str) -> float:
     """The number of `unit`s in `text`, in SI where `unit` is: parse("800 N/mm", "N/m") = 8e5; correctly rounded.
 
-    Of an axis that turns the number of `rotary(unit)`: parse("0.5 N m/rad", "N/m") = 0.5.
+    Of a rotary axis the number of `rotary(unit)`: parse("0.5 N m/rad", "N/m") = 0.5.
     Raises QuantityError for a missing or unknown unit, another dimension, or a value that is not finite.
     """
     if not isinstance(text, str):
@@ -120,26 +120,26 @@ def parse(text: object, unit: str) -> float:
     except QuantityError as error:
         raise QuantityError(f"{cut(text)} {error}") from error
     except ArithmeticError as error:
-        raise QuantityError(f"{cut(text)} is beyond all numbers") from error
+        raise QuantityError(f"{cut(text)} is too large for a number") from error
     if not math.isfinite(number_in_unit):
         raise QuantityError(f"{cut(text)} is not a finite number")
     return number_in_unit
 
 
 def rotary(unit: str) -> str:
-    """The unit [-] that an axis that turns has in place of one: rotary("N/m") = "N m/rad"; the same one for others."""
+    """The unit [-] that a rotary axis has in place of one: rotary("N/m") = "N m/rad"; the same one for others."""
     product, slash, below = unit.partition("/")
     parts = [_each_rotary(part.strip("()")) for part in (product, below)]
     return parts[0] + (f"/({parts[1]})" if slash and " " in parts[1] else slash + parts[1])
 
 
 def _each_rotary(product: str) -> str:
-    """The factors of a product of units, each as an axis that turns has it."""
+    """The factors of a product of units, each as a rotary axis has it."""
     return " ".join(re.sub(r"^[A-Za-z]+", lambda name: ROTARY.get(name[0], name[0]), one) for one in product.split())
 
 
 def is_rotary(text: object, unit: str) -> bool | None:
-    """Whether a text that `parse` takes for `unit` is in the units [-] of an axis that turns; None where these are the
+    """Whether a text that `parse` takes for `unit` is in the units [-] of a rotary axis; None where these are the
     same, and where the text has no unit."""
     match = _NUMBER.fullmatch(text) if isinstance(text, str) else None
     if match is None or rotary(unit) == unit or not match[2].strip():
@@ -241,7 +241,7 @@ def _factor(unit_text: str, unit: str) -> Decimal:
 
 @cache
 def _is_rotary(unit_text: str, unit: str) -> bool:
-    """Whether a unit is of the same dimension as the one that an axis that turns has in place of `unit`, angles
+    """Whether a unit is of the same dimension as the one that a rotary axis has in place of `unit`, angles
     counted as one. Raises QuantityError for an unknown unit."""
     if rotary(unit) == unit:
         return False
@@ -283,7 +283,7 @@ def _usual(text: str) -> tuple[int, ...] | None:
 
 
 def _factor_of_any(unit_text: str, wanted: str, unit: str) -> Decimal:
-    """`_factor` by the registry of units, which knows them all; wanted: `unit`, or what an axis that turns has."""
+    """`_factor` by the registry of units, which knows them all; wanted: `unit`, or what a rotary axis has."""
     import pint  # noqa: PLC0415  # as in _registry
 
     given = _quantity(unit_text, unit)
@@ -301,7 +301,7 @@ def _factor_of_any(unit_text: str, wanted: str, unit: str) -> Decimal:
 def _instead_of_an_angle(unit: str) -> str:
     """What to write where an angle was given for a quantity in `unit`."""
     if rotary(unit) != unit:
-        return f"of an axis that turns, write it in {rotary(unit)}"
+        return f"for a rotary axis, write it in {rotary(unit)}"
     return "give frequencies in Hz and damping as a ratio"
 
 

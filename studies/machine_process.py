@@ -232,7 +232,7 @@ class MachineProcess:
         except ValueError as error:
             raise self._fault(f"answered {text.strip()[:60]!r}, which is not JSON") from error
         if not isinstance(answer, dict):
-            raise self._fault("answered something else than an object")
+            raise self._fault("answered something other than an object")
         return answer
 
     def _fault(self, what: str) -> MachineProcessError:

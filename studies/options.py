@@ -304,7 +304,7 @@ class Options:
         for name, text, unit in self._typed:
             rotary = is_rotary(text, unit)
             if rotary is not None and rotary != (machine.axis == "rotary"):
-                kind = "moves straight" if rotary else "turns"
+                kind = "is linear" if rotary else "is rotary"
                 raise BadInputError(
                     f"{name}: {text!r} is not a size of this machine, whose axis {kind}; "
                     f"give it in {machine.unit(unit)}"

@@ -29,7 +29,7 @@ def readable() -> Mapping[str, type[Effect]]:
     for kind in _kinds(tuple(models.effects.__path__)):
         if kind.name in found:
             other = found[kind.name].__module__
-            raise ValueError(f"{kind.__module__}: the effect {kind.name!r} is in {other} already; name it otherwise")
+            raise ValueError(f"{kind.__module__}: the effect {kind.name!r} is in {other} already; give it another name")
         found[kind.name] = kind
     return found
 

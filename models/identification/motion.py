@@ -107,7 +107,7 @@ def identify(
             f"{machine.sample_time:g} s; give records of the controller's own samples"
         )
     if np.ptp(record.reference) == 0:
-        raise ValueError("the record's reference does not move: nothing of a motion shows; give the reference's column")
+        raise ValueError("the record's reference does not move, so that it shows no motion; map the reference's column")
     friction = elements(machine.friction.stiffness, machine.friction.limit)
     machine = replace(machine, drive=replace(machine.drive, offset=0.0), friction=friction)
     still = replace(machine, scale=replace(machine.scale, noise=0.0, resolution=0.0))

@@ -27,7 +27,7 @@ class Provenance:
 
     record, sha256: the file that it was identified from, and that file's hash; empty for any other. std: its standard
     deviation in the value's own unit, one for each number of a list; None where it is not known. rotary: whether the
-    value was given in units of an axis that turns; None where these are the same as others'.
+    value was given in units of a rotary axis; None where these are the same as others'.
     """
 
     kind: str

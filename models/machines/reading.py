@@ -173,7 +173,7 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
 
 
 def _rotary(text: object, std: object, declared: Declaration, where: str) -> bool | None:
-    """Whether a value and its standard deviation are in units of an axis that turns; None where none tells."""
+    """Whether a value and its standard deviation are in units of a rotary axis; None where none tells."""
     texts = [one for part in (text, std) for one in (part if isinstance(part, list) else [part])]
     kinds = {is_rotary(one, declared.unit) for one in texts} - {None}
     if len(kinds) > 1:

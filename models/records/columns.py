@@ -23,7 +23,7 @@ _ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232}
 class Source:
     """Where one signal comes from: the file's column `name`, times `factor` to SI; decibels: 20 log10 of it;
     absolute: a deviation in m/N, not relative to the magnitude; unit: of the column, "" where none is stated; rotary:
-    whether it is one of an axis that turns, None where nothing tells."""
+    whether it is one of a rotary axis, None where nothing tells."""
 
     name: str
     factor: float

@@ -234,10 +234,10 @@ def _check_units(table: Table, columns: Columns, names: Mapping[str, str], facts
     for signal, name in names.items():
         rotary = columns.source(signal, table.units.get(name, "")).rotary
         if facts.rotary is not None and rotary is not None and rotary != facts.rotary:
-            kind, given = ("turns", "metres or newtons") if facts.rotary else ("moves straight", "angles or N m")
+            kind, given = ("rotary", "metres or newtons") if facts.rotary else ("linear", "angles or N m")
             raise RecordError(
-                f"column {cut(name)} for the {signal} is in {given}, and the machine's axis {kind}; correct the unit, "
-                'or axis = "linear" or "rotary" above the tables of the machine file'
+                f"column {cut(name)} for the {signal} is in {given}, and the machine's axis is {kind}; correct the "
+                'unit, or axis = "linear" or "rotary" above the tables of the machine file'
             )
 
 

@@ -81,7 +81,7 @@ def _address(law: Any) -> Any:
     built = law.overloads[_SIGNATURE.args]
     if built.signature.return_type != types.float64:
         raise TypeError(
-            f"{law.__module__}.{law.__name__}: a hook gives a float; it gives {built.signature.return_type}"
+            f"{law.__module__}.{law.__name__}: a hook must return a float, not {built.signature.return_type}"
         )
     return built.library.get_pointer_to_function(built.fndesc.llvm_func_name)
 

@@ -67,8 +67,8 @@ def require_draftable(file: Path, *, overwrite: bool) -> None:
     name = file.stem
     if file.suffix != ".py" or not name.isidentifier() or name != name.lower() or keyword.iskeyword(name):
         raise BadInputError(
-            f"--draft-effect: {file.name} cannot be a file of models/effects; give a name in small letters, such as "
-            "my_law.py"
+            f"--draft-effect: {file.name} cannot be a file of models/effects; give a name in lower-case letters, such "
+            "as my_law.py"
         )
     if name in readable():
         raise BadInputError(f"--draft-effect: an effect is called {name!r} already; give another name")

@@ -75,7 +75,7 @@ def _axis(answers: Mapping[str, str]) -> str:
     straight = [option for option, rotary in kinds.items() if rotary is False]
     if turning and straight:
         raise BadInputError(
-            f"{listed(straight)}: in units of an axis that moves straight, and {listed(turning)} of one that turns; "
+            f"{listed(straight)}: in units of a linear axis, and {listed(turning)} of a rotary one; "
             "give all in rad, N m and kg m^2, or all in m, N and kg"
         )
     return AXES[bool(turning)]

@@ -40,7 +40,7 @@ def table() -> Machine:
 
 def asking(machine: Machine) -> Machine:
     """The machine whose file asks for the effects that are not common, with the sizes that they have elsewhere; not
-    for gravity, which only an axis that turns has."""
+    for gravity, which only a rotary axis has."""
     stated = {
         (name, item.name): (item.low, item.high)
         for name, kind in every().items()

@@ -99,14 +99,14 @@ def outcome(factor: Callable[[], Decimal]) -> Decimal | str:
         ("0.1 N m/A", "N/A", "N m/A", 0.1),
     ],
 )
-def test_an_axis_that_turns_has_units_of_its_own(text: str, unit: str, in_its_place: str, number: float) -> None:
+def test_a_rotary_axis_has_units_of_its_own(text: str, unit: str, in_its_place: str, number: float) -> None:
     assert rotary(unit) == in_its_place
     assert parse(text, unit) == pytest.approx(number, rel=1e-15)
     assert is_rotary(text, unit) is True
     assert is_rotary(f"1 {unit}", unit) is False
 
 
-def test_most_units_are_the_same_for_an_axis_that_turns() -> None:
+def test_most_units_are_the_same_for_a_rotary_axis() -> None:
     for unit in ("s", "Hz", "W", "1", "1/s", "A"):
         assert (rotary(unit), is_rotary(f"1 {unit}", unit)) == (unit, None)
 
@@ -126,9 +126,9 @@ def test_micrometres_are_rounded_once(number: object) -> None:
         ("inf s", "s", "not a finite number"),
         ("240 rad/s", "Hz", "angle"),
         ("60 rpm", "Hz", "angle; give frequencies in Hz"),
-        ("90 deg", "m/s", "of an axis that turns, write it in rad/s"),
-        ("3 N m s/rad", "N/m", "of an axis that turns, write it in N m/rad"),
-        ("60 rpm", "m", "of an axis that turns, write it in rad"),
+        ("90 deg", "m/s", "for a rotary axis, write it in rad/s"),
+        ("3 N m s/rad", "N/m", "for a rotary axis, write it in N m/rad"),
+        ("60 rpm", "m", "for a rotary axis, write it in rad"),
         ("7 N m s", "N s/m", "this is a quantity in N s/m"),
         ("fast", "s", "must be a number with a unit"),
         ("2 m", "1", "a plain number"),

@@ -1,4 +1,4 @@
-"""An axis that turns: the same numbers in rad, N m and kg m^2, from the machine file to what a study prints."""
+"""A rotary axis: the same numbers in rad, N m and kg m^2, from the machine file to what a study prints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ANSWERS = (
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A machine file from ten answers in units of an axis that turns."""
+    """A machine file from ten answers in units of a rotary axis."""
     path = tmp_path_factory.mktemp("rotary") / "axis.toml"
     assert main(command(path, dict(zip(TEN, ANSWERS, strict=True)))) == 0
     return path
@@ -56,8 +56,8 @@ def test_its_file_says_so_and_is_read_and_written_in_its_units(machine: Machine)
 def test_units_of_the_other_kind_are_refused(file: Path) -> None:
     text = file.read_text(encoding="utf-8")
     for old, new, said in (
-        ('axis = "rotary"', "", 'is in units of an axis that turns; write axis = "rotary" above all tables'),
-        ('"2 deg"', '"2 mm"', "specification.stroke: is in units of an axis that moves straight"),
+        ('axis = "rotary"', "", 'is in units of a rotary axis; write axis = "rotary" above all tables'),
+        ('"2 deg"', '"2 mm"', "specification.stroke: is in units of a linear axis"),
         ('axis = "rotary"', 'axis = "round"', 'must be "linear" or "rotary"'),
         ('["4.36332e-05 rad"', '["4.36332e-05 m"', "friction.limit: mixes m with rad"),
     ):
@@ -70,11 +70,9 @@ def test_units_of_the_other_kind_are_refused(file: Path) -> None:
 
 
 def test_a_study_takes_and_prints_its_units(machine: Machine) -> None:
-    with pytest.raises(BadInputError, match="--stroke: '2 mm' is not a size of this machine, whose axis turns"):
+    with pytest.raises(BadInputError, match="--stroke: '2 mm' is not a size of this machine, whose axis is rotary"):
         STUDY(machine, stroke="2 mm")
-    with pytest.raises(
-        BadInputError, match="--stroke: '1 deg' is not a size of this machine, whose axis moves straight"
-    ):
+    with pytest.raises(BadInputError, match="--stroke: '1 deg' is not a size of this machine, whose axis is linear"):
         STUDY(load(), stroke="1 deg")
     answer = STUDY(machine, quick=True, stroke="1 deg")
     assert {"N m", "s"} <= {check.unit for check in answer.checks}
@@ -82,7 +80,7 @@ def test_a_study_takes_and_prints_its_units(machine: Machine) -> None:
     assert all(check.holds for check in answer.checks)
 
 
-def test_columns_in_degrees_and_newton_metres_are_those_of_an_axis_that_turns(tmp_path: Path) -> None:
+def test_columns_in_degrees_and_newton_metres_are_those_of_a_rotary_axis(tmp_path: Path) -> None:
     t = np.arange(400) * 1e-3
     angle = 10 * np.sin(2 * np.pi * 2 * t) + 1e-4 * np.sin(900 * t)
     path = tmp_path / "log.csv"
@@ -93,9 +91,9 @@ def test_columns_in_degrees_and_newton_metres_are_those_of_an_axis_that_turns(tm
     assert isinstance(record, Record)
     np.testing.assert_allclose(record.position, np.deg2rad(angle), rtol=1e-6)
     np.testing.assert_allclose(record.command, 0.1 * rows[:, 1], rtol=1e-6)
-    with pytest.raises(RecordError, match="is in angles or N m, and the machine's axis moves straight"):
+    with pytest.raises(RecordError, match="is in angles or N m, and the machine's axis is linear"):
         load_record(path, columns, rotary=False)
-    with pytest.raises(RecordError, match="is in metres or newtons, and the machine's axis turns"):
+    with pytest.raises(RecordError, match="is in metres or newtons, and the machine's axis is rotary"):
         load_record(path, replace(columns, position="q [mm]"), rotary=True)
 
 

@@ -44,7 +44,7 @@ def read_rules(path: Path, *, needed: bool = True) -> tuple[Rule, ...]:
         raise RecordError(f"{path}: can't be read as TOML ({text}); correct it") from error
     unknown = sorted(set(content) - {"record", "description"})
     if unknown:
-        raise RecordError(f"{path}: {unknown[0]!r} does not belong into a mapping file; {EXAMPLE}")
+        raise RecordError(f"{path}: {unknown[0]!r} does not belong in a mapping file; {EXAMPLE}")
     tables = content.get("record")
     if isinstance(tables, dict):
         tables = [tables]

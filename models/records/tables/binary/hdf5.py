@@ -27,7 +27,7 @@ LONGEST: Final = 100  # characters of a unit
 def table_of_hdf5(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
     """The wanted columns (n,) [as the file has them], or all for None; "/group/data" is the same as "group/data".
 
-    Raises RecordError for a file that is too large, and what h5py raises for one that is spoiled.
+    Raises RecordError for a file that is too large, and what h5py raises for one that is damaged.
     """
     bare = None if wanted is None else {name.removeprefix("/") for name in wanted}
     found, names, units = read_datasets(path, limits, bare)
@@ -45,7 +45,7 @@ def read_datasets(
 ) -> tuple[dict[str, Array], list[str], dict[str, str]]:
     """The wanted columns (n,) [as the file has them], or all for None; the names of all; the units that it states.
 
-    Raises RecordError, and what h5py raises for a spoiled file.
+    Raises RecordError, and what h5py raises for a damaged file.
     """
     import h5py  # noqa: PLC0415 (so that only who reads such files waits for it)
 

@@ -30,7 +30,7 @@ HOLDING: Final = {1, 2, 3}  # classes of arrays whose members are arrays: cells,
 def table_of_mat(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
     """The wanted columns (n,) [as the file has them], or all for None, of the arrays that `_arrays` finds.
 
-    Raises RecordError for a file that is too large, and what SciPy or h5py raise for one that is spoiled.
+    Raises RecordError for a file that is too large, and what SciPy or h5py raise for one that is damaged.
     """
     found = _arrays(path, limits)
     limits.check_samples(max((column.size for column in found.values()), default=0))

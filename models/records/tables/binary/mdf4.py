@@ -1,6 +1,6 @@
 """MDF4 files (ASAM), by the optional package asammdf: every channel with its unit, and its group's times as its clock.
 
-asammdf reads the samples by compiled code that does not check what the file states, so a spoiled file can end the
+asammdf reads the samples by compiled code that does not check what the file states, so a damaged file can end the
 process that reads it: that is another one than this.
 """
 
@@ -32,7 +32,7 @@ def table_of_mdf4(path: Path, limits: Limits, wanted: Collection[str] | None) ->
     """The wanted columns (n,) [as the file has them, converted], or all for None.
 
     A channel is called by its name, or "group/name" where several have it; a group is called by its acquisition, or its
-    number from 0 on. Raises RecordError for a file that is too large, and ValueError for one that is spoiled.
+    number from 0 on. Raises RecordError for a file that is too large, and ValueError for one that is damaged.
     """
     check_installed("asammdf", "MDF4")
     _check_head(path)
@@ -47,7 +47,7 @@ def table_of_mdf4(path: Path, limits: Limits, wanted: Collection[str] | None) ->
         check=False,
     )
     if done.returncode != 0 or not done.stdout:
-        raise RecordError("is spoiled, so that its reader broke off; export it again")
+        raise RecordError("is damaged: reading it broke off; export it again")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
         said = json.loads(str(archive["arr_0"]))
         if "refused" in said:

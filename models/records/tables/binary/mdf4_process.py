@@ -1,4 +1,4 @@
-"""Reads an MDF4 file by asammdf, in a process that may end at a spoiled one.
+"""Reads an MDF4 file by asammdf, in a process that may end at a damaged one.
 
 Raw values are read, and converted here by linear and rational conversions: a formula in the file is not evaluated.
 """
@@ -47,7 +47,7 @@ def main() -> None:
 def read_mdf4(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
     """The wanted columns (n,) [as the file has them, converted], or all for None, read in this process.
 
-    Raises RecordError for a file that is too large, and what asammdf raises for one that is spoiled.
+    Raises RecordError for a file that is too large, and what asammdf raises for one that is damaged.
     """
     from asammdf import MDF  # noqa: PLC0415 (an optional package)
 

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 def table_of_npz(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
     """The wanted columns (n,) [as the file has them], or all for None.
 
-    Raises RecordError for a file that is too large or holds pickles, and what NumPy raises for one that is spoiled.
+    Raises RecordError for a file that is too large or holds pickles, and what NumPy raises for one that is damaged.
     """
     found: dict[str, Array] = {}
     names: list[str] = []

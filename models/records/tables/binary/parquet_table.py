@@ -17,7 +17,7 @@ from models.records.tables.table import Table
 def table_of_parquet(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
     """The wanted columns (n,) [as the file has them], or all that hold no text for None.
 
-    Raises RecordError for a file that is too large, and what Arrow raises for one that is spoiled.
+    Raises RecordError for a file that is too large, and what Arrow raises for one that is damaged.
     """
     try:
         from pyarrow import parquet  # noqa: PLC0415

@@ -40,7 +40,7 @@ Types = Mapping[str, Any]
 def table_of_rosbag(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
     """The wanted columns (n,) [as the messages have them], or all for None; clocks in seconds since the first of them.
 
-    Raises RecordError for a bag that is too large or has views, and what rosbags raises for one that is spoiled.
+    Raises RecordError for a bag that is too large or has views, and what rosbags raises for one that is damaged.
     """
     check_installed("rosbags", "a ROS 2 bag")
     from rosbags import typesys as store  # noqa: PLC0415 (an optional package)
@@ -195,4 +195,4 @@ def _check_database(path: Path) -> None:
         made = database.execute("SELECT type, upper(coalesce(sql, '')) FROM sqlite_master").fetchall()
     database.close()
     if any(kind not in ("table", "index") or sql.startswith("CREATE VIRTUAL") for kind, sql in made):
-        raise RecordError("is a database with views, triggers or virtual tables, which a bag has not; export it again")
+        raise RecordError("is a database with views, triggers or virtual tables, which no bag has; export it again")

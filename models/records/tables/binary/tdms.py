@@ -27,7 +27,7 @@ MOST_SCALES: Final = 100  # steps from a raw value to the scaled one
 def table_of_tdms(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
     """The wanted columns (n,) [as the file has them, scaled], or all for None; clocks in seconds.
 
-    Raises RecordError for a file that is too large, and what npTDMS raises for one that is spoiled.
+    Raises RecordError for a file that is too large, and what npTDMS raises for one that is damaged.
     """
     from nptdms import TdmsFile  # noqa: PLC0415 (so that only who reads such files waits for it)
 

@@ -69,7 +69,7 @@ def test_a_mapping_file_has_a_table_for_each_record(tmp_path: Path) -> None:
     [
         ("", "must have a table for each record; write a table such as"),
         ("record = 3", "must have a table for each record"),
-        ("[[records]]\ntime = 't'", "'records' does not belong into a mapping file"),
+        ("[[records]]\ntime = 't'", "'records' does not belong in a mapping file"),
         ("[record]\nposicion = 'x'", "record 1: 'posicion' is not a signal; did you mean position"),
         ("[record]\nposition = 'x [kg]'", "record 1: position: .* quantity in m"),
         ("[record]\nposition = 5", "record 1: position must be text in quotes"),

@@ -86,7 +86,7 @@ def test_a_reader_of_mdf4_that_breaks_off_is_said(tmp_path: Path, monkeypatch: p
     (tmp_path / "a.mf4").write_bytes(b"MDF     4.10    ")
     monkeypatch.setattr("models.records.tables.binary.extras.find_spec", lambda _: True)
     monkeypatch.setattr("models.records.tables.binary.mdf4_process.__name__", "signal; raise SystemExit(3)")
-    with pytest.raises(RecordError, match=r"a.mf4: is spoiled, so that its reader broke off; export it again"):
+    with pytest.raises(RecordError, match=r"a.mf4: is damaged: reading it broke off; export it again"):
         read(tmp_path / "a.mf4")
 
 
