@@ -62,5 +62,6 @@ def _gain(number: float, unit: str, name: str, time: float, sources: Mapping[str
     stated = sources.get(f"control.pid.{name}")
     if stated is None:
         return {"value": f"{number!r} {unit}", "source": f"derived: no {name}"}
-    said = f"derived: kp and an {name} of {show(time, 's')} ({stated.kind}: {stated.detail})".replace("an d", "a d")
+    article = "an" if name.startswith("i") else "a"
+    said = f"derived: kp and {article} {name} of {show(time, 's')} ({stated.kind}: {stated.detail})"
     return {"value": f"{number!r} {unit}", "source": said} | ({"note": stated.note} if stated.note else {})

@@ -35,6 +35,14 @@ FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
 INERTIA: Final = 0.8  # share of the smoothed command's variance that inertia must explain for a mass to be read off
 
 
+class DoubtfulError(RecordError):
+    """A record that only looks wrong: `doubt` says how, and the message also how to use the record as it is."""
+
+    def __init__(self, doubt: str) -> None:
+        super().__init__(f"{doubt}; {TRUST}")
+        self.doubt = doubt
+
+
 @dataclass(frozen=True)
 class Facts:
     """What is nominally known of a machine [SI], to see more in its records; None: not known.
@@ -82,11 +90,11 @@ def check_length(records: Sequence[Record]) -> None:
 
 
 def check_movement(records: Sequence[Record]) -> None:
-    """Raises RecordError for records in none of which anything moves."""
+    """Raises DoubtfulError for records in none of which anything moves."""
     if not any(_moves(record) for record in records):
-        raise RecordError(
+        raise DoubtfulError(
             "nothing moves; a diagnosis needs motions, such as the references in the suite.csv that gap_diagnosis "
-            f"writes where it is given no record; {TRUST}"
+            "writes where it is given no record"
         )
 
 
@@ -96,7 +104,7 @@ def _moves(record: Record) -> bool:
 
 
 def check_one_machine(records: Sequence[Record], names: Sequence[str]) -> None:
-    """Raises RecordError where the records' scales have other steps, or their commands move another mass.
+    """Raises DoubtfulError where the records' scales have other steps, or their commands move another mass.
 
     names: what the message calls each record.
     """
@@ -105,16 +113,16 @@ def check_one_machine(records: Sequence[Record], names: Sequence[str]) -> None:
     ]
     for step, name in steps[1:]:
         if not 0.99 < step / steps[0][0] < 1.01:
-            raise RecordError(
+            raise DoubtfulError(
                 f"{steps[0][1]} and {name} are of two machines: their scales have steps of "
-                f"{show(steps[0][0], 'm')} and {show(step, 'm')}; diagnose each with its own machine file; {TRUST}"
+                f"{show(steps[0][0], 'm')} and {show(step, 'm')}; diagnose each with its own machine file"
             )
     masses = [(mass, name) for record, name in zip(records, names, strict=True) if (mass := rolling_mass(record))]
     for mass, name in masses[1:]:
         if not 1 / SAME_MASS < mass / masses[0][0] < SAME_MASS:
-            raise RecordError(
+            raise DoubtfulError(
                 f"{masses[0][1]} and {name} are of two machines: their commands move {show(masses[0][0], 'kg', 3)} and "
-                f"{show(mass, 'kg', 3)}; diagnose each with its own machine file; {TRUST}"
+                f"{show(mass, 'kg', 3)}; diagnose each with its own machine file"
             )
 
 

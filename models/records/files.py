@@ -20,7 +20,7 @@ from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
 from models.quantity import cut
 from models.records import response_columns
-from models.records.checks import TRUST, Facts, derivative_of_error, findings
+from models.records.checks import DoubtfulError, Facts, derivative_of_error, findings
 from models.records.columns import UNITS, Columns
 from models.records.grids import on_one_grid
 from models.records.plausible import doubts
@@ -77,7 +77,7 @@ def load(
         if trusted:
             said = (*(f"{one[0].upper()}{one[1:]}." for one in doubted), *said)
         elif (one := next(doubted, None)) is not None:
-            raise RecordError(f"{one}; {TRUST}")
+            raise DoubtfulError(one)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     return Loaded(path.name, digest, record, tuple(given), said, recognised(table, columns, given, record))

@@ -14,7 +14,7 @@ from diagnosis.where.controller import reproduces
 from models.identification.recognise import read
 from models.machine import Machine
 from models.records.checks import (
-    TRUST,
+    DoubtfulError,
     check_length,
     check_movement,
     check_one_machine,
@@ -128,13 +128,13 @@ def check(
 
 
 def _doubts(look: Callable[[], None], *, trusted: bool) -> tuple[str, ...]:
-    """What is wrong with records that are trusted, as a sentence; raises RecordError for others."""
+    """What looks wrong about records that are trusted, as a sentence; raises RecordError for others."""
     try:
         look()
-    except RecordError as error:
+    except DoubtfulError as error:
         if not trusted:
             raise
-        return (f"Not refused, as the records are trusted: {str(error).removesuffix(f'; {TRUST}')}.",)
+        return (f"Not refused, as the records are trusted: {error.doubt}.",)
     return ()
 
 

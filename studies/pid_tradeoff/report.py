@@ -148,7 +148,7 @@ def _reversal(whole: Results) -> Drawing:
     style.tolerance_band(ax, 0.0, 1e6 * spec["tolerance_m"], "tolerance")
     style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"{1e3 * spec['settling_time_s']:g} ms", axis="x")
     for curve in reversal["curves"]:
-        label = f"{curve['name'].split(',')[0]}, $M_s$ = {curve['ms']:.3g}"
+        label = f"{'present' if curve['name'] == 'present' else 'tuned'}, $M_s$ = {curve['ms']:.3g}"
         ax.plot(1e3 * np.array(reversal["time_s"]), 1e6 * np.array(curve["error_m"]), label=label)
     ax.set_xlim(0, 1e3 * reversal["time_s"][-1])
     ax.set_xlabel("time from the step [ms]")
