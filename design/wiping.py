@@ -19,6 +19,7 @@ from design.controller import usable_thrust
 from design.friction_compensation import with_force
 from design.validation import respond
 from models.controller import Controller, References
+from models.deployment.coefficients import STEEPEST
 from models.friction import Friction, follow
 from models.machine import Machine
 from models.records.record import motions
@@ -30,7 +31,6 @@ MARGIN: Final = 1.5  # times 2 X_m, as the presliding lengths of the file may be
 SHARE: Final = 0.1  # of the thrust that friction leaves, and of the rated speed: the wipe only has to be smooth
 SETTLINGS: Final = 10  # settling times that one stroke takes at least, so that the feedback follows the friction
 REST: Final = 5  # settling times that the table rests after each stroke
-STEEPEST: Final = 10 / math.sqrt(3)
 FASTEST: Final = 15 / 8  # with STEEPEST: largest acceleration T^2 / W, and speed T / W, of the profile below
 
 

@@ -6,11 +6,9 @@ import math
 from typing import Final
 
 from design.deployment.templating import filled, hexadecimal
-from design.deployment.vectors import Vectors
+from design.deployment.vectors import MISSING, Vectors
 from models.deployment.coefficients import Coefficients
 from models.deployment.learning_steps import SAME, lesson
-
-MISSING: Final = 1e300  # stands for NaN in the vectors, which C cannot write as a constant
 
 PROGRAMS: Final = ("closed_loop", "session", "day")  # that close the loop with the plant
 

@@ -10,13 +10,12 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 from design.deployment.templating import filled
-from design.deployment.vectors import Vectors
+from design.deployment.vectors import MISSING, Vectors
 from models.deployment.coefficients import Coefficients
 from models.deployment.learning_numbers import Learning
 from models.deployment.learning_steps import SAME, lesson
 from models.deployment.running_law import FAR, RESET
 
-MISSING: Final = 1e300  # stands for NaN in the vectors, as structured text has no way to write it
 SECTIONS: Final = {
     "VAR_INPUT": "inputVars",
     "VAR_OUTPUT": "outputVars",

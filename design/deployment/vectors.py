@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 MOST_GOLDEN: Final = 8000  # vectors that are kept with the code
+MISSING: Final = 1e300  # stands for NaN in exported vectors: neither C nor structured text can write it as a constant
 FARTHEST: Final = 0.2  # m from 0 to where a reset may be
 
 

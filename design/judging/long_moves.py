@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from design.controller import usable_thrust
 from design.deadbeat import DesignError
-from design.wiping import FASTEST, STEEPEST
+from design.wiping import FASTEST
 from models.controller import Controller, references
+from models.deployment.coefficients import STEEPEST
 from models.machine import Machine
 from models.quantity import show
 from models.records.settling import overshoot, settling_time

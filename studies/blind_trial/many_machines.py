@@ -26,7 +26,6 @@ CASES, MACHINES, INNOCENTS = 1000, 150, 200  # from which on a trial supports it
 A_CASE: Final = 9.0  # s on two cores: 1000 cases in two and a half hours
 
 TOLD: Final = 6  # features of the worst machines that are told
-KINDLESS: Final = ("several", "none_of_these", "parameters", "nothing_to_explain", "failed")
 
 TARGETS: Final[tuple[tuple[str, str, str, float], ...]] = (
     ("right_name", "right name, single effects above the detection limit: lower bound", ">=", 0.90),
@@ -154,7 +153,7 @@ def confusion_of_kinds(scores: Sequence[Score]) -> dict[str, Any]:
     """Counts of the cases that count by the kind of the true effect (rows) and of what is answered (columns)."""
     ordered = sorted((one for one in scores if one.counts), key=lambda one: KINDS.index(one.label.kind))
     true = (kind_of(one.label.names[0]) if one.label.kind == "single" else one.label.kind for one in ordered)
-    return counted(zip(true, map(_answered, ordered), strict=True), KINDLESS)
+    return counted(zip(true, map(_answered, ordered), strict=True), merit.LAST)
 
 
 def kind_of(name: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from diagnosis.handover.hand_over import MEASURED
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
@@ -281,7 +282,7 @@ FILES: Final = {
     "offset alone": "So improved.toml is the machine as delivered with another offset.",
     "re-fitted": "So improved.toml has the re-fitted values alone.",
     "with effects": "So improved.toml has the effects.",
-    unknown_law.FILE: "So improved.toml has the measured law.",
+    MEASURED: "So improved.toml has the measured law.",
 }
 MEASURES: Final = {"force": "unknown force", "position": "position error", "settling": "error of the settling times"}
 CANDIDATES: Final = {
@@ -289,7 +290,7 @@ CANDIDATES: Final = {
     "offset alone": "the machine with its offset fitted",
     "re-fitted": "the re-fitted machine",
     "with effects": "the machine with effects",
-    unknown_law.FILE: "the machine with the measured law",
+    MEASURED: "the machine with the measured law",
 }
 
 

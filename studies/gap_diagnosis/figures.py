@@ -10,13 +10,13 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
+from diagnosis.model.residual import STARTING
 from reports import style
 from studies.wording import effect
 
 Results = Mapping[str, Any]
 Array = NDArray[np.float64]
 
-STARTING = 60  # samples at a record's start that do not count
 MOST = 12  # effects in a bar chart at most
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
 GAPS = (

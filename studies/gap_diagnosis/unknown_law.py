@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
+from diagnosis.handover.hand_over import MEASURED
 from models.quantity import show
 from reports import style
 
 Results = Mapping[str, Any]
 
-FILE: Final = "measured law"  # the name of the machine file with it, among those that are judged
 OVER: Final = {
     "time": "the time",
     "position": "the position",
@@ -59,9 +59,9 @@ def told(learned: Results | None) -> str:
 def left(far: Results) -> list[str]:
     """What the machine file with the law leaves of motions left out of its fit; nothing where there is none."""
     files = {one["file"]: one["held_out"] for one in far["files"]}
-    if FILE not in files:
+    if MEASURED not in files:
         return []
-    gap = files[FILE]
+    gap = files[MEASURED]
     return [
         f"With the measured law {show(gap['force_N'], 'N', 2)} and {show(gap['position_m'], 'm', 2)} of position are "
         "left on motions held out."

@@ -16,7 +16,8 @@ from design.friction_compensation import simplify
 from models.controller import Controller
 from models.effects import base, catalogue
 from models.friction import Friction
-from models.machine import Machine, Tolerance
+from models.machine import Machine
+from models.machines.parts import USUAL_TOLERANCE
 from models.quantity import declaration
 from models.variation import Variation, varied, varied_friction
 from studies.paper_gap.compensators import Design, compensator, number, with_compensator
@@ -26,8 +27,7 @@ Values = tuple[float, ...]
 
 FRICTION: Final = 0.5  # The assumed largest relative error of the friction's level and of its presliding length.
 BESIDE_FRICTION: Final = 0.3  # The same, where a friction is wrong beside another cause.
-USUAL: Final = Tolerance()
-# The largest errors of other parameters, in standard deviations of USUAL: as far as a diagnosis re-fits them.
+# The largest errors of other parameters, in standard deviations of USUAL_TOLERANCE: as far as a diagnosis re-fits them.
 MASS_BOUND: Final = 20.0
 BOUND: Final = 8.0
 SMALLEST: Final = 20.0  # An RFM's smallest limit is at most so many times the friction's,
@@ -180,10 +180,12 @@ def _of_parameters() -> tuple[Candidate, ...]:
         return Candidate(name, PARAMETERS, law, (Range(name, unit, -most, most, logarithmic=False),), 0, put)
 
     single = (
-        off("payload_mass", r"(1+e)\,M", MASS_BOUND * USUAL.mass, lambda e: Variation(mass=e)),
-        off("mode_frequency", r"(1+e)\,\omega_{ti}", BOUND * USUAL.frequency, lambda e: Variation(frequency=e)),
-        off("mode_damping", r"(1+e)\,\zeta_{ti}", BOUND * USUAL.damping, lambda e: Variation(damping=e)),
-        off("dead_time", r"L+e", BOUND * USUAL.dead_time, lambda e: Variation(dead_time=e), "s"),
+        off("payload_mass", r"(1+e)\,M", MASS_BOUND * USUAL_TOLERANCE.mass, lambda e: Variation(mass=e)),
+        off(
+            "mode_frequency", r"(1+e)\,\omega_{ti}", BOUND * USUAL_TOLERANCE.frequency, lambda e: Variation(frequency=e)
+        ),
+        off("mode_damping", r"(1+e)\,\zeta_{ti}", BOUND * USUAL_TOLERANCE.damping, lambda e: Variation(damping=e)),
+        off("dead_time", r"L+e", BOUND * USUAL_TOLERANCE.dead_time, lambda e: Variation(dead_time=e), "s"),
     )
     return (
         off("friction_level", r"(1+e)\,K_i", FRICTION, lambda e: Variation(friction_force=e)),

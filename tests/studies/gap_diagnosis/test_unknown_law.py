@@ -47,7 +47,7 @@ def test_without_a_curve_there_is_a_reason_or_nothing(learned: dict[str, Any] | 
 
 
 def test_what_the_file_with_the_law_leaves_is_told() -> None:
-    file = {"file": unknown_law.FILE, "held_out": {"force_N": 0.023, "position_m": 44e-9}}
+    file = {"file": "measured law", "held_out": {"force_N": 0.023, "position_m": 44e-9}}
     assert unknown_law.left({"files": [file]}) == [
         "With the measured law 0.023 N and 44 nm of position are left on motions held out."
     ]
