@@ -43,17 +43,17 @@ LONG: Final = ((15, 0.002), (60, 0.008), (120, 0.033), (200, 0.05), (600, 0.06),
 """Strokes of the suite: presliding distances, shares of the rated speed."""
 
 
-def references(machine: Machine) -> dict[str, Schedule]:
+def axis_references(machine: Machine) -> dict[str, Schedule]:
     """The references by the names of their files; they begin at 0, and all but the sweeps end there. [m], [N].
 
     The two sweeps roll in opposite directions, so that one after the other they end where they began.
     """
-    sweeps = {name: sweep(machine, level, sign) for (name, level), sign in zip(LEVELS.items(), (1, -1), strict=True)}
-    others = {"strokes.csv": strokes(machine), "suite.csv": suite(machine)}
-    return {"slow_loops.csv": slow_loops(machine), **sweeps, **others}
+    sweeps = {name: _sweep(machine, level, sign) for (name, level), sign in zip(LEVELS.items(), (1, -1), strict=True)}
+    others = {"strokes.csv": _strokes(machine), "suite.csv": _suite(machine)}
+    return {"slow_loops.csv": _slow_loops(machine), **sweeps, **others}
 
 
-def slow_loops(machine: Machine) -> Schedule:
+def _slow_loops(machine: Machine) -> Schedule:
     """Two slow loops over 2.5 presliding distances either way, then four inner ones; the inertial force is slight."""
     ts, reach = machine.sample_time, max(machine.friction.limit)
     heavy = machine.plant.mass * WIDE[0] * reach / (SLOW * machine.friction.coulomb_force)
@@ -64,7 +64,7 @@ def slow_loops(machine: Machine) -> Schedule:
     return Schedule("slow loops", path, References(path, np.zeros(path.size), np.zeros(path.size)))
 
 
-def sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
+def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     """A sweep on the feedforward while the axis rolls in one direction, at a level [1] of the strongest one.
 
     Its force grows with frequency up to a share of the rated thrust, so that the axis never stops; it begins after a
@@ -85,7 +85,7 @@ def sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     )
 
 
-def strokes(machine: Machine) -> Schedule:
+def _strokes(machine: Machine) -> Schedule:
     """Strokes of the specification, half as long and ten times, up and down, each with its rigid body's feedforward."""
     wanted = machine.specification
     steps: list[Step] = []
@@ -95,7 +95,7 @@ def strokes(machine: Machine) -> Schedule:
     return schedule("strokes", machine, steps, lead=wanted.settling_time)
 
 
-def suite(machine: Machine) -> Schedule:
+def _suite(machine: Machine) -> Schedule:
     """What excites nearly every effect of the catalogue: moves of many sizes, rests of many lengths, a multisine at
     rest, and strokes from slow to fast."""
     wanted, settling = machine.specification, machine.specification.settling_time
@@ -114,13 +114,13 @@ def suite(machine: Machine) -> Schedule:
     quiet = Move(0.0, 4 * settling, 4 * settling)
     force = min(0.24 * machine.friction.coulomb_force, 0.1 * machine.drive.rated_thrust)
     noise: list[Step] = [quiet, Excitation((low, top), force, 16 / low), quiet]
-    long = [_strokes(machine, distance, share) for distance, share in LONG]
+    long = [_there_and_back(machine, distance, share) for distance, share in LONG]
     return together(
         "suite", [schedule("part", machine, steps, lead=4 * settling) for steps in (ladder, rests, noise, *long)]
     )
 
 
-def _strokes(machine: Machine, distance: float, share: float) -> list[Step]:
+def _there_and_back(machine: Machine, distance: float, share: float) -> list[Step]:
     """A stroke there and back of a distance in presliding distances, within 40 settling times, at a share of the rated
     speed."""
     settling, speed = machine.specification.settling_time, share * machine.drive.rated_speed

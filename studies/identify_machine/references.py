@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from diagnosis.experiments.references import NAMES, references
+from diagnosis.experiments.references import NAMES, axis_references
 from diagnosis.experiments.schedules import Schedule, to_csv
 from models.machine import Machine, to_json
 from models.quantity import show
@@ -28,7 +28,7 @@ def write(options: IdentificationOptions) -> int:
     place = Place(options.write_references, WRITER, (*NAMES, "manifest.json"), overwrite=options.overwrite)
     require_free(place)
     machine, _ = machine_for(options)
-    planned = references(machine)
+    planned = axis_references(machine)
     with atomic_folder(place) as folder:
         for name, one in planned.items():
             (folder / name).write_text(to_csv(one, machine.sample_time), encoding="utf-8")

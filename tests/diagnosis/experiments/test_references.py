@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.experiments.references import LEVELS, NAMES, references
+from diagnosis.experiments.references import LEVELS, NAMES, axis_references
 from models.friction import elements
 from models.identification.recognise import recognised
 from models.machine import Machine, load
@@ -33,14 +33,14 @@ def smaller(machine: Machine, factor: float) -> Machine:
 
 def run(machine: Machine, name: str) -> Record:
     """A record of the machine's feedback on the references of this name."""
-    one = references(machine)[name]
+    one = axis_references(machine)[name]
     return simulate(machine, machine.feedback_only(), one.target, given=one.given, seed=0).record
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_references_are_in_the_sizes_of_the_machine(name: str) -> None:
     machine = load()
-    usual, small = references(machine)[name], references(smaller(machine, 1000.0))[name]
+    usual, small = axis_references(machine)[name], axis_references(smaller(machine, 1000.0))[name]
     assert small.target.size == usual.target.size
     np.testing.assert_allclose(1e3 * small.given.position, usual.given.position, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(1e6 * small.given.feedforward, usual.given.feedforward, rtol=1e-9, atol=1e-9)
@@ -49,7 +49,7 @@ def test_references_are_in_the_sizes_of_the_machine(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_references_stay_within_the_ratings(name: str) -> None:
     machine = load()
-    given = references(machine)[name].given
+    given = axis_references(machine)[name].given
     friction = machine.friction.coulomb_force
     assert np.max(np.abs(given.feedforward)) < machine.drive.rated_thrust - friction
     assert np.max(np.abs(np.diff(given.position))) / machine.sample_time < machine.drive.rated_speed
