@@ -23,7 +23,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
 from diagnosis.model.motions import Piece, repeated, rms, scatter
-from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, smooth
+from diagnosis.model.residual import Candidate, Residual, evaluate, smooth
 from diagnosis.model.units import noise
 from diagnosis.null import simulated_with_starts
 from diagnosis.which.random_force import with_sines
@@ -184,12 +184,9 @@ def simulated_records(candidate: Candidate, records: Sequence[Record], seed: int
     return replace(candidate, theta=begun.theta), made
 
 
-def innovations_of(candidate: Candidate, records: Sequence[Record], walk: float, *, passes: int = 2) -> Array:
+def innovations_of(candidate: Candidate, records: Sequence[Record], walk: float) -> Array:
     """Innovations (n,) [m] of all records, one after another, seen through the candidate itself."""
-    paths: tuple[SmoothedPath, ...] | None = None
-    for _ in range(passes):
-        paths = smooth(candidate, records, paths)
-    assert paths is not None
+    paths = smooth(candidate, records, smooth(candidate, records))
     return signal(evaluate(candidate, records, paths, walk), candidate.machine) * weights(records)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from design import feasibility
-from design.controller import bare_controller, default_controller
+from design.controller import bare_controller
 from design.deadbeat import DesignError
 from models.controller import Controller
 from models.machine import Machine
@@ -17,16 +17,16 @@ def require_designable(machine: Machine, option: str = "--machine") -> None:
     _ask(feasibility.require_designable, machine, option)
 
 
-def require_controller(machine: Machine, option: str = "--machine", *, compensated: bool = True) -> Controller:
+def require_controller(machine: Machine) -> Controller:
     """The controller that the machine's specification asks for. Raises BadInputError where there is none.
 
-    compensated: whether with its friction compensation, whose number of elements may take a search.
+    It is without friction compensation, whose number of elements may take a search.
     """
-    require_designable(machine, option)
+    require_designable(machine)
     try:
-        return default_controller(machine) if compensated else bare_controller(machine)
+        return bare_controller(machine)
     except DesignError as error:
-        raise BadInputError(f"{option}: {error}") from error
+        raise BadInputError(f"--machine: {error}") from error
 
 
 def require_stable(machine: Machine, option: str = "--machine") -> None:
@@ -34,15 +34,15 @@ def require_stable(machine: Machine, option: str = "--machine") -> None:
     _ask(feasibility.require_stable, machine, option)
 
 
-def require_pid(machine: Machine, option: str = "--machine") -> None:
+def require_pid(machine: Machine) -> None:
     """Raises BadInputError where another feedback runs than a plain PID, around which the study designs."""
-    _ask(feasibility.require_pid, machine, option)
+    _ask(feasibility.require_pid, machine, "--machine")
 
 
-def require_members(members: Iterable[Machine], option: str = "--ensemble") -> None:
-    """`require_designable` of every member of an ensemble, which its name tells."""
+def require_members(members: Iterable[Machine]) -> None:
+    """`require_designable` of every member of the ensemble of --ensemble; the message names the member."""
     for member in members:
-        _ask(feasibility.require_designable, member, f"{option}: {member.name}")
+        _ask(feasibility.require_designable, member, f"--ensemble: {member.name}")
 
 
 def _ask(require: Callable[[Machine], None], machine: Machine, option: str) -> None:

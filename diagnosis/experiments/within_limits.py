@@ -62,9 +62,9 @@ def experiments(machine: Machine, bounds: Bounds) -> tuple[Experiment, ...]:
     return tuple(one for one in found if bounds.keep(one.schedule, machine.sample_time))
 
 
-def _within(machine: Machine, bounds: Bounds, distance: float, share: float = TURN, speed: float = np.inf) -> float:
-    """Duration [s] of a move of so far [m], within a share of the bounds' force [1] and so fast [m/s] at most."""
-    force = min(share * bounds.force / machine.drive.rated_thrust, made.MOST)
+def _within(machine: Machine, bounds: Bounds, distance: float, speed: float = np.inf) -> float:
+    """Duration [s] of a move of so far [m], within TURN of the bounds' force and so fast [m/s] at most."""
+    force = min(TURN * bounds.force / machine.drive.rated_thrust, made.MOST)
     fastest = min(speed, TURN * bounds.speed)
     return max(made.quickest(machine, distance, force), PEAK_SPEED * distance / fastest)
 

@@ -20,7 +20,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-LEFT_OUT: Final = 49
+LEFT_OUT: Final = 49  # samples at the beginning
+DECIMATION: Final = 10
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,10 @@ class Regression:
         return float(np.linalg.norm((self.measured - self.modelled)[part]) / np.linalg.norm(self.measured[part]))
 
 
-def regress(
-    record: Record, *, cutoff: float, factor: int = 10, by_direction: bool = False, fit_until: float = np.inf
-) -> Regression:
+def regress(record: Record, *, cutoff: float, by_direction: bool = False, fit_until: float = np.inf) -> Regression:
     """The authors' least squares; by_direction: F_v and F_c of their own for each direction (the offset is in them).
 
-    cutoff [Hz] of the Butterworth filter; factor of the decimation; samples after fit_until [s] only judge.
+    cutoff [Hz] of the Butterworth filter; samples after fit_until [s] only judge.
     """
     ts = record.sample_time
     b, a = butter(4, cutoff * 2 * ts)
@@ -63,8 +62,8 @@ def regress(
         columns = [acceleration, speed, np.sign(speed), np.ones(speed.size)]
         names, units = ("mass", "viscous friction", "Coulomb friction", "offset"), ("kg", "N s/m", "N", "N")
     whole = np.column_stack([*columns, record.command])[LEFT_OUT:]
-    kept, first = _decimated(whole, factor)
-    time = (LEFT_OUT + first + factor * np.arange(len(kept))) * ts
+    kept, first = _decimated(whole)
+    time = (LEFT_OUT + first + DECIMATION * np.arange(len(kept))) * ts
     x, force, used = kept[:, :-1], kept[:, -1], time <= fit_until
     values = np.linalg.lstsq(x[used], force[used], rcond=None)[0]
     left = force[used] - x[used] @ values
@@ -78,9 +77,9 @@ def _both_ways(b: Array, a: Array, signal: Array) -> Array:
     return np.asarray(filtfilt(b, a, signal, axis=0, padlen=3 * (max(len(a), len(b)) - 1)))
 
 
-def _decimated(columns: Array, factor: int) -> tuple[Array, int]:
+def _decimated(columns: Array) -> tuple[Array, int]:
     """MATLAB's decimate: Chebyshev I of order 8, 0.05 dB, 0.8 of the new Nyquist; it keeps the last sample's phase."""
-    b, a = cheby1(8, 0.05, 0.8 / factor)
+    b, a = cheby1(8, 0.05, 0.8 / DECIMATION)
     n = len(columns)
-    first = factor - (factor * -(-n // factor) - n) - 1
-    return _both_ways(b, a, columns)[first::factor], first
+    first = DECIMATION - (DECIMATION * -(-n // DECIMATION) - n) - 1
+    return _both_ways(b, a, columns)[first::DECIMATION], first

@@ -37,7 +37,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     if options.write_references is not None:
         raise BadInputError("--write-references: is for the command line; call references.write from Python")
     if not options.record:
-        require_controller(machine, compensated=False)
+        require_controller(machine)
         _foresee(machine, options, progress)
     given = _loaded(machine, options, progress) if options.record else _own(machine, options.seed)
     kinds, records = zip(*given, strict=True)

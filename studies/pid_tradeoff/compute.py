@@ -68,7 +68,7 @@ class _TradeOff:
 def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
     wanted, others = _wanted(options), _ensemble(options)
-    controller = require_controller(machine, compensated=False)
+    controller = require_controller(machine)
     _foresee(machine, options, len(others), progress)
     tuning = _tuned(machine, wanted, options, others, progress)
     members, limits, points, chosen = tuning.members, tuning.limits, tuning.front.points, tuning.chosen
