@@ -38,9 +38,8 @@ MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # "mode_robustness" looks at 
 ROUGHNESS: Final = 1e-6  # The weight of the thrust's differences beside the vibration left keeps the thrust smooth.
 # A constraint is met with equality if it is this near its bound, as a share of the stroke or of the thrust's scale.
 ACTIVE: Final = 1e-10
-LONGEST: Final = (
-    1024  # Samples up to which the shortest settling time is sought: no machine may ask for more than 1000.
-)
+# Up to so many samples the shortest settling time is sought, as no machine may ask for more than 1000.
+LONGEST: Final = 1024
 
 
 class DesignError(ValueError):

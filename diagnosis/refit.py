@@ -33,10 +33,8 @@ FURTHER: Final = 6  # times that a fit which has not converged is continued
 ENOUGH: Final = 20.0  # chi-square
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
 LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
-CALLED: Final = {
-    "mode_gain": "payload_mass",
-    "presliding_limit": "presliding_stiffness",
-}  # as a reader knows them
+# The names under which a reader knows parameters of the fit.
+CALLED: Final = {"mode_gain": "payload_mass", "presliding_limit": "presliding_stiffness"}
 CLOSE: Final = 0.05  # relative difference of white forces that are the same
 
 
@@ -92,11 +90,8 @@ def weighed(
     if not rough.any():
         return fitted
     given, most = fitted, max(float(np.std(record.command)) for record in records) / candidate.usual_white_force
-
-    slope, variance = (
-        np.ones(len(records)),
-        variance_by_record(fitted),
-    )  # slope: how it falls as the white force rises, as logarithms
+    variance = variance_by_record(fitted)
+    slope = np.ones(len(records))  # of the variance over the white force, on logarithms, with its sign turned
     for _ in range(WEIGHED):
         before = np.array([fitted.candidate.roughness_of(i) for i in range(len(records))])
         wanted = np.where(rough, np.maximum(before * variance ** (1 / slope), 1.0), before)

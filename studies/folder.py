@@ -34,9 +34,8 @@ EVERY: Final = (
 )
 """What every study may write."""
 FULL: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-LITTLE: Final = (
-    1 << 16
-)  # bytes of free space: what a program that was started reports as its own failure is a full disk
+# With fewer bytes of free space than this, what a program that was started reports as its own failure is a full disk.
+LITTLE: Final = 1 << 16
 HASH: Final = re.compile(r"[0-9a-f]{64}")
 LONGEST: Final = 1 << 24  # bytes of a manifest
 

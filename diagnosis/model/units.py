@@ -23,9 +23,8 @@ WHITE_SHARE: Final = 0.89
 """Of the force that the scale's noise makes of the stiffest friction: the white process noise [1]. It stands for the
 error of the friction, which is evaluated at a smoothed position; chosen so that complete models of simulated tables
 leave white innovations."""
-WITHOUT_FRICTION: Final = (
-    0.02  # the same, of the force that the noise makes of the loop's stiffness; the least there is
-)
+WITHOUT_FRICTION: Final = 0.02
+"""The same, of the force that the noise makes of the loop's stiffness: the least there is [1]."""
 WALK: Final = 0.05  # usual white forces a sample, by which the unknown force walks in the last step of a re-fit at most
 WALK_IN_A_LOOP: Final = 0.14  # the same in a loop time: a random walk goes with the square root of time
 READABLE: Final = 1.3e-5  # of the contacts' length: noise of a reading that is said to have none

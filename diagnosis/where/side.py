@@ -28,9 +28,8 @@ from models.simulation.effect_kernel import replay
 
 Array = NDArray[np.float64]
 
-PROBE: Final = (
-    0.5  # deviations of the reading: step of the finite difference with respect to a reading, friction included
-)
+# Differences with respect to a reading, friction included, take a step of so many of the reading's deviations.
+PROBE: Final = 0.5
 FINE: Final = (3e-6, 5e-5)  # m, on the reference table: the range in which a period of the scale's error is searched
 
 

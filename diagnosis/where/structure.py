@@ -33,16 +33,7 @@ Fit = tuple[list[float], Array, float]  # the free numbers, the columns' factors
 
 MOST: Final = 5_000  # samples that are fitted, those in which the reference moves most
 LATEST: Final = 8  # samples by which the reference may wait
-FILTERS: Final = (
-    0.0,
-    0.1,
-    0.3,
-    1.0,
-    2.0,
-    5.0,
-    10.0,
-    30.0,
-)  # samples: time constants of a filter from which the search begins
+FILTERS: Final = (0.0, 0.1, 0.3, 1.0, 2.0, 5.0, 10.0, 30.0)  # samples: a search for a filter begins at these times
 SAME: Final = 1.05  # times what another structure leaves, up to which a simpler one is as good
 EXACT: Final = 1e-9  # of the commands' standard deviation: round-off, which tells no structures apart
 WHOLE: Final = 1e-3  # distance within which a share is 0 or 1, and a filter's time constant [samples] 0

@@ -29,10 +29,8 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 BANDWIDTHS: Final = (0.1,)  # Hz
-ASIDE: Final = (
-    0.7,
-    1.4,
-)  # frequencies, relative, at which the same force must gain less: else it only follows slow ones
+# At these relative frequencies the same force must gain less, or it only follows a slow force.
+ASIDE: Final = (0.7, 1.4)
 LEAST: Final = 0.125  # of the white force: the smallest level that is tried
 MOST: Final = 0.02  # of the friction: the largest, unless FEWEST reach further
 FEWEST: Final = 4  # levels, half a decade apart

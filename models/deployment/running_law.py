@@ -37,9 +37,8 @@ STEP, RESET, WIPE, PLAN, LEARN, INIT = range(6)
 TARGET_MISSING, READING_MISSING, LIMITED, WIPING, LEARNING = 1, 2, 4, 8, 16  # bits of the status
 # Entries of `kept`: target and reading of the sample before, b and q of it, f_0, the integral, d and e of the PID,
 TARGET, READING, BASE, MOVED, ZERO, INTEGRAL, SLOPE, ERROR = range(8)
-NEWEST, WIPED, PLANNED = range(
-    3
-)  # and of `at`: the newest target's place, the wipe's sample, the plan's sample; -1: none
+# and of `at`: the newest target's place, the wipe's sample, the plan's sample; -1: none.
+NEWEST, WIPED, PLANNED = range(3)
 
 
 class Numbers(NamedTuple):

@@ -67,10 +67,8 @@ BY_UNIT: Final[Mapping[str, Powers]] = {
     "1/kg": (("mass", -1),),
 }
 """What sizes of a unit are counted in, where their declaration does not say; those of other units stay as they are."""
-MOST_PERIODS, FEWEST_PERIODS = (
-    120,
-    15,
-)  # in the travel: of the shortest that is looked for along it, the longest of a scale
+# The shortest period that is looked for along the travel has so many in it, and the longest one of a scale so many.
+MOST_PERIODS, FEWEST_PERIODS = 120, 15
 MOST_OF_NYQUIST: Final = 0.8  # up to which a frequency is looked for
 DENSEST: Final = 3  # times the points of a grid over the reference's travel, up to which a longer one has a grid
 SHOWN: Final = ("force", "reading")  # where an effect can add something that a record of position and command shows

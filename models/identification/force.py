@@ -32,11 +32,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-SMOOTHING: Final = (
-    5.6,
-    4.8,
-    6.6,
-)  # the path's low-pass over the force's; the two beside it show what the choice matters
+# The path's low-pass over the force's, and two beside it that show how much the choice matters.
+SMOOTHING: Final = (5.6, 4.8, 6.6)
 FEWEST: Final = 40  # samples, below which a zero-phase filter has no room
 WIDEST: Final = 0.9  # of half the sampling rate: the widest low-pass
 GRID: Final = 60  # limits at which an element more is tried

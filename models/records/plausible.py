@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 
 THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its inverse
 PEAK: Final = 100.0  # times the rated thrust, which no drive gives
-FASTER: Final = (
-    10.0  # times the speed that the rated thrust gives over the whole way: a hundredfold force, or so small a mass
-)
+# A speed beyond so many times the one that the rated thrust gives over the whole way is an error of units, as it would
+# take a hundred times the force, or a hundredth of the mass.
+FASTER: Final = 10.0
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
 SMOOTHED: Final = 20  # samples over which accelerations are taken
 FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit

@@ -33,14 +33,8 @@ MOST: Final = 3  # The largest number of effects in an answer.
 LEFT: Final = 1.0  # Innovation variance, relative to the noise, above which an effect is missing.
 PITCHES: Final = (8e-3, 15e-3, 30e-3, 60e-3)  # [m]
 STRIBECK: Final = 2e-3  # [m/s]
-THRESHOLDS: Final = (
-    0.05,
-    0.1,
-    0.2,
-    0.3,
-    0.4,
-    0.6,
-)  # Candidates for the sparsity threshold, in standard deviations of the unknown force.
+# Candidates for the sparsity threshold, in standard deviations of the unknown force.
+THRESHOLDS: Final = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
 RIDGE: Final = 0.03  # Relative to the number of samples; functions of position are nearly collinear.
 EXPLAINED: Final = 0.1  # The least share of the unknown force's held-out variance to explain before naming any effect.
 

@@ -80,9 +80,8 @@ class Library:
         lines = parser.statements(makers.keys(), 1, end=())
         source = "def body(v):\n" + "\n".join(lines or ["    pass"])
         space: dict[str, Any] = {}
-        exec(
-            compile(source, name, "exec"), {"__builtins__": {"float": float, "range": range}}, space
-        )  # own translation
+        built = compile(source, name, "exec")  # of this evaluator's own translation
+        exec(built, {"__builtins__": {"float": float, "range": range}}, space)
         self.units[name] = lambda: Instance(name, {one: make() for one, make in makers.items()}, space["body"])
         return name
 

@@ -60,9 +60,8 @@ def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
     offset = float(draw.standard_normal())
     variation = Variation(friction_force=level, friction_length=length, mass=mass, dead_time=delay, offset=offset)
     moved = varied(machine, variation)
-    moved = replace(
-        moved, friction=elements(moved.friction.stiffness, moved.friction.limit)
-    )  # Undamped, as the identification assumes.
+    undamped = elements(moved.friction.stiffness, moved.friction.limit)  # as the identification assumes
+    moved = replace(moved, friction=undamped)
     truth = np.array([1 + mass, 1 + level, 1 + length, moved.plant.dead_time, moved.drive.offset])
     return moved, truth
 

@@ -24,12 +24,10 @@ Array = NDArray[np.float64]
 
 SHOWN: Final = 3000  # samples of a signal that are kept, for the figures
 LINES: Final = 1200  # of a frequency response that are kept, for the figure
-BY_CHANCE: Final = (
-    1e-3  # Probability that the check of two records against each other fails although the model is right.
-)
-LOST: Final = (
-    1.05  # Tolerated ratio of held-out errors: directional friction in proportion to the force is an approximation.
-)
+BY_CHANCE: Final = 1e-3  # The check of two records against each other fails so often although the model is right.
+# The machine file may have so many times the fit's held-out error, as its directional friction, in proportion to the
+# force, is an approximation.
+LOST: Final = 1.05
 CUTOFF: Final = 100.0  # Hz, of the inverse dynamics, as EMPS's authors chose it; they decimate by 10
 CUTOFF_BY_RATE: Final = 0.1  # of the sampling rate: theirs, which a slower record's cut-off keeps to
 

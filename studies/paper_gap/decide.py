@@ -13,9 +13,7 @@ from studies.paper_gap.experiments import Experiment
 
 Array = NDArray[np.float64]
 
-APART: Final = (
-    2.0  # The least distance between the ranges of two candidates, in steps, at which they are discriminated.
-)
+APART: Final = 2.0  # steps: two candidates are discriminated if their ranges are this far apart
 
 Measured = Mapping[str, Sequence[Sequence[Sequence[float]]]]
 """By candidate, tuned draw, experiment and observable: steps."""

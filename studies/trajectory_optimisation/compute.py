@@ -54,9 +54,8 @@ from studies.wording import cited
 
 Array = NDArray[np.float64]
 
-LONGEST_STROKE: Final = (
-    10.0  # Beyond so many times the distance over which the last element slips, history hardly counts.
-)
+# Beyond so many times the distance over which the last element slips, history hardly counts.
+LONGEST_STROKE: Final = 10.0
 MOST_SAMPLES: Final = 120  # A motion has at most three times as many samples as the paper's.
 SCHEMES: Final = 10  # that are judged on every table, those that learn counting more
 DESIGNS: Final = 60  # times the time of the first design that all of them take
