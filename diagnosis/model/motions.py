@@ -22,7 +22,7 @@ from models.records.tables.sizes import RecordError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LONGEST: Final = 415.0  # loop times: longer motions are cut into pieces, so that one does not outweigh the others
+LONGEST: Final = 415.0  # loop times: long motions are cut into pieces of about this, so that none outweighs the others
 SHORTEST: Final = 5.5  # loop times: shorter motions are joined to the one before
 FEWEST: Final = 6  # motions that a diagnosis needs, because some are held out of every fit
 SAME: Final = 5.0  # deviations of the reading: tolerance between the references of equal motions

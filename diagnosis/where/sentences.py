@@ -129,9 +129,9 @@ def added_in_words(one: Replayed, signal: Added, record: str, sample_time: float
         + (f", {signal.shift}" if signal.delay else f' (feedforward = "{signal.column} * {show(signal.gain, "N")}")')
     )
     return (
-        f"Something that is not in the mapping is added to the command behind the stated controller of {record}: "
-        f"up to {show(signal.largest, 'N', 3)}, {signal.when(sample_time)}. {what}; {rest}. The diagnosis takes it as "
-        "a part of the feedforward."
+        f"Something that is not in the mapping is added to the command downstream of the stated controller of {record}"
+        f": up to {show(signal.largest, 'N', 3)}, {signal.when(sample_time)}. {what}; {rest}. The diagnosis takes it "
+        "as a part of the feedforward."
     )
 
 

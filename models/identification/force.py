@@ -192,7 +192,7 @@ def _prepared(
     start = max(_memory_ends(path), edge)
     keep = np.arange(start, record.position.size - edge, stride)
     if keep.size < 40:
-        raise ValueError("too little is left behind the first reversal; record two slow loops or more")
+        raise ValueError("too little is left after the first reversal; record two slow loops or more")
     data = _Data(ts, path, np.asarray(record.command, float), keep, keep * ts <= fit_until, low, terms)
     return replace(data, beside=_beside(data, 0.0))
 

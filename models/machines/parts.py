@@ -81,11 +81,11 @@ class Presliding:
         "N", "rolling friction T_fc when every element slips", above=0, at_most=1e9, because=FORCE
     )
     stiffness_1: float = value(
-        "N/m", "comprehensive slope K_e1 of Region 1, behind a reversal", above=0, at_most=1e13, because=STIFF
+        "N/m", "comprehensive slope K_e1 of Region 1, after a reversal", above=0, at_most=1e13, because=STIFF
     )
     stiffness_2: float = value("N/m", "comprehensive slope K_e2 of Region 2", above=0, at_most=1e13, because=STIFF)
     boundary: float = value(
-        "m", "distance behind a reversal at which Region 2 begins", above=0, at_most=100, because=LONG
+        "m", "distance after a reversal at which Region 2 begins", above=0, at_most=100, because=LONG
     )
     extent: float = value("m", "presliding region", above=0, at_most=100, because=LONG)
 

@@ -98,8 +98,8 @@ def _check_gaps(time: Array, step: Array, middle: float) -> None:
     if gaps.size and np.all(even):
         missing = int(np.sum(np.round(step[gaps] / middle) - 1))
         raise RecordError(
-            f"{missing} samples are missing in {gaps.size} gap{'s' * (gaps.size > 1)}, the first behind row "
-            f"{gaps[0] + 1} at {show(float(time[gaps[0]]), 's')}; give the part before or behind as a record of its "
+            f"{missing} samples are missing in {gaps.size} gap{'s' * (gaps.size > 1)}, the first after row "
+            f"{gaps[0] + 1} at {show(float(time[gaps[0]]), 's')}; give the part before or after as a record of its "
             f"own, or, {counted(middle)}"
         )
 
@@ -115,7 +115,7 @@ def _backward(signals: Mapping[str, Array], names: Mapping[str, str], step: Arra
         return f"column {names['time']!r} does not rise at all; map the right column to time"
     mean = float(np.median(step[step > 0])) if np.any(step > 0) else 1e-3
     return (
-        f"column {names['time']!r} falls behind row {falls[0] + 1}, {_times(falls.size)}; sort the rows, give what "
+        f"column {names['time']!r} falls after row {falls[0] + 1}, {_times(falls.size)}; sort the rows, give what "
         f"follows as a record of its own, map the right column to time, or, {counted(mean)}"
     )
 
@@ -199,8 +199,8 @@ def _uneven(time: Array, step: Array, name: str, sample_time: float) -> str:
         first = rises[gaps[0] + 1]
         missing = round(float(np.sum(apart[gaps] - usual)) / sample_time)
         return (
-            f"about {missing} samples are missing, the first behind row {first + 1} at {show(float(time[first]), 's')}"
-            f", where the times in {name!r} jump by {show(float(step[first]), 's')}; give the part before or behind as "
+            f"about {missing} samples are missing, the first after row {first + 1} at {show(float(time[first]), 's')}"
+            f", where the times in {name!r} jump by {show(float(step[first]), 's')}; give the part before or after as "
             f"a record of its own, or, {counted(sample_time)}"
         )
     return (

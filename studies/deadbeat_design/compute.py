@@ -145,7 +145,7 @@ def _is_longer(machine: Machine, options: DeadbeatOptions) -> bool:
 
 
 def _told(row: Mapping[str, Any]) -> str:
-    settled = "never settles" if math.isinf(row["settling_s"]) else f"settles {show(row['settling_s'], 's')} behind it"
+    settled = "never settles" if math.isinf(row["settling_s"]) else f"settles {show(row['settling_s'], 's')} after it"
     return f"{show(row['profile_s'], 's')}, {settled}"
 
 

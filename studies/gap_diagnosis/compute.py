@@ -18,8 +18,9 @@ from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import suite, to_csv
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
-from diagnosis.model.motions import Piece
+from diagnosis.model.motions import LONGEST, Piece
 from diagnosis.model.roughness import variance_by_record
+from diagnosis.model.units import loop_time
 from diagnosis.where.controller import replayed
 from diagnosis.where.serialise import pictures
 from models.effects.base import parameters
@@ -195,6 +196,7 @@ def _results(
         "asked": looks,
         "truth": given.truth,
         "records": _with_motions(given.shown, found.baseline.pieces),
+        "motion_part_s": LONGEST * loop_time(found.baseline.machine),
         "shifts": _shifts(found),
         "criteria": [
             {"name": name, "value": value, "unit": unit, "meaning": meaning, "chosen": chosen}

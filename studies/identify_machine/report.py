@@ -155,7 +155,7 @@ def _curve(ax: Any, curve: Results) -> None:
     ax.fill_between(1e6 * distance, climbed - 2 * std, climbed + 2 * std, color=style.SKY, alpha=0.6, linewidth=0)
     ax.plot(1e6 * distance, climbed, color=style.VERMILION, linestyle="-")
     ax.set_xscale("log")
-    ax.set_xlabel("distance behind the reversal [µm]")
+    ax.set_xlabel("distance after the reversal [µm]")
     ax.set_ylabel("force climbed [N]")
 
 

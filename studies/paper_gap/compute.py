@@ -361,5 +361,5 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     most = f"{first['name']} ({decided['told_by_first']} of {decided['pairs']} pairs)"
     lines.append(("most discriminating experiment", most))
     if decided["added_by_second"]:
-        lines.append(("and behind it", f"{second['name']} ({decided['added_by_second']} more)"))
+        lines.append(("and after it", f"{second['name']} ({decided['added_by_second']} more)"))
     return lines

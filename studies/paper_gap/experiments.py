@@ -57,7 +57,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     return (
         Experiment(
             "rests of many lengths",
-            f"motions of {stroke} behind rests of {rests} s, {FOUR} behind each",
+            f"motions of {stroke} after rests of {rests} s, {FOUR} after each",
             _rests,
             observables.RESTS,
         ),
@@ -74,7 +74,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
             _times,
             observables.TIMES,
         ),
-        Experiment("a hold", f"nothing moves for {STILL:g} s behind a motion of {stroke}", _hold, observables.HOLD),
+        Experiment("a hold", f"nothing moves for {STILL:g} s after a motion of {stroke}", _hold, observables.HOLD),
         Experiment(
             "a slow stroke",
             f"a stroke of {SLOW[0] * 1e3:g} mm there and back at {SLOW[1] * 1e3:g} mm/s",

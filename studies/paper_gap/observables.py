@@ -154,8 +154,8 @@ def _ratio(seen: Departure) -> float:
 
 
 RESTS: Final = (
-    Observable("inching: behind the shortest rest less behind the longest", "m", _inching_first_last),
-    Observable("reversal: behind the shortest rest less behind the longest", "m", _reversal_first_last),
+    Observable("inching: after the shortest rest less after the longest", "m", _inching_first_last),
+    Observable("reversal: after the shortest rest less after the longest", "m", _reversal_first_last),
     Observable("all rests: up less down", "m", _up_down),
     Observable("all rests: inching less reversal", "m", _inching_reversal),
 )

@@ -210,7 +210,7 @@ def _hysteresis(whole: Results) -> Drawing:
     slopes = f"{show(facts['stiffness_1_N_per_m'], 'N/m')} and {show(facts['stiffness_2_N_per_m'], 'N/m')}"
     right.plot(MICRO * ends, climbed, color=style.LIMIT, linestyle=(0, (1, 1)), label=slopes)
     style.mark_limit(right, MICRO * facts["boundary_m"], "Region 1 | Region 2", axis="x")
-    right.set_xlabel("distance behind the reversal [µm]")
+    right.set_xlabel("distance after the reversal [µm]")
     right.set_ylabel("force climbed [N]")
     right.legend(loc="lower right")
     return figure

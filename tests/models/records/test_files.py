@@ -225,7 +225,7 @@ WRONG: dict[str, tuple[Callable[[Table], Table], str]] = {
     "reference swapped": (swapped("reference_m", "position_m"), "reference and position look swapped"),
     "missing": (lambda table: {n.replace("position", "positon"): c for n, c in table.items()},
                 "column 'position_m' for the position is missing; the nearest that the file has is 'positon_m'"),
-    "backward": (changed("time_s", at(40, 0.0)), "falls behind row 40, once; sort the rows"),
+    "backward": (changed("time_s", at(40, 0.0)), "falls after row 40, once; sort the rows"),
 }  # fmt: skip
 
 

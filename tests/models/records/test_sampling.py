@@ -56,7 +56,7 @@ def test_samples_that_are_lost_among_rounded_stamps_are_not_rounding(lost: slice
 
 def test_a_gap_among_rounded_stamps_is_said_with_its_row() -> None:
     time = np.delete(rounded(250e-6, 1e-3, down=True), slice(2_000, 2_040))
-    says = "about 40 samples are missing, the first behind row 2000 at 499 ms, where the times in 't' jump by 11 ms"
+    says = "about 40 samples are missing, the first after row 2000 at 499 ms, where the times in 't' jump by 11 ms"
     with pytest.raises(RecordError, match=says):
         of(time, 250e-6)
 
@@ -64,7 +64,7 @@ def test_a_gap_among_rounded_stamps_is_said_with_its_row() -> None:
 def test_times_that_fall_are_refused_with_their_row() -> None:
     time = rounded(250e-6, 1e-3)
     time[2_000:2_100] = time[1_900:2_000]
-    says = r"column 't' falls behind row 2000, once; sort the rows, .* or, if the samples are equally spaced"
+    says = r"column 't' falls after row 2000, once; sort the rows, .* or, if the samples are equally spaced"
     with pytest.raises(RecordError, match=says):
         of(time)
 
@@ -87,7 +87,7 @@ def test_time_differences_are_summed() -> None:
 def test_seconds_since_1970_with_one_row_out_of_order_are_no_differences() -> None:
     time = 1.7e9 + 250e-6 * np.arange(COUNT)
     time[50] = time[40]
-    with pytest.raises(RecordError, match="falls behind row 50"):
+    with pytest.raises(RecordError, match="falls after row 50"):
         of(time)
 
 

@@ -88,6 +88,7 @@ def test_the_report_is_there_with_its_figures(quick: Path) -> None:
     figures = {path.stem for path in (quick / "figures").glob("*.svg")}
     assert figures >= {"waterfall", "force", "courses", "maps", "coordinates", "spectra", "gains", "confusable"}
     page = (quick / "report.html").read_text(encoding="utf-8")
+    assert "Long motions count as several of about 1.5\u00a0s each." in page  # at the default machine's loop
     for sentence in json.loads((quick / "results.json").read_text(encoding="utf-8"))["results"]["where"]["statements"]:
         assert sentence.split("(")[0].replace("'", "’").replace("&", "&amp;").strip() in page.replace("\n", " ")
 
