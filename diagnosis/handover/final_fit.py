@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from diagnosis.how_far import unknown_force
 from diagnosis.model.fit import Fit, bounds_of, fit
-from diagnosis.model.parameters import Parameters
+from diagnosis.model.parameters import Parameters, moved
 from diagnosis.model.residual import Candidate, SmoothedPath
 from models.effects.base import POSITIVE
 from models.effects.base import parameters as parameters_of
@@ -95,9 +95,9 @@ def still_fit(
 def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
     """The values at a bound of their range; a dead time of 0 is at none."""
     layout, found = candidate.layout, list[AtBound]()
+    away = moved(layout, candidate.theta)
     for i in _hit(layout, candidate.theta):
-        moved = float(candidate.theta[i] / layout.deviation[i])
-        found.append(AtBound("nominal", layout.names[i], moved, "deviations of its tolerance", i))
+        found.append(AtBound("nominal", layout.names[i], float(away[i]), "deviations of its tolerance", i))
     for number, effect in enumerate(candidate.effects):
         for item in parameters_of(type(effect), candidate.nominal.priors):
             if item.role in POSITIVE and not (item.role == "width" and item.periodic_in):

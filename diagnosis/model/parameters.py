@@ -1,13 +1,13 @@
 """The nominal parameters of a machine, which are known to within a prior and re-fitted every time.
 
-The vector theta (P,) holds deviations: relative ones as logarithms, the dead time [s], the offset [N], and the friction
-elements' displacements [m] at the start of each record. An effect counts only for what it explains beyond these,
-because a gap that a re-fit closes needs no new physics.
+The vector theta (P,) holds deviations: relative ones as logarithms (for the payload's mass, of the rigid body's gain),
+the dead time [s], the offset [N], and the friction elements' displacements [m] at the start of each record. An effect
+counts only for what it explains beyond these, because a gap that a re-fit closes needs no new physics.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -150,14 +150,10 @@ def bounded(layout: Parameters, theta: Array) -> Array:
     return np.clip(theta, layout.low, layout.high)
 
 
-def shifts(layout: Parameters, theta: Array, covariance: Array) -> Sequence[tuple[str, float, float]]:
-    """(name, value, standard deviation) of every group of parameters, in prior standard deviations [1], the one that
-    moved the most first; of a group its largest member."""
-    found = []
-    for name in dict.fromkeys(layout.names):
-        where = layout.of(name)
-        moved = theta[where] / layout.deviation[where]
-        most = int(np.argmax(np.abs(moved)))
-        at = where[most]
-        found.append((name, float(moved[most]), float(np.sqrt(covariance[at, at]) / layout.deviation[at])))
-    return sorted(found, key=lambda row: -abs(row[1]))
+def moved(layout: Parameters, theta: Array) -> Array:
+    """By how many prior standard deviations (P,) [1] each value is above the file's.
+
+    theta has the logarithm of the rigid body's gain for `payload_mass`, and the gain falls as the mass rises.
+    """
+    sign = np.where(np.array(layout.names) == "payload_mass", -1.0, 1.0)
+    return np.asarray(sign * theta / layout.deviation)

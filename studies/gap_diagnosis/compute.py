@@ -19,6 +19,7 @@ from diagnosis.experiments.schedules import suite, to_csv
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
 from diagnosis.model.motions import LONGEST, Piece
+from diagnosis.model.parameters import moved
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import loop_time
 from diagnosis.where.controller import replayed
@@ -230,10 +231,10 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
     rows = []
     for name in dict.fromkeys(fits[0].layout.names):
         if name != "initial_friction_state":
-            moved = [one.theta[one.layout.of(name)] / one.layout.deviation[one.layout.of(name)] for one in fits]
-            most = [float(one[abs(one).argmax()]) for one in moved]
+            away = [moved(one.layout, one.theta)[one.layout.of(name)] for one in fits]
+            most = [float(one[abs(one).argmax()]) for one in away]
             in_file = most[-1] if adopted.finished else 0.0
-            rows.append({"name": name, "moved": most[0], "in_file": in_file, "values": int(moved[0].size)})
+            rows.append({"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size)})
     return rows
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.experiments.schedules import strokes
-from diagnosis.model.parameters import FURTHER, applied, bounded, parameters
+from diagnosis.model.parameters import FURTHER, applied, bounded, moved, parameters
 from diagnosis.refit import refit
 from models.friction import elements
 from models.machine import Provenance, load
@@ -25,10 +25,28 @@ def test_a_negative_gain_keeps_its_sign_whatever_the_fit_does() -> None:
     machine = replace(MACHINE, plant=replace(MACHINE.plant, modes=(*others, replace(last, gain=-last.gain))))
     layout = parameters(machine, 1)
     for theta in (layout.low, layout.high):
-        moved = applied(layout, theta).plant.modes
-        assert moved[-1].gain < 0 < moved[0].gain
+        modes = applied(layout, theta).plant.modes
+        assert modes[-1].gain < 0 < modes[0].gain
     theta = np.where(layout.of("mode_gain")[-1] == np.arange(layout.count), 0.1, 0.0)
     assert applied(layout, theta).plant.modes[-1].gain == pytest.approx(-np.exp(0.1) * last.gain, rel=1e-14)
+
+
+@pytest.mark.parametrize("deviations", [-2.0, 2.0])
+def test_a_value_that_moved_up_is_larger_the_payloads_mass_as_well(deviations: float) -> None:
+    layout = parameters(MACHINE, 1)
+
+    def gone(name: str) -> np.ndarray:
+        return np.where(layout.of(name)[0] == np.arange(layout.count), deviations * layout.deviation, 0.0)
+
+    for name in ("payload_mass", "friction_level"):
+        away = moved(layout, gone(name))
+        machine, at = applied(layout, gone(name)), layout.of(name)[0]
+        ratios = {
+            "payload_mass": machine.plant.mass / MACHINE.plant.mass,
+            "friction_level": machine.friction.coulomb_force / MACHINE.friction.coulomb_force,
+        }
+        assert np.log(ratios[name]) == pytest.approx(away[at] * layout.deviation[at], rel=1e-9)
+        assert np.count_nonzero(away) == 1
 
 
 def test_a_contact_may_start_at_its_fitted_limit() -> None:
@@ -66,8 +84,8 @@ def test_no_dead_time_goes_below_zero(dead_time: float, share: float) -> None:
     machine = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=dead_time))
     layout = parameters(machine, 1)
     theta = np.where(layout.of("dead_time")[0] == np.arange(layout.count), share * 1e-3, 0.0)
-    moved = applied(layout, bounded(layout, theta)).plant.dead_time
-    assert 0.0 <= moved <= dead_time + FURTHER * layout.deviation[layout.of("dead_time")][0] * (1 + 1e-12)
+    found = applied(layout, bounded(layout, theta)).plant.dead_time
+    assert 0.0 <= found <= dead_time + FURTHER * layout.deviation[layout.of("dead_time")][0] * (1 + 1e-12)
 
 
 def test_a_dead_time_that_is_neglected_may_be_any_that_a_drive_has() -> None:
