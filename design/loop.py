@@ -198,13 +198,9 @@ def grid(plant: control.StateSpace, feedback: Feedback | None = None, count: int
     return np.unique(np.concatenate([spread, inside]))
 
 
-def peak(magnitude: Callable[[Array], Array], omega: Array) -> Peak:
-    """The largest `magnitude` over omega (n,) [rad/s], refined between the grid's points to 1e-6 and better."""
-    return peaks(lambda points: magnitude(points)[None], omega)[0]
-
-
 def peaks(magnitudes: Callable[[Array], Array], omega: Array) -> list[Peak]:
-    """The largest of each of m `magnitudes` (m, n) over omega (n,) [rad/s], as `peak`; all are asked for together.
+    """The largest of each of m `magnitudes` (m, n) over omega (n,) [rad/s], refined between the grid's points to 1e-6
+    and better; all are asked for together.
 
     Every maximum of the grid within 30 % of the highest is refined, since the highest one need not be the peak's.
     """

@@ -151,15 +151,6 @@ def bode(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> tuple[Array,
     return np.abs(rational), np.where(angle > math.pi / 18, angle - 2 * math.pi, angle) - w * plant.dead_time
 
 
-def transfer(system: control.StateSpace, points: ArrayLike) -> NDArray[np.complex128]:
-    """C (p I - A)^-1 B + D of a system with one input and one output, at complex points p (n,); any unit [-].
-
-    What calling the control.StateSpace gives, all points at once.
-    """
-    a, b, c, d = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
-    return np.asarray(_resolvent(a, b, c, points) + d[0, 0])
-
-
 def _rational(plant: Plant, points: ArrayLike, stiffness: float) -> NDArray[np.complex128]:
     """P' or the delay-free part of P_e at complex points [rad/s] (n,) [m/N]."""
     a, b, c = matrices(plant)

@@ -11,14 +11,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from design.validation import Validation
 from models.machine import Machine, Provenance
 from models.machines.parts import Covered
 from models.records.record import Record
-
-Array = NDArray[np.float64]
 
 BEYOND: Final = 0.05  # A design within so much of the range asks for nothing new.
 APART: Final = 10  # samples over which a speed is taken, so that the scale's steps do not make it

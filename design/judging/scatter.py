@@ -31,14 +31,13 @@ PERIODS: Final = 2  # of the sequence; the last is judged
 
 @dataclass(frozen=True)
 class Scatter:
-    """Outcomes of runs, each with a dither [m] and a past of its own, in the order of the runs: arrays (runs,).
+    """Outcomes of runs, each with a dither and a past of its own, in the order of the runs: arrays (runs,).
 
     reversal, slowest: settling times [s] of the first positive motion and of the slowest of all. dispersion [m]: the
     largest 3 sigma after the specified time. margins [m]: how much the slowest motion's error has to change for another
     settling time.
     """
 
-    dither: float
     reversal: Array
     slowest: Array
     dispersion: Array
@@ -77,7 +76,6 @@ def scatter(
         response = simulate(noisy, controller, target, seed=seed + 1 + i, initial_friction=begun, given=known)
         found.append(assess(noisy, response, stroke=stroke, periods=periods))
     return Scatter(
-        size,
         np.array([one.reversal.settling_time for one in found]),
         np.array([one.slowest.settling_time for one in found]),
         np.array([one.worst_dispersion for one in found]),

@@ -38,13 +38,9 @@ from models.plant import Plant
 
 Array = NDArray[np.float64]
 Objective = Literal["worst_error", "dispersion"]
+"""What is least after the settling time: the largest error over every history, or the sum over them of its squares."""
 
 WORST: Final = 0.1  # The largest error is measured in this share of a stroke, which makes it of order 1.
-
-OBJECTIVES: Final[dict[Objective, str]] = {
-    "worst_error": "least largest error after the settling time, over every history",
-    "dispersion": "least sum over the histories of the squared errors after the settling time",
-}
 
 
 @dataclass(frozen=True)

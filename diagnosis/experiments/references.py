@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from diagnosis.experiments.schedules import (
     PEAK_SPEED,
@@ -24,8 +23,6 @@ from diagnosis.experiments.schedules import (
 )
 from models.controller import References
 from models.machine import Machine
-
-Array = NDArray[np.float64]
 
 NAMES: Final = ("slow_loops.csv", "sweep_low.csv", "sweep_high.csv", "strokes.csv", "suite.csv")
 SLOW: Final = 0.01  # of friction: the largest inertial force of slow loops, so that they show friction alone

@@ -20,7 +20,6 @@ from models.effects.catalogue import in_order
 from models.effects.measured import UNITS, Measured
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FEWEST_TYPES: Final = 3  # of motion: one is left out, and of the others one is, to choose
 MIN_CLOSURE: Final = 0.7  # of the gap on types of motion that were not used

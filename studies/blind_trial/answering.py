@@ -43,9 +43,6 @@ class Conditions:
     program: str = ""
 
 
-Task = tuple[Case, Conditions]
-
-
 def answer_case(case: Case, conditions: Conditions) -> dict[str, Any]:
     """One answer, from a process that can open neither the key nor the sealer's code."""
     if conditions.cache is not None:

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
-from numpy.typing import NDArray
 
 from diagnosis.model.residual import STARTING
 from reports import style
 from studies.wording import effect
 
 Results = Mapping[str, Any]
-Array = NDArray[np.float64]
 
 MOST = 12  # effects in a bar chart at most
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print

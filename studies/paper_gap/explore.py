@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from design.validation import Validation
@@ -30,8 +29,6 @@ from studies.paper_gap.candidates import (
 )
 from studies.paper_gap.compensators import slope_error
 from studies.paper_gap.pattern import COARSE, CONVERGED, Outcome, Pattern, by_scale, outcome_of
-
-Array = NDArray[np.float64]
 
 STEPS: Final = (0.15, 0.08, 0.03)  # Step of each round of the local search, as a fraction of the cube.
 MOST: Final = 10.0  # "Beyond" extends to this multiple of a prior's end.

@@ -42,8 +42,6 @@ from studies.scattered import scattered
 from studies.study import Answer, Progress
 from studies.wording import beyond_records
 
-Array = NDArray[np.float64]
-
 LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # The bounds on |S| that PIDs are tuned for.
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
 ASSESSMENTS: Final = 10  # of each plant's loop that the tuning of one level takes the time of, about

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from design.family import Member
 from design.loop import disturbance_response, rms, sensitivity
@@ -18,8 +17,6 @@ from models.friction import branch
 from models.machine import Machine, with_pid
 from studies.options import Options
 from studies.scattered import scattered
-
-Array = NDArray[np.float64]
 
 MOST_RUNS: Final = 20  # with a dither, of each point of the front,
 FEW_RUNS: Final = 6  # and in a quick run

@@ -22,7 +22,6 @@ from models.plant import frequency_response as rolling
 from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 STROKES: Final = (0.1, 1.0, 5.0, 50.0, 250.0)  # amplitudes in specified strokes: 2 um to 5 mm on the paper's table
 MACRO: Final = 50.0  # strokes of the amplitude whose balance of mass and friction sets the frequencies:

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from models.identification import modes, motion
 from models.identification.estimate import Estimate, not_identifiable
 from models.identification.force_fit import ForceFit
@@ -16,8 +13,6 @@ from models.identification.modal.remarks import ResponseStep
 from models.machine import Machine
 from models.records.files import Loaded
 from models.records.record import Record
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

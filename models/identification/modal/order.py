@@ -174,11 +174,6 @@ def _faults(problem: Problem, one: Candidate, i: int) -> Iterator[str]:
         yield f"residue smaller than {SEEN:g} deviations"
 
 
-def stable(orders: tuple[Order, ...], frequency: float) -> list[bool]:
-    """In which orders a mode of about this frequency [Hz] is found."""
-    return [bool(np.any(np.abs(one.triples[:, 1] / frequency - 1) < SAME)) for one in orders]
-
-
 def _bent(problem: Problem, found: list[Candidate]) -> bool:
     """Whether the last order does surely better than those before, by a mode at the lowest lines or damped as no
     structure is."""
