@@ -80,8 +80,8 @@ def weighed(
 
     How rough a record is: see `roughness.unmodelled_variance` (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40,
     2004, estimate such a diffusion by likelihood, which takes up a law that is missing as well). Where a white force as
-    large as the commands (their deviation) is not enough, it is none, and the weights stay. usual: the variance of
-    what complete models leave of each record [1], if it is known.
+    large as the commands (their deviation) is not enough, there is no such force, and the weights stay. usual: the
+    variance of what complete models leave of each record [1], if it is known.
     """
     candidate = fitted.candidate
     apart = unmodelled_variance(fitted, records, criteria.min_equal_motions)

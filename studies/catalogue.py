@@ -17,7 +17,7 @@ def names() -> tuple[str, ...]:
 
 
 def every() -> dict[str, Study]:
-    """The studies by name; commands that are none, such as review, left out."""
+    """The studies by name; commands that are not studies, such as review, are left out."""
     modules = {name: import_module(f"studies.{name}.__main__") for name in names()}
     return {name: module.STUDY for name, module in modules.items() if isinstance(getattr(module, "STUDY", None), Study)}
 

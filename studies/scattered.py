@@ -22,7 +22,7 @@ RUNS: Final = 40  # with a dither and a past of their own each,
 FEW_RUNS: Final = 10  # in a quick run, with effects or a law, which run one by one, and where the motions take long:
 RUN_SAMPLES: Final = 2_000_000  # samples that all of them have together, about
 LEAST_RUNS: Final = 4
-QUANTILE: Final = 0.95
+QUANTILE: Final = 0.95  # that reports state of runs, of starts and of tables
 
 
 def runs_of(machine: Machine, options: Options, most: int = RUNS) -> int:

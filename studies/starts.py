@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,9 @@ from design.wiping import from_starts
 from models.controller import Controller, References
 from models.friction import Friction, reached_states
 from models.machine import Machine
+from studies.scattered import QUANTILE
 
 Array = NDArray[np.float64]
-
-QUANTILE: Final = 0.95
 
 
 def cost_of_starts(

@@ -1,7 +1,7 @@
 """Inputs that reach every branch of the law, and what the reference answers to them.
 
 The readings do not come from a closed loop, so that they lead anywhere: near the reference, far from it, into the
-limit and back, and to numbers that are none.
+limit and back, and to values that are not numbers.
 """
 
 from __future__ import annotations

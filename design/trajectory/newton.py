@@ -231,7 +231,7 @@ def outcome(problem: Condensed, v: Array, at: Histories) -> tuple[float, Array, 
 
 
 def at_solution(problem: Condensed, v: Array, at: Histories) -> Point | None:
-    """The point of a solution v (V,) [1], whose multipliers explain the objective's gradient; None if it is none."""
+    """The point of a solution v (V,) [1], whose multipliers explain the objective's gradient; None if it is not one."""
     sweep = _sweep(problem, v, at)
     holds = sweep.excess > -HOLDS
     for _ in range(int(holds.sum())):

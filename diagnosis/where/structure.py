@@ -194,7 +194,7 @@ def _pid(begin: _Begin) -> Structure:
 
 
 def _weighted_pid(begin: _Begin) -> Iterator[Structure]:
-    """The PID with set-point weights, unless they are none that a controller has."""
+    """The PID with set-point weights, unless no controller has such weights."""
     known = begin.known
     r, x = known.reference, known.position
     sums = known.integral(r - x)

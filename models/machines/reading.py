@@ -31,7 +31,7 @@ Part = TypeVar("Part")
 
 
 def read_table(path: Path) -> dict[str, Any]:
-    """The content of a TOML file. Raises MachineError for a file that can't be read or is none."""
+    """The content of a TOML file. Raises MachineError for a file that can't be read or is not TOML."""
     try:
         return tomllib.loads(text_of(path))
     except OSError as error:

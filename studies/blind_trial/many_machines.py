@@ -60,7 +60,7 @@ def figures(
 
 
 def rates(scores: Sequence[Score]) -> dict[str, Rate]:
-    """The rates that have targets, and that of answers that are none."""
+    """The rates that have targets, and that of crashes and refusals."""
     outsiders = of_kind(scores, "outsider")
     return {
         **merit.rates(scores),

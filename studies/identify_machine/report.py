@@ -56,7 +56,7 @@ BODE = Markdown(
 )
 STABILISATION = (
     "Stabilisation: the modes found with each number of modes. Dots: modes of the machine file. Crosses: candidates "
-    "that are none, or that the lines do not need. Right: reduced chi-square."
+    "that are not modes, or that the lines do not need. Right: reduced chi-square."
 )
 HYSTERESIS = (
     "Left: friction force over position, measured and from the identified elements. Right: increase of force "

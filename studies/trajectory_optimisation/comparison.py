@@ -23,14 +23,13 @@ from models.machine import Machine
 from models.simulation.simulator import simulate
 from models.variation import drawn
 from studies.perturbed import RANGE
-from studies.scattered import scattered
+from studies.scattered import QUANTILE, scattered
 from studies.study import Progress
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import Aim, Outcome, judge
 
 Array = NDArray[np.float64]
 
-QUANTILE: Final = 0.95
 MOST_RUNS: Final = 20  # with a dither on the central table, of each scheme,
 FEW_RUNS: Final = 4  # and in a quick run
 FRESH: Final = 104729  # Added to the seed, for held-out tables on which no design was chosen.

@@ -19,9 +19,10 @@ from models.machine import Machine
 from models.variation import drawn
 from studies.binomial import CONFIDENCE, interval
 from studies.perturbed import DAMPING, DEAD_TIME, MODE_GAIN, OFFSET, Perturbed, perturbations
+from studies.scattered import QUANTILE
 from studies.starts import cost_of_starts
 from studies.study import Progress
-from studies.trajectory_optimisation.comparison import QUANTILE, judge_learning
+from studies.trajectory_optimisation.comparison import judge_learning
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import Aim, Outcome
 

@@ -73,7 +73,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Order:
-    """One order of the scan: (k_i / k_0, f_i [Hz], zeta_i) of its modes (m, 3), why each is none ("" if it is one), its
+    """One order of the scan: (k_i / k_0, f_i [Hz], zeta_i) of its modes (m, 3), why each is not one ("" if it is), its
     reduced chi-square and its criterion."""
 
     triples: Array
@@ -148,7 +148,7 @@ def fitted(problem: Problem, structure: Structure, start: Array, evaluations: in
 
 
 def faults(problem: Problem, one: Candidate) -> tuple[str, ...]:
-    """Why each mode of a candidate is none, in words; "" for one that is."""
+    """Why each mode of a candidate is not one, in words; "" for one that is."""
     return tuple(next(_faults(problem, one, i), "") for i in range(one.modes))
 
 

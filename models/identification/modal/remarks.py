@@ -72,7 +72,7 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
         found = [
             f"{row[1]:.4g} Hz ({fault})" for row, fault in zip(richer.triples, richer.faults, strict=True) if fault
         ]
-        yield f"Looked at up to {len(richer.faults)} modes; of those, {listed(found)} were none."
+        yield f"Looked at up to {len(richer.faults)} modes; of those, {listed(found)} were not modes."
 
 
 def on_disagreement(names: Sequence[str], steps: Sequence[ResponseStep]) -> Iterator[str]:
