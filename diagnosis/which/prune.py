@@ -13,6 +13,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from diagnosis.baseline import Baseline
 from diagnosis.how_far import force_left, force_share
 from diagnosis.model.fit import Fit, fit
@@ -21,6 +24,7 @@ from diagnosis.which.select import min_gain_beside_others
 from diagnosis.which.stage import Stage
 from models.records.record import Record
 
+Array = NDArray[np.float64]
 Names = frozenset[str]
 
 
