@@ -110,11 +110,15 @@ class Criteria:
         "EMPS has three of its own before anything is injected",
     )
     min_force_share_further: float = _criterion(
+        0.2,
+        "1",
+        "part of the energy of the unknown force that is left, which a class beyond the first three has to take off",
+        "on EMPS with injected laws a current-loop lag takes off up to 0.01, two wrong names 0.16",
+    )
+    min_force_share_slow: float = _criterion(
         0.1,
         "1",
-        "part of the energy of the unknown force that is left, which a class beyond the first three has to take off; a "
-        "slow force as much of the energy that was there at first",
-        "on EMPS with injected laws a current-loop lag takes off up to 0.01, the axis' own cogging of 0.7 N (rms) 0.13",
+        "part of the energy of the unknown force at first, which a slow force has to take off to be added last",
     )
     force_share_of_slow: float = _criterion(
         0.5,

@@ -275,7 +275,7 @@ def _takes_force(trial: Trial, stages: Sequence[Stage], search: Search) -> bool:
     taken = force_share(last, now)
     if not slow:
         return taken >= criteria.min_force_share_further
-    return taken >= criteria.force_share_of_slow and last**2 - now**2 >= criteria.min_force_share_further * first**2
+    return taken >= criteria.force_share_of_slow and last**2 - now**2 >= criteria.min_force_share_slow * first**2
 
 
 def _classes(fitted: Fit) -> int:

@@ -206,7 +206,7 @@ def test_an_effect_has_to_gain_more_than_chance_does(gain: float) -> None:
     [
         (1000.0, 1.02 * CRITERIA.force_share_of_slow, True),
         (1000.0, 0.98 * CRITERIA.force_share_of_slow, False),
-        (0.5 * CRITERIA.min_force_share_further * START, 0.9, False),  # most of next to nothing
+        (0.5 * CRITERIA.min_force_share_slow * START, 0.9, False),  # most of next to nothing
     ],
 )
 def test_a_slow_force_that_gains_little_is_added_for_what_it_takes_off(first: float, share: float, found: bool) -> None:
