@@ -29,7 +29,7 @@ from studies.blind_trial.cluster import cluster_of
 from studies.blind_trial.committing import commit, require_committed
 from studies.blind_trial.guard import leaks, shared_code
 from studies.blind_trial.injected_scoring import Verdict, closure_of, rates, score
-from studies.blind_trial.injection.distance import noise_of
+from studies.blind_trial.injection.distance import beside_speed, noise_of
 from studies.blind_trial.injection.inverse import (
     FEEDFORWARD_ROUTE,
     REFERENCE_ROUTE,
@@ -206,9 +206,11 @@ def known_of(machine: Machine, given: Sequence[Given]) -> Known:
     ]
     friction, tolerance = machine.friction, machine.tolerance
     level = float(np.dot(friction.stiffness, friction.limit))
+    noises = tuple(noise_of(path, one.record.sample_time) for path, one in zip(paths, given, strict=True))
     return Known(
         paths,
-        tuple(noise_of(path, one.record.sample_time) for path, one in zip(paths, given, strict=True)),
+        noises,
+        tuple(map(beside_speed, paths, noises)),
         ranges_of(rows),
         tuple(machine.kinds),
         tuple(effect.name for effect in machine.effects),

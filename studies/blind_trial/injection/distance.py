@@ -54,6 +54,8 @@ def noise_of(path: Course, sample_time: float) -> Noise:
 def beside_speed(path: Course, noise: Noise) -> Noise:
     """The same roughness, with friction over speed among what is explained: any curve, in each direction for itself."""
     friction, speed = dragged(path.position, path.soft), np.abs(path.speed)
+    if not np.any(speed):
+        return noise
     knots = np.log(np.geomspace(np.quantile(speed[speed > 0], SLOWEST), np.max(speed), KNOTS))
     at = np.log(np.maximum(speed, np.exp(knots[0])))
     hats = [np.interp(at, knots, one) for one in np.eye(KNOTS)]

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.blind_trial.injection.distance import LIMIT, SIZES, Noise, beside_speed, distance, unexplained
+from studies.blind_trial.injection.distance import LIMIT, SIZES, Noise, distance, unexplained
 from studies.blind_trial.injection.laws import LAWS, Chance, Injected, Ranges
 from studies.blind_trial.injection.motion import Course
 
@@ -31,12 +31,13 @@ LARGEST: Final = 0.3  # of the record's own command: an injected force beyond, b
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the records before anything is injected: each one's motion and roughness; the ranges that the
-    machine gives to laws; the names that it searches for; effects that it states already; the sizes of one tolerance
-    of nominal values; the rated thrust [N]."""
+    """What is known of the records before anything is injected: each one's motion and roughness, that also with any
+    friction over speed explained (`free`); the ranges that the machine gives to laws; the names that it searches for;
+    effects that it states already; the sizes of one tolerance of nominal values; the rated thrust [N]."""
 
     courses: tuple[Course, ...]
     noises: tuple[Noise, ...]
+    free: tuple[Noise, ...]
     ranges: Ranges
     searched: tuple[str, ...]
     stated: tuple[str, ...]
@@ -108,7 +109,7 @@ def draw(plan: Plan, known: Known) -> Drawn:
     if over > 1:
         size /= over
         force = law.force(path, size, shape)
-    apart, beside = distance(force, noise), distance(force, beside_speed(path, noise))
+    apart, beside = distance(force, noise), distance(force, known.free[plan.record])
     is_force = law.kind != "parameters"
     body = {
         "name": [law.name],

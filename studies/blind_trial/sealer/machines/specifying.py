@@ -4,8 +4,8 @@ No design made from the nominal file can know how the true machine departs from 
 and one made with the truth can take all off it that repeats. So the machine is asked to settle within a tolerance
 between that departure and the scale's readings; of several settling times, within the longest that leaves such a
 tolerance. Where none does, as where nothing is wrong, the tolerance is drawn between the same ends, so that a tight one
-does not tell that something is. Some machines are asked for more than their scale can show, so that what cannot be met
-comes up as well.
+does not tell that something is; a settling time shorter than the first that is tried still does. Some machines are
+asked for more than their scale can show, so that what cannot be met comes up as well.
 """
 
 from __future__ import annotations
