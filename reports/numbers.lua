@@ -62,11 +62,16 @@ local function labelled(span)
   end
 end
 
+local WIDER = 0.4  -- of a letter, by which a capital is wider
+
 -- Length in letters of what a cell shows, and of its longest word, which is not broken.
 local function measure(cell)
-  local shown = pandoc.utils.stringify(cell.contents):gsub('\\%a+', 'm'):gsub('[{}^_$]', '')
+  local shown = pandoc.utils.stringify(cell.contents):gsub('\\%a+', 'm'):gsub('[{}^$]', '')
   local longest = 0
-  for word in shown:gsub('\u{200b}', ' '):gmatch('%S+') do longest = math.max(longest, utf8.len(word) or #word) end
+  for word in shown:gsub('\u{200b}', ' '):gmatch('%S+') do
+    local capitals = select(2, word:gsub('%u', ''))
+    longest = math.max(longest, (utf8.len(word) or #word) + WIDER * math.max(capitals - 1, 0))
+  end
   -- Bold capitals in a box are wider than letters.
   if shown:find('MISSED') then longest = math.max(longest, 13) end
   return utf8.len(shown) or #shown, longest
