@@ -42,7 +42,7 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
     for count in range(len(stages), min(len(stages), 2) - 1, -1):
         some = stages[:count]
         closure = held_out_closure(some, baseline, seed)
-        parts = form_parts(some, baseline.criteria, by_force(some, baseline))
+        parts = form_parts(some, baseline)
         names = (*(n for n in strongest_first(some) if n not in parts), *(proposal.name for proposal in random))
         fitted = some[-1].fitted
         explains = Explanation(
@@ -72,7 +72,7 @@ def with_forms(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) ->
     if answer.outcome is Outcome.ATTRIBUTED:
         gained = gains_by_name(answer.stages)
         found = forms(answer.stages[-1].fitted, gained, baseline)
-        parts = form_parts(answer.stages, criteria, by_force(answer.stages, baseline))
+        parts = form_parts(answer.stages, baseline)
         found |= dict.fromkeys(parts.values(), Form.OTHER)
         unshown = [
             effect.name
@@ -104,32 +104,32 @@ def gains_by_name(stages: Sequence[Stage]) -> dict[str, float]:
     return gained
 
 
-def form_parts(stages: Sequence[Stage], criteria: Criteria, slow: Collection[str] = ()) -> dict[str, str]:
+def form_parts(stages: Sequence[Stage], baseline: Baseline) -> dict[str, str]:
     """Effects that are a part of another one's form, each with the name of that one: what a law of the same kind adds
-    to one that gained far more is the error of its curve, as that of a falling friction beside a drag. slow: effects
-    that are none, whatever they gained (`by_force`)."""
+    to one that gained far more is the error of its curve, as that of a falling friction beside a drag. One that took
+    off most of the unknown force is none, whatever it gained: a spring beside a cogging, which the filter's own random
+    force follows."""
+    little, least = small_beside(stages, baseline.criteria), baseline.criteria.force_share_of_slow
+    most = {
+        after.added
+        for before, after in pairwise(stages)
+        if after.added in little
+        and force_share(*(force_left(one.fitted, baseline.records) for one in (before, after))) >= least
+    }
+    return {name: first for name, first in little.items() if name not in most}
+
+
+def small_beside(stages: Sequence[Stage], criteria: Criteria) -> dict[str, str]:
+    """Effects that gained little beside another one of their kind, each with the name of that one."""
     gained = gains_by_name(stages)
     kinds = {effect.name: type(effect).kind() for effect in stages[-1].fitted.candidate.added_effects}
     found: dict[str, str] = {}
     for name, kind in kinds.items():
         same = [other for other in kinds if other != name and kinds[other] == kind]
         first = max(same, key=lambda other: gained.get(other, 0.0), default=name)
-        if name not in slow and gained.get(name, 0.0) < criteria.form_part * gained.get(first, 0.0):
+        if gained.get(name, 0.0) < criteria.form_part * gained.get(first, 0.0):
             found[name] = first
     return found
-
-
-def by_force(stages: Sequence[Stage], baseline: Baseline) -> frozenset[str]:
-    """Effects that gained as little as a part of another one's form does, but took off most of the unknown force: a
-    spring beside a cogging, which the filter's own random force follows."""
-    little, least = form_parts(stages, baseline.criteria), baseline.criteria.force_share_of_slow
-    return frozenset(
-        after.added
-        for before, after in pairwise(stages)
-        if after.added is not None
-        and after.added in little
-        and force_share(*(force_left(one.fitted, baseline.records) for one in (before, after))) >= least
-    )
 
 
 def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
@@ -148,13 +148,13 @@ def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) 
     return Answer(stages if not same else answer.stages, names, closure, outcome, answer.forms)
 
 
-def rivalling(stages: Sequence[Stage], criteria: Criteria, slow: Collection[str] = ()) -> tuple[tuple[str, ...], ...]:
+def rivalling(stages: Sequence[Stage], criteria: Criteria, parts: Collection[str] = ()) -> tuple[tuple[str, ...], ...]:
     """Sets of effects that explain as much as one another: those tried for a stage, of another class than the best.
 
     One that a later stage takes up beside the best is not in its place, and a part of another's form is not named.
-    slow: see `form_parts`.
+    parts: see `form_parts`.
     """
-    groups, inside, parts = [], set(strongest_first(stages)), form_parts(stages, criteria, slow)
+    groups, inside = [], set(strongest_first(stages))
     for before, after in pairwise(stages):
         if not after.rivals or after.added in parts:
             continue

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from diagnosis.answer import (
     Answer,
-    by_force,
     closes_too_little,
     form_parts,
     largest_adequate,
@@ -30,7 +29,8 @@ from diagnosis.answer import (
 )
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
-from diagnosis.handover.hand_over import MEASURED, HowFar, how_far
+from diagnosis.handover.files import Content
+from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.how_far import acting
 from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.fit import Fit
@@ -92,7 +92,7 @@ class Diagnosis:
     @property
     def told(self) -> Fit:
         """The fit whose values are told: that behind the file with the effects, where it has all of them."""
-        handed = self.how_far.handover.named("with effects")
+        handed = self.how_far.handover.named(Content.EFFECTS)
         whole = handed is not None and len(handed.fitted.candidate.effects) == len(self.final.candidate.effects)
         return handed.fitted if handed is not None and whole else self.final
 
@@ -152,16 +152,15 @@ def diagnosed(
 def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     stages, names, outcome, closure = answer.stages, answer.names, answer.outcome, answer.closure
     criteria = baseline.criteria
-    slow = by_force(stages, baseline)
-    parts = form_parts(stages, criteria, slow)
+    parts = form_parts(stages, baseline)
     partly = tuple(n for n in strongest_first(stages) if n not in parts) if outcome is Outcome.NONE else ()
-    rivals = rivalling(stages, criteria, slow) if outcome is Outcome.ATTRIBUTED else ()
+    rivals = rivalling(stages, criteria, parts) if outcome is Outcome.ATTRIBUTED else ()
     if rivals:
         outcome = Outcome.AMBIGUOUS
     unknown = learned(pruned.stages[0].fitted, closure.floor, baseline) if outcome is Outcome.NONE else None
     law = unknown.fitted if unknown is not None and not unknown.reason else None
     far = how_far(stages, outcome, closure.floor, baseline, law)
-    handed = far.handover.named("with effects")  # its values are told, unless effects of single records are not in it
+    handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
     at_floor = closure.excess < criteria.max_excess_at_floor
     if outcome in NAMED and not at_floor and closes_too_little(names, stages[-1].fitted, far.interval, criteria):
@@ -229,8 +228,8 @@ def _unknown_law(found: Diagnosis) -> dict[str, Any] | None:
     if found.learned is None:
         return None
     handover, worse = found.how_far.handover, ""
-    if handover.adopted.name != MEASURED:
-        measures = dict.fromkeys(harm.measure for harm in handover.harms if harm.file == MEASURED)
+    if handover.adopted.name != Content.MEASURED:
+        measures = dict.fromkeys(harm.measure for harm in handover.harms if harm.file == Content.MEASURED)
         worse = f"on motions left out of the fit the machine with it is worse in {listed(measures)}"
     return found.learned.to_json(worse)
 

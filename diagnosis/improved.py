@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.handover.files import machine_of
+from diagnosis.handover.files import Content, machine_of
 from diagnosis.which.table import deviations_of
 from models.machine import Machine
 
@@ -23,6 +23,6 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     """
     nominal, adopted = diagnosis.baseline.machine, diagnosis.how_far.handover.adopted
     if adopted.finished is None:
-        return nominal if adopted.name == "as delivered" else adopted.machine
+        return nominal if adopted.name == Content.DELIVERED else adopted.machine
     fitted = adopted.finished.fitted
     return machine_of(nominal, fitted.candidate, deviations_of(fitted, diagnosis.baseline.segment), source)

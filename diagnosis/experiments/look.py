@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.answer import by_force, largest_adequate, rivalling, with_forms, with_the_log
+from diagnosis.answer import form_parts, largest_adequate, rivalling, with_forms, with_the_log
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread
@@ -55,8 +55,8 @@ def look(baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = ()) -
     answer = largest_adequate(pruned.stages, baseline, seed)
     answer = with_forms(answer, pruned, baseline, seed)
     answer = with_the_log(answer, pruned, baseline, seed)
-    slow = by_force(answer.stages, baseline)
-    alike = rivalling(answer.stages, baseline.criteria, slow) if answer.outcome is Outcome.ATTRIBUTED else ()
+    parts = form_parts(answer.stages, baseline)
+    alike = rivalling(answer.stages, baseline.criteria, parts) if answer.outcome is Outcome.ATTRIBUTED else ()
     outcome = Outcome.AMBIGUOUS if alike else answer.outcome
     names = answer.names if outcome in {Outcome.ATTRIBUTED, Outcome.AMBIGUOUS} else ()
     found = Found(outcome, names, alike, _gains(answer.stages))

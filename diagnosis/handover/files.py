@@ -6,6 +6,7 @@ import math
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,16 @@ from models.quantity import declaration, nearest
 Array = NDArray[np.float64]
 
 FILE = Path("improved.toml")
+
+
+class Content(StrEnum):
+    """What a machine file has that could be handed over; the names are those in results.json."""
+
+    DELIVERED = "as delivered"
+    OFFSET = "offset alone"
+    REFITTED = "re-fitted"
+    EFFECTS = "with effects"
+    MEASURED = "measured law"
 
 
 def loaded(machine: Machine) -> Machine:

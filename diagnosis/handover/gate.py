@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
-from diagnosis.handover.files import Judged, judged, machine_of, starts_of
+from diagnosis.handover.files import Content, Judged, judged, machine_of, starts_of
 from diagnosis.handover.final_fit import Finished
 from diagnosis.how_far import Errors, Gap, errors_of
 from diagnosis.model.fit import Fit, without
@@ -156,7 +156,7 @@ def as_delivered(baseline: Baseline) -> File:
     candidate = baseline.nominal.candidate
     file = judged(candidate.nominal, starts_of(candidate))
     left = _errors(file.candidate, baseline, smooth(file.candidate, baseline.records))
-    return File("as delivered", file, left.gap(), sums(left, baseline))
+    return File(Content.DELIVERED, file, left.gap(), sums(left, baseline))
 
 
 def with_fit(name: str, finished: Finished, baseline: Baseline) -> File:
@@ -240,4 +240,4 @@ def offset_alone(baseline: Baseline, delivered: File) -> File:
         return sums(_errors(with_mean(part[segment] != number).candidate, baseline, paths), baseline)
 
     file = with_mean(np.ones(force.size, bool))
-    return File("offset alone", file, _errors(file.candidate, baseline, paths).gap(), _by_part(of_part, part))
+    return File(Content.OFFSET, file, _errors(file.candidate, baseline, paths).gap(), _by_part(of_part, part))

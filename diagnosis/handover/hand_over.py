@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
+from diagnosis.handover.files import Content
 from diagnosis.handover.final_fit import AtBound, finished
 from diagnosis.handover.gate import (
     DRAWS,
@@ -34,7 +35,6 @@ from diagnosis.which.stage import Stage
 Array = NDArray[np.float64]
 
 ADOPTED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes whose effects may go into the machine
-MEASURED: Final = "measured law"  # the file with a law that was learned
 BETWEEN: Final = 4  # iterations of the fits of stages between the first and the last
 FORMULA: Final = "(refitted^2 - after^2 + random^2) / (refitted^2 - floor^2)"
 UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
@@ -103,8 +103,8 @@ class HowFar:
         """As interfaces fix it, the stages between, and all that the closure and the choice of a file hang on."""
         named, adopted = dict(self.stages), self.handover.adopted
         return {
-            "gap_as_delivered": named["as delivered"].to_json(),
-            "gap_refitted": named["re-fitted"].to_json(),
+            "gap_as_delivered": named[Content.DELIVERED].to_json(),
+            "gap_refitted": named[Content.REFITTED].to_json(),
             "gap_after": self.stages[-1][1].to_json(),
             "gap_improved": adopted.gap.to_json(),
             "floor": self.floor.to_json(),
@@ -156,16 +156,16 @@ def how_far(
     transfer = None
     if len(records) > 1:
         fits, transfer = transferred(fits, baseline)
-    names = ("re-fitted", "with effects")
+    names = (Content.REFITTED, Content.EFFECTS)
     files = [with_fit(name, one, baseline) for name, one in zip(names, fits, strict=False)]
     if outcome is Outcome.NOTHING:
         handover = Handover(delivered, (delivered, *files))
     else:
         count = len(files) if outcome in ADOPTED else 1
-        tried = [*files[:count], *([] if law is None else [with_fit(MEASURED, finished(law, records), baseline)])]
-        handover = chosen((delivered, *tried), lambda: offset_alone(baseline, delivered))
+        learned = [] if law is None else [with_fit(Content.MEASURED, finished(law, records), baseline)]
+        handover = chosen((delivered, *files[:count], *learned), lambda: offset_alone(baseline, delivered))
         handover = replace(handover, files=(*handover.files, *files[count:]))
-    named = [("as delivered", delivered.gap), ("re-fitted", files[0].gap), *_between(stages, baseline)]
+    named = [(Content.DELIVERED, delivered.gap), (Content.REFITTED, files[0].gap), *_between(stages, baseline)]
     if len(files) > 1:
         named.append((f"{stages[-1].added}", files[-1].gap))
     terms, interval = _terms((delivered, files[0], files[-1]), floor, baseline)

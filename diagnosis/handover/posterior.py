@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.handover.files import machine_of
+from diagnosis.handover.files import Content, machine_of
 from diagnosis.model.fit import Fit, coordinates, with_coordinates
 from diagnosis.model.parameters import bounded
 from diagnosis.model.residual import Candidate
@@ -30,7 +30,7 @@ def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[M
     Where the file is the machine as delivered, the draws are of the re-fit, which says what the records leave open.
     """
     handover, nominal = diagnosis.how_far.handover, diagnosis.baseline.machine
-    adopted = handover.adopted if handover.adopted.finished is not None else handover.named("re-fitted")
+    adopted = handover.adopted if handover.adopted.finished is not None else handover.named(Content.REFITTED)
     fitted = diagnosis.baseline.nominal if adopted is None or adopted.finished is None else adopted.finished.fitted
     found = drawn(fitted, diagnosis.baseline.segment, count, seed)
     return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
-from diagnosis.handover.files import judged, machine_of, starts_of
+from diagnosis.handover.files import Content, judged, machine_of, starts_of
 from diagnosis.handover.final_fit import Finished, finished, still_fit
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, coordinates
@@ -119,7 +119,7 @@ def transferred(fits: Sequence[Finished], baseline: Baseline) -> tuple[list[Fini
         left = {effect.name for effect in common.effects}
         values = tuple(replace(one, kept_out=one.part != "nominal" and one.part not in left) for one in values)
     starts = [starts_of(one.candidate) for one in kept]
-    rows = zip(("re-fitted", "with effects"), apart, starts, strict=False)
+    rows = zip((Content.REFITTED, Content.EFFECTS), apart, starts, strict=False)
     matrices = [matrix(name, one, begun, baseline) for name, one, begun in rows]
     return kept, Transfer((as_delivered(starts[0], baseline), *matrices), values)
 
@@ -165,7 +165,7 @@ def as_delivered(starts: Sequence[Array], baseline: Baseline) -> Matrix:
     """The machine file as it was given, on each record; starts: displacements (N,) [m] of the friction by record."""
     pairs = zip(starts, baseline.records, baseline.driving, strict=True)
     row = tuple(_gap(judged(baseline.machine, [start]).candidate, one, drives) for start, one, drives in pairs)
-    return Matrix("as delivered", (row,) * len(row))
+    return Matrix(Content.DELIVERED, (row,) * len(row))
 
 
 def _gap(candidate: Candidate, record: Record, drives: Record) -> Gap:

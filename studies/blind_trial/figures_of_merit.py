@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
 from studies.binomial import interval
 from studies.blind_trial.scoring import KINDS, NAMING, OUT_OF_CATALOGUE, WITHOUT_EFFECT, Score
 
+T = TypeVar("T")
 BINS: Final = 10
 
 
@@ -37,10 +38,9 @@ class Rate:
         return {"hits": self.hits, "tries": self.tries, "share": self.share, "low": low, "high": high}
 
 
-def rate(scores: Iterable[Score], hit: Callable[[Score], bool]) -> Rate:
-    """How many of these scores are hits."""
-    flags = [hit(one) for one in scores]
-    return Rate(sum(flags), len(flags))
+def rate(scores: Iterable[T], hit: Callable[[T], bool]) -> Rate:
+    """How many of these are hits."""
+    return rate_of([hit(one) for one in scores])
 
 
 def of_kind(scores: Iterable[Score], *kinds: str, counting: bool = True) -> list[Score]:

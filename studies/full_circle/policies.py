@@ -15,7 +15,7 @@ from typing import Any, Final
 from diagnosis.experiments import policy
 from diagnosis.experiments.policy import Choose
 from models.effects.catalogue import every
-from studies.blind_trial.figures_of_merit import Rate
+from studies.blind_trial.figures_of_merit import Rate, rate
 from studies.blind_trial.scoring import WITHOUT_EFFECT, Label, Score, label_of, score
 from studies.gap_diagnosis.course import confirmed
 
@@ -96,23 +96,18 @@ def rates(results: Sequence[Result]) -> dict[str, dict[str, Rate]]:
         innocent = [one for one in own if one.kind in WITHOUT_EFFECT]
         outside = [one for one in own if one.kind in {"outsider", "disabled"}]
         found[name] = {
-            "right name": _rate(singles, lambda one: one.right),
+            "right name": rate(singles, lambda one: one.right),
             **{
-                f"right name, {severity}": _rate(
+                f"right name, {severity}": rate(
                     [one for one in own if one.kind == "single" and one.severity == severity], lambda one: one.right
                 )
                 for severity in ("low", "middle", "high")
             },
-            "false name": _rate(innocent, lambda one: one.false_name or bool(one.failed)),
-            "no name for an outsider": _rate(outside, lambda one: one.right),
-            "beyond the limits": _rate(own, lambda one: one.refused > 0),
+            "false name": rate(innocent, lambda one: one.false_name or bool(one.failed)),
+            "no name for an outsider": rate(outside, lambda one: one.right),
+            "beyond the limits": rate(own, lambda one: one.refused > 0),
         }
     return found
-
-
-def _rate(results: Sequence[Result], hit: Callable[[Result], bool]) -> Rate:
-    flags = [hit(one) for one in results]
-    return Rate(sum(flags), len(flags))
 
 
 def right_over_time(results: Sequence[Result], times: Sequence[float]) -> dict[str, list[Rate]]:
@@ -120,7 +115,7 @@ def right_over_time(results: Sequence[Result], times: Sequence[float]) -> dict[s
     found: dict[str, list[Rate]] = {}
     for name in dict.fromkeys(one.policy for one in results):
         singles = [one for one in results if one.policy == name and one.kind == "single"]
-        found[name] = [_rate(singles, lambda one, at=at: _right_at(one, at)) for at in times]  # type: ignore[misc]
+        found[name] = [rate(singles, lambda one, at=at: _right_at(one, at)) for at in times]  # type: ignore[misc]
     return found
 
 

@@ -23,7 +23,7 @@ from diagnosis.experiments import active
 from diagnosis.experiments.look import Look
 from diagnosis.experiments.schedules import Schedule
 from diagnosis.experiments.within_limits import Bounds
-from diagnosis.handover.files import machine_of
+from diagnosis.handover.files import Content, machine_of
 from diagnosis.handover.posterior import drawn, machines_allowed
 from diagnosis.improved import improved_machine
 from diagnosis.model.parameters import parameters
@@ -165,7 +165,7 @@ def within(machine: Machine, limits: Limits, share: float) -> Machine:
 
 def _reading(machine: Machine) -> float:
     """Three deviations [m] of a reading, noise and rounding together."""
-    return 3 * float(np.hypot(machine.scale.noise, machine.scale.resolution / np.sqrt(12)))
+    return 3 * machine.scale.reading_deviation
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ def known(last: Look, settings: active.Settings) -> Known:
     """What the diagnosis of all records tells of a machine."""
     found: Diagnosis = diagnosed(last.baseline, seed=settings.seed, disabled=settings.disabled)
     better = improved_machine(found, "full_circle")
-    alone = found.how_far.handover.named("re-fitted")
+    alone = found.how_far.handover.named(Content.REFITTED)
     told = {
         "outcome": str(found.outcome),
         "effects": list(found.effects),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from diagnosis.handover.hand_over import MEASURED
+from diagnosis.handover.files import Content
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
@@ -261,14 +261,14 @@ def elsewhere(far: Results) -> list[str]:
     if apart is None:
         return []
     files = {one["file"]: one for one in apart["files"]}
-    delivered, adopted = files["as delivered"], files[far["adopted_file"]]
+    delivered, adopted = files[Content.DELIVERED], files[far["adopted_file"]]
     for i, name in enumerate(apart["records"]):
         before, after = ({key: one[key][i] for key in KEYS} for one in (delivered, adopted))
         larger = [
             MEASURES[KEYS[key]] for key in KEYS if None not in (before[key], after[key]) and after[key] > before[key]
         ]
         ends = f"is larger there in {listed(larger)}" if larger else "shrinks there"
-        if far["adopted_file"] == "as delivered":
+        if far["adopted_file"] == Content.DELIVERED:
             ends = "is that of the machine as delivered"
         told.append(f"On {name}, to which nothing was fitted, the gap {ends}: {_from_to(before, after)}.")
     return told
@@ -278,19 +278,19 @@ KEYS: Final = {"force_N": "force", "position_m": "position", "settling_s": "sett
 
 
 FILES: Final = {
-    "as delivered": "So improved.toml is the machine as delivered.",
-    "offset alone": "So improved.toml is the machine as delivered with another offset.",
-    "re-fitted": "So improved.toml has the re-fitted values alone.",
-    "with effects": "So improved.toml has the effects.",
-    MEASURED: "So improved.toml has the measured law.",
+    Content.DELIVERED: "So improved.toml is the machine as delivered.",
+    Content.OFFSET: "So improved.toml is the machine as delivered with another offset.",
+    Content.REFITTED: "So improved.toml has the re-fitted values alone.",
+    Content.EFFECTS: "So improved.toml has the effects.",
+    Content.MEASURED: "So improved.toml has the measured law.",
 }
 MEASURES: Final = {"force": "unknown force", "position": "position error", "settling": "error of the settling times"}
 CANDIDATES: Final = {
-    "as delivered": "the machine as delivered",
-    "offset alone": "the machine with its offset fitted",
-    "re-fitted": "the re-fitted machine",
-    "with effects": "the machine with effects",
-    MEASURED: "the machine with the measured law",
+    Content.DELIVERED: "the machine as delivered",
+    Content.OFFSET: "the machine with its offset fitted",
+    Content.REFITTED: "the re-fitted machine",
+    Content.EFFECTS: "the machine with effects",
+    Content.MEASURED: "the machine with the measured law",
 }
 
 

@@ -16,6 +16,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import suite, to_csv
+from diagnosis.handover.files import Content
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
 from diagnosis.model.motions import LONGEST, Piece
@@ -226,7 +227,7 @@ def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -
 def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
     """By how many standard deviations of its tolerance each kind of nominal value was moved at most, without the
     friction's initial state: by the re-fit alone, and in the file that is handed over."""
-    refitted, adopted = found.how_far.handover.named("re-fitted"), found.how_far.handover.adopted
+    refitted, adopted = found.how_far.handover.named(Content.REFITTED), found.how_far.handover.adopted
     fits = [file.finished.fitted.candidate for file in (refitted, adopted) if file is not None and file.finished]
     rows = []
     for name in dict.fromkeys(fits[0].layout.names):

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from diagnosis.handover.hand_over import MEASURED
+from diagnosis.handover.files import Content
 from models.quantity import show
 from reports import style
 
@@ -59,9 +59,9 @@ def told(learned: Results | None) -> str:
 def left(far: Results) -> list[str]:
     """What the machine file with the law leaves of motions left out of its fit; nothing where there is none."""
     files = {one["file"]: one["held_out"] for one in far["files"]}
-    if MEASURED not in files:
+    if Content.MEASURED not in files:
         return []
-    gap = files[MEASURED]
+    gap = files[Content.MEASURED]
     return [
         f"With the measured law {show(gap['force_N'], 'N', 2)} and {show(gap['position_m'], 'm', 2)} of position are "
         "left on motions held out."

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.answer import closes_too_little, form_parts, overfitting_series, rivalling, strongest_at_bound
+from diagnosis.answer import closes_too_little, overfitting_series, rivalling, small_beside, strongest_at_bound
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, at_bounds
 from diagnosis.model.parameters import parameters
@@ -79,10 +79,9 @@ def test_a_law_of_the_same_kind_that_gains_little_beside_another_is_a_part_of_it
     second = replace(_stage(2000.0, "viscous_friction"), fitted=_fit(2000.0, [drag]))
     for left, parts in ((1000.0, {"stribeck": "viscous_friction"}), (200.0, {})):
         third = replace(_stage(left, "stribeck"), fitted=_fit(left, [drag, falling]))
-        assert form_parts([first, second, third], CRITERIA) == parts
-        assert form_parts([first, second, third], CRITERIA, slow={"stribeck"}) == {}
+        assert small_beside([first, second, third], CRITERIA) == parts
     other = replace(_stage(1000.0, "cogging"), fitted=_fit(1000.0, [drag, cogging]))
-    assert form_parts([first, second, other], CRITERIA) == {}
+    assert small_beside([first, second, other], CRITERIA) == {}
 
 
 def test_a_part_of_a_form_has_no_rivals() -> None:
@@ -94,7 +93,8 @@ def test_a_part_of_a_form_has_no_rivals() -> None:
             _stage(1500.0, "stribeck", [("stribeck", 1500.0), ("play", 1501.0)]), fitted=_fit(1500.0, [drag, falling])
         ),
     ]
-    assert rivalling(stages, CRITERIA) == ()
+    assert rivalling(stages, CRITERIA) == (("stribeck", "play"),)
+    assert rivalling(stages, CRITERIA, small_beside(stages, CRITERIA)) == ()
 
 
 def test_what_surely_closes_less_than_half_is_no_answer_unless_something_else_carries_it() -> None:
