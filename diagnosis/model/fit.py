@@ -12,9 +12,11 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from diagnosis.model.motions import Piece, repeated, scatter
-from diagnosis.model.parameters import bounded
+from diagnosis.model.parameters import bounded, bounds
 from diagnosis.model.residual import (
     STARTING,
     WALK,
@@ -349,13 +351,15 @@ def _search(
 
 def _step_bounds(candidate: Candidate, wide: Array, records: Sequence[Record]) -> tuple[Array, Array]:
     """The least and the greatest step (P + Q,) [prior standard deviations]: to the bounds of theta, and of an element's
-    start a part of its limit only, because an element that begins to slip has another slope."""
+    start a part of its limit only, because an element that begins to slip has another slope. No step is always within
+    them: a limit that has shrunk may leave a start beyond it."""
     layout, stride = candidate.layout, np.full(wide.size, np.inf)
     stride[layout.of("initial_friction_state")] = START_STRIDE
     low, high = -stride, stride.copy()
     count = layout.count
-    low[:count] = np.maximum(low[:count], (layout.low - candidate.theta) / wide[:count])
-    high[:count] = np.minimum(high[:count], (layout.high - candidate.theta) / wide[:count])
+    least, most = bounds(layout, candidate.theta)
+    low[:count] = np.minimum(np.maximum(low[:count], (least - candidate.theta) / wide[:count]), 0.0)
+    high[:count] = np.maximum(np.minimum(high[:count], (most - candidate.theta) / wide[:count]), 0.0)
     end = count
     for effect in candidate.effects:
         items = [one for one in parameters(type(effect), layout.machine.priors) if one.role in POSITIVE]
@@ -367,17 +371,14 @@ def _step_bounds(candidate: Candidate, wide: Array, records: Sequence[Record]) -
 
 
 def solve_box_constrained(normal: Array, onto: Array, low: Array, high: Array) -> Array:
-    """The step (P,) that solves normal @ step = onto (P,) [1] where low <= step <= high; the rest is at a bound."""
-    step, free = np.zeros(onto.size), np.ones(onto.size, bool)
-    for _ in range(onto.size):
-        fixed = ~free
-        step[free] = np.linalg.solve(normal[np.ix_(free, free)], onto[free] - normal[np.ix_(free, fixed)] @ step[fixed])
-        beyond = free & ((step < low) | (step > high))
-        if not beyond.any():
-            break
-        step[beyond] = np.clip(step, low, high)[beyond]
-        free &= ~beyond
-    return np.asarray(np.clip(step, low, high))
+    """The step (P,) that minimises step @ normal @ step / 2 - onto @ step [1] where low <= step <= high."""
+    step, free = np.clip(np.zeros(onto.size), low, high), low < high
+    if not free.any():
+        return step
+    factor = cholesky(normal[np.ix_(free, free)])
+    given = solve_triangular(factor, onto[free] - normal[np.ix_(free, ~free)] @ step[~free], trans="T")
+    step[free] = lsq_linear(factor, given, (low[free], high[free]), method="bvls").x
+    return step
 
 
 def _prior_residual(effect: Effect, priors: Priors) -> Array:

@@ -25,7 +25,15 @@ FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
 FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
 LOADED: Final = 20.0  # bound of the mass: a load may have been left on the table
 UNKNOWN_DELAY: Final = 0.5  # sample times: deviation of a dead time that a file neglects; drives take one or two
-LOOSE: Final = ("mode_gain", "mode_frequency", "mode_damping", "dead_time", "friction_level", "thrust_constant")
+LOOSE: Final = (
+    "mode_gain",
+    "mode_frequency",
+    "mode_damping",
+    "dead_time",
+    "friction_level",
+    "thrust_constant",
+    "amplifier_offset",
+)
 
 
 @dataclass(frozen=True)
@@ -145,9 +153,19 @@ def initial_state(layout: Parameters, theta: Array, record: int) -> Array:
     return np.asarray(start[record], float)
 
 
+def bounds(layout: Parameters, theta: Array) -> tuple[Array, Array]:
+    """The least and the greatest theta (P,); of the elements' displacements, their limits with this theta: beyond these
+    a displacement is the same, and a step there would not be felt."""
+    low, high = layout.low.copy(), layout.high.copy()
+    start, stretched = layout.of("initial_friction_state"), np.exp(theta[layout.of("presliding_limit")])
+    high[start] = np.tile(np.array(layout.machine.friction.limit) * stretched, layout.records)
+    low[start] = -high[start]
+    return low, high
+
+
 def bounded(layout: Parameters, theta: Array) -> Array:
     """theta (P,) clipped to its bounds, and the elements' displacements [m] to their limits."""
-    return np.clip(theta, layout.low, layout.high)
+    return np.clip(theta, *bounds(layout, theta))
 
 
 def moved(layout: Parameters, theta: Array) -> Array:

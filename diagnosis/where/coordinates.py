@@ -20,6 +20,7 @@ from scipy.signal import czt
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit
 from diagnosis.where.energy import PHASES, Samples, bootstrap_counts, bootstrap_interval, centred
+from models.compiled import compiled
 from models.effects.priors import REFERENCE
 from models.records.record import Record
 
@@ -35,19 +36,22 @@ RIDGES: Final = (1e-3, 1e-2, 0.1, 1.0)  # ridge parameters of which the best is 
 SLOWEST: Final = 0.0475  # contacts' lengths a loop time: below this speed the table counts as at rest
 PITCHES: Final = (3e-3, 7e-2)  # m, on the reference table: the range in which a period over position is searched
 SMOOTH: Final = 5  # samples over which an acceleration is averaged
+STEADY: Final = 3.0  # deviations of a reading: half of what the table goes back before it counts as a reversal
+COMMANDED: Final = 0.02  # the same of the command, in its own deviation
 RESTED: Final = 276.0  # loop times of rest assumed before a record: longer than any recovery that it could show
 
 
 @dataclass(frozen=True)
 class Coordinate:
     """A coordinate's values (n,) at all samples and its unit; whether the knots of its curve are spaced
-    logarithmically (by asinh), and whether the curve may change sign with the direction of motion."""
+    logarithmically (by asinh); turns (n,): the sign with which the curve may change, such as that of the last motion;
+    None: there is one curve."""
 
     name: str
     unit: str
     values: Array
     logarithmic: bool = False
-    directional: bool = True
+    turns: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -101,30 +105,47 @@ def slowest(samples: Samples) -> float:
 
 def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tuple[Coordinate, ...]:
     """The coordinates at all samples of all records [SI], without those that are constant in these records."""
-    paths = [one.path for one in fitted.paths]
+    paths, ts, direction = [one.path for one in fitted.paths], records[0].sample_time, samples.direction
     position = np.concatenate([path.at_samples for path in paths])
-    speed = np.concatenate([path.speed[:, 0] for path in paths])
-    kernel = np.full(SMOOTH, 1 / SMOOTH)
+    thrusts = [seen.acts.thrust.mean(axis=1) for seen in fitted.residuals]
+    speed, kernel = np.concatenate([path.speed[:, 0] for path in paths]), np.full(SMOOTH, 1 / SMOOTH)
     acceleration = [np.convolve(np.gradient(path.speed[:, 0], path.sample_time), kernel, "same") for path in paths]
-    thrust = np.concatenate([seen.acts.thrust.mean(axis=1) for seen in fitted.residuals])
     begins = np.concatenate([[0], np.cumsum([record.position.size for record in records])])
     parts = [slice(a, b) for a, b in itertools.pairwise(begins)]
-    ts = records[0].sample_time
     time = np.concatenate([np.arange(record.position.size) * ts for record in records])
     since, dwell = (np.concatenate(found) for found in zip(*(_clock(samples, part, ts) for part in parts), strict=True))
-    gone = np.concatenate([_since_reversal(position[part], samples.direction[part]) for part in parts])
+    wide, width = STEADY * samples.units.reading, COMMANDED * float(np.std(np.concatenate(thrusts)))
+    gone, way = (np.concatenate(found) for found in zip(*(since_turn(p.at_samples, wide) for p in paths), strict=True))
+    branch = np.concatenate([since_turn(thrust, width)[1] for thrust in thrusts])
     every = (
-        Coordinate("time", "s", time),
-        Coordinate("time_in_motion", "s", since, logarithmic=True),
-        Coordinate("dwell", "s", dwell, logarithmic=True),
-        Coordinate("position", "m", position),
-        Coordinate("velocity", "m/s", speed, logarithmic=True, directional=False),
-        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > slowest(samples)), directional=False),
-        Coordinate("acceleration", "m/s2", np.concatenate(acceleration), logarithmic=True, directional=False),
-        Coordinate("command", "N", thrust, logarithmic=True, directional=False),
-        Coordinate("since_reversal", "m", gone, logarithmic=True),
+        Coordinate("time", "s", time, turns=direction),
+        Coordinate("time_in_motion", "s", since, logarithmic=True, turns=direction),
+        Coordinate("dwell", "s", dwell, logarithmic=True, turns=direction),
+        Coordinate("position", "m", position, turns=direction),
+        Coordinate("velocity", "m/s", speed, logarithmic=True),
+        Coordinate("velocity_sign", "1", np.sign(speed) * (np.abs(speed) > slowest(samples))),
+        Coordinate("acceleration", "m/s2", np.concatenate(acceleration), logarithmic=True),
+        Coordinate("command", "N", np.concatenate(thrusts), logarithmic=True, turns=branch),
+        Coordinate("since_reversal", "m", gone, logarithmic=True, turns=way),
     )
     return tuple(one for one in every if np.ptp(one.values[samples.counts]) > 0)
+
+
+@compiled
+def since_turn(signal: Array, width: float) -> tuple[Array, Array]:
+    """How far (n,) a signal has gone since it last turned back by more than twice the width, and its direction (n,) [1]
+    since then, 0 before it moved; in the signal's unit."""
+    gone, way = np.empty(signal.size), np.empty(signal.size)
+    at = last = signal[0]
+    direction = 0.0
+    for k in range(signal.size):
+        moved = min(max(at, signal[k] - width), signal[k] + width)
+        turn = 1.0 if moved > at else -1.0 if moved < at else direction
+        if turn != direction:
+            direction, last = turn, at
+        at = moved
+        gone[k], way[k] = abs(at - last), direction
+    return gone, way
 
 
 def _clock(samples: Samples, part: slice, sample_time: float) -> tuple[Array, Array]:
@@ -138,12 +159,6 @@ def _clock(samples: Samples, part: slice, sample_time: float) -> tuple[Array, Ar
     ended = np.maximum.accumulate(np.where(last, index, -1))
     rest = np.where(ended >= 0, index - ended, index + round(RESTED * samples.units.loop / sample_time))
     return np.asarray((index - began) * sample_time), np.asarray(rest[began] * sample_time)
-
-
-def _since_reversal(position: Array, direction: Array) -> Array:
-    """Distance (n,) [m] from the last reversal."""
-    turned = np.concatenate([[True], np.diff(direction) != 0])
-    return np.abs(position - position[np.maximum.accumulate(np.where(turned, np.arange(position.size), 0))])
 
 
 def hat_functions(
@@ -204,13 +219,13 @@ def explain_target(target: Target, coordinate: Coordinate, samples: Samples, see
     """How much of a target's energy the coordinate explains [1]."""
     plain, knots = hat_functions(coordinate, samples.counts)
     count = plain.shape[1]
-    columns = np.hstack([plain, plain * samples.direction[:, None]]) if coordinate.directional else plain
+    columns = np.hstack([plain, plain * coordinate.turns[:, None]]) if coordinate.turns is not None else plain
     grams, slopes = target.products(columns * samples.counts[:, None])
     fold = folds(grams.shape[0], seed)
     gains, weights = target.held_out(grams, slopes, fold)
     chance = target.chance(grams, slopes, fold, seed)
     turned, turning = slice(count, None), np.zeros(1)
-    if coordinate.directional:
+    if coordinate.turns is not None:
         turning = target.held_out(grams[:, turned, turned], slopes[:, turned], fold)[0]
     found = explained(coordinate, gains, chance, turning, target.energy, seed)
     return replace(found, knots=knots, curve=weights[:count], turned=weights[turned])
@@ -224,7 +239,7 @@ def explain_by_all(
     parts = []
     for one in known:
         plain, _ = hat_functions(one, samples.counts, FEW_KNOTS)
-        parts += [plain, plain * samples.direction[:, None]] if one.directional else [plain]
+        parts += [plain, plain * one.turns[:, None]] if one.turns is not None else [plain]
     z = centred(signal, samples)
     grams, slopes = by_motion(np.hstack(parts) * samples.counts[:, None], z, samples.motion)
     fold, nothing = folds(grams.shape[0], seed), np.zeros(1)
@@ -333,7 +348,7 @@ def _waves(weight: Array, place: Array, inverse: Array) -> NDArray[np.complex128
 def parity(signal: Array, speed: Coordinate, samples: Samples, seed: int = 0) -> tuple[Explained, Explained]:
     """How much of a signal (n,) is an even, and how much an odd function of the speed [m/s], while the table moves."""
     moving = replace(samples, counts=samples.counts & (np.abs(speed.values) > slowest(samples)))
-    size = replace(speed, name="even", values=np.abs(speed.values), directional=False)
+    size = replace(speed, name="even", values=np.abs(speed.values), turns=None)
     if np.count_nonzero(moving.counts) < 10 * KNOTS:
         nothing = np.zeros(1)
         none = explained(size, nothing, nothing, nothing, nothing, seed)

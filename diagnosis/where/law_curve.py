@@ -27,6 +27,7 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
+OWN_SIGN: Final = ("acceleration", "command", "velocity_sign")  # over which an odd law changes its sign by itself
 CALLED: Final = MappingProxyType(
     {
         "speed": "velocity",
@@ -81,7 +82,7 @@ def law_curve(
     if coordinate.name == "velocity":
         coordinate = replace(coordinate, values=np.abs(coordinate.values))
     force = _force_of(name, fitted, records) + np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
-    turning = kind.parity == "odd" and coordinate.directional | (coordinate.name == "velocity")
+    turning = kind.parity == "odd" and coordinate.name not in OWN_SIGN
     if turning:
         force = force * samples.direction
     used = samples.counts & ~np.isnan(force) & (samples.direction != 0)

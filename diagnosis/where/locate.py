@@ -93,14 +93,16 @@ class Where:
     def by_coordinate(self) -> dict[str, float]:
         """Share [1] of the gap by coordinate, of those that explain more of it than chance does.
 
-        Where there is none, it comes at random: then it is the share of its size, over the coordinates on which that
-        depends. Where its size depends on none either, it has a course of its own over time.
+        Where none explains enough to be told, it comes at random: then it is the share of its size, over the
+        coordinates on which that depends. Where its size depends on none either, it has a course of its own over time.
         """
         shares = {one.name: one.share if one.p < self.criteria.stated_p_value else 0.0 for one in self.gap}
-        if any(one.is_stated(self.criteria) for one in self.gap) or self.is_noise:
+        if any(one.is_stated(self.criteria) for one in self.gap):
             return shares
         stated = [one for one in self.dependence.scatter if one.is_stated(self.criteria)]
         sizes = {one.name: one.share for one in stated if one.name in shares}
+        if not sizes and (self.is_noise or max(shares.values(), default=0.0) > self.course):
+            return shares
         return dict.fromkeys(shares, 0.0) | (sizes or {"time": self.course})
 
 
@@ -188,7 +190,7 @@ def _scatter(
     of = [Coordinate("command_change", "N", change, logarithmic=True)]
     of += [replace(one, values=np.abs(one.values)) for one in known if one.name in {"velocity", "acceleration"}]
     of += [one for one in known if one.name in {"time", "position"}]
-    varying = [replace(one, directional=False) for one in of if np.ptp(one.values[moving.counts]) > 0]
+    varying = [replace(one, turns=None) for one in of if np.ptp(one.values[moving.counts]) > 0]
     return tuple(sorted((explain(size, one, moving, seed) for one in varying), key=lambda one: -one.share))
 
 

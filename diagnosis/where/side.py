@@ -56,7 +56,7 @@ def sides(
     found = []
     for coordinate in chosen:
         basis, _ = hat_functions(coordinate, samples.counts)
-        turned = np.hstack([basis, basis * samples.direction[:, None]]) if coordinate.directional else basis
+        turned = np.hstack([basis, basis * coordinate.turns[:, None]]) if coordinate.turns is not None else basis
         force = _gain(as_force(fitted, records, turned), projection, records, samples, seed)
         may = coordinate.name in {"time", "position"}
         reading = (

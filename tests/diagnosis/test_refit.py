@@ -10,7 +10,7 @@ import pytest
 
 from diagnosis import refit as refit_module
 from diagnosis.model.fit import one_step
-from diagnosis.model.parameters import applied, parameters
+from diagnosis.model.parameters import FURTHER, applied, parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit_within
 from models.friction import elements
@@ -57,12 +57,27 @@ def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
     loose = replace(MACHINE, tolerance=Tolerance(offset=3.0))
     usual, wide = parameters(MACHINE, 1), parameters(loose, 1)
     (at,) = usual.of("amplifier_offset")
-    assert [usual.deviation[at], wide.deviation[at], wide.high[at]] == [0.2, 3.0, 9.0]
+    assert [usual.deviation[at], wide.deviation[at], wide.high[at]] == [0.2, 3.0, FURTHER * 3.0]
     rest = np.setdiff1d(np.arange(usual.count), at)
     assert np.array_equal(usual.high[rest], wide.high[rest])
     theta = np.zeros(wide.count)
     theta[at] = 5.0
     assert applied(wide, theta).tolerance == loose.tolerance
+
+
+@pytest.mark.parametrize("deviations", [5, -6])
+def test_an_offset_far_beyond_its_tolerance_is_found_where_the_scale_resolves_it(deviations: int) -> None:
+    """What is left is what the model neglects of this table on such a scale, whatever the offset."""
+    left = []
+    fine = replace(MACHINE, scale=replace(MACHINE.scale, noise=2e-10, resolution=1e-9))
+    for more in (0, deviations):
+        off = fine.drive.offset + more * fine.tolerance.offset
+        truth = replace(fine, drive=replace(fine.drive, offset=off))
+        records = recorded(truth, PLAN[1:], seed=7, wrong=0.0)
+        found = refit_module.refit(parameters(fine, 1), records)
+        left.append(float(np.mean(found.innovations**2)))
+        assert found.candidate.machine.drive.offset == pytest.approx(off, abs=0.1 * fine.tolerance.offset)
+    assert left[1] == pytest.approx(left[0], rel=0.05)
 
 
 @pytest.mark.parametrize("fine", [False, True])

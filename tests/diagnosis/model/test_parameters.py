@@ -59,6 +59,17 @@ def test_a_contact_may_start_at_its_fitted_limit() -> None:
     assert np.allclose(bounded(layout, theta), theta, rtol=1e-12)
 
 
+def test_no_contact_starts_beyond_its_fitted_limit() -> None:
+    """There a step of the fit would change nothing, although it was promised to."""
+    layout = parameters(MACHINE, 2)
+    theta = np.where(np.isin(layout.names, ["presliding_limit"]), layout.low, 0.0)
+    limit = np.tile(np.array(applied(layout, theta).friction.limit), 2)
+    theta[layout.of("initial_friction_state")] = 1.01 * limit
+    assert np.allclose(bounded(layout, theta)[layout.of("initial_friction_state")], limit, rtol=1e-12)
+    theta[layout.of("initial_friction_state")] = -1.01 * limit
+    assert np.allclose(bounded(layout, theta)[layout.of("initial_friction_state")], -limit, rtol=1e-12)
+
+
 def test_a_wrong_thrust_constant_is_found_where_the_mass_is_known() -> None:
     """The friction's force in newtons is right, and so it acts less in newtons of thrust reference."""
     wrong, right = 0.88, replace(MACHINE, drive=replace(MACHINE.drive, offset=1.0))

@@ -13,7 +13,7 @@ from diagnosis.experiments.schedules import Move, multisine, schedule
 from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
 from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
-from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches
+from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches, since_turn
 from diagnosis.where.energy import PHASES, Samples, label_samples, shares
 from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
 from diagnosis.where.locate import Where, locate
@@ -182,8 +182,33 @@ def test_a_coordinate_explains_what_depends_on_it_and_chance_nothing() -> None:
     assert found.low < expected < found.high
     assert found.p < 0.01
     assert explain(signal, Coordinate("y", "m", other), known).share < 0.01
-    turned = explain(known.direction * np.sin(3 * value) + noise, Coordinate("x", "m", value), known)
+    both = Coordinate("x", "m", value, turns=known.direction)
+    turned = explain(known.direction * np.sin(3 * value) + noise, both, known)
     assert turned.turning == pytest.approx(turned.share, abs=0.02)
+
+
+def test_a_way_since_a_reversal_begins_where_the_table_turned_and_not_where_its_reading_trembles() -> None:
+    steps = np.arange(60.0)
+    path = np.concatenate([steps, 60 - steps[:40], 20 + steps[:10]])
+    trembling = path + 0.4 * (-1.0) ** np.arange(path.size)
+    gone, way = since_turn(trembling, 0.5)
+    assert [way[5], way[50], way[70], way[105]] == [1, 1, -1, 1]
+    assert np.count_nonzero(np.diff(way[5:])) == 2
+    assert gone[55] == pytest.approx(55, abs=1.5)
+    assert gone[90] == pytest.approx(30, abs=1.5)
+    assert gone[108] == pytest.approx(8, abs=1.5)
+
+
+def test_a_hysteresis_over_the_command_is_explained_by_the_command_and_its_branch() -> None:
+    """The backlash's place less the command, which no single curve over the command has."""
+    known = samples(24, 200)
+    command = np.sin(2 * np.pi * np.arange(4800) / 130) * np.repeat(np.random.default_rng(3).uniform(0.5, 1, 24), 200)
+    gone, branch = since_turn(command, 0.02)
+    lags = -0.2 * branch * (1 - np.exp(-gone / 0.1))
+    alone = explain(lags, Coordinate("command", "N", command), known)
+    branched = explain(lags, Coordinate("command", "N", command, turns=branch), known)
+    assert branched.share > 0.6
+    assert alone.share < 0.2
 
 
 def test_a_periodogram_is_what_sines_of_the_place_take_off() -> None:
@@ -233,7 +258,7 @@ def test_chance_is_as_often_below_each_p_value_as_that_says() -> None:
     """Slow forces that have nothing to do with the coordinate: p below 0.1 in about a tenth of all."""
     known = samples(20, 50)
     draw = np.random.default_rng(3)
-    value = Coordinate("x", "m", np.tile(np.linspace(-1, 1, 50), 20))
+    value = Coordinate("x", "m", np.tile(np.linspace(-1, 1, 50), 20), turns=known.direction)
     found = []
     for _ in range(60):
         walks = np.cumsum(draw.standard_normal((20, 50)), axis=1)
