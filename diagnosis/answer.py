@@ -54,7 +54,7 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
             closure.excess,
             random=[proposal.name for proposal in random],
             series=series,
-            at_bound=strongest_at_bound(some) and not _holds_beyond(some, closure, baseline),
+            at_bound=strongest_at_bound(some) and not holds_beyond(some, closure, baseline.criteria, baseline.records),
             rough=fitted.candidate.rough,
             largest_innovation=largest(fitted).deviations,
             spike=baseline.spike,
@@ -191,12 +191,12 @@ def drawn_curves(effects: Sequence[Effect], records: Sequence[Record], criteria:
     }
 
 
-def _holds_beyond(stages: Sequence[Stage], closure: Closure, baseline: Baseline) -> bool:
+def holds_beyond(stages: Sequence[Stage], closure: Closure, criteria: Criteria, records: Sequence[Record]) -> bool:
     """Whether the strongest effect holds beyond its prior range: with it nothing is left but noise, it surely closes
     what a law in another form has to, and it need not repeat, as what does draws any curve there."""
-    criteria, names = baseline.criteria, strongest_first(stages)
+    names = strongest_first(stages)
     strongest = [one for one in stages[-1].fitted.candidate.added_effects if names and one.name == names[0]]
-    repeats = any(np.isfinite(periods_shown(one, baseline.records)) for one in strongest)
+    repeats = any(np.isfinite(periods_shown(one, records)) for one in strongest)
     at_floor = closure.excess < criteria.max_excess_at_floor
     return at_floor and closure.interval[0] >= criteria.min_kind_share and not repeats
 
