@@ -39,11 +39,11 @@ from diagnosis.refit import wrong_parameters
 from diagnosis.verdict import Outcome
 from diagnosis.where.law_curve import LawCurve, law_curve
 from diagnosis.which.kinds import Form
-from diagnosis.which.prune import Pruned, prune
+from diagnosis.which.prune import Pruned, prune, without
 from diagnosis.which.select import select
 from diagnosis.which.stage import Stage, excluded, strongest_first
 from diagnosis.which.stated import direction, input_delay
-from diagnosis.which.table import EffectRow, table
+from diagnosis.which.table import EffectRow, table, unsure
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
@@ -146,7 +146,21 @@ def diagnosed(
     answer = largest_adequate(pruned.stages, baseline, seed)
     answer = with_forms(answer, pruned, baseline, seed)
     answer = with_the_log(answer, pruned, baseline, seed)
-    return _diagnosis(answer, pruned, baseline)
+    found = _diagnosis(answer, pruned, baseline)
+    if doubted := _doubted(found):
+        answer = largest_adequate(without(pruned, doubted), baseline, seed)
+        answer = with_the_log(with_forms(answer, pruned, baseline, seed), pruned, baseline, seed)
+        found = _diagnosis(answer, pruned, baseline)
+    return found
+
+
+def _doubted(found: Diagnosis) -> set[str]:
+    """Names beside the strongest whose size the model of the machine file does not tell from none: what chi-square
+    gained along the search is then the form of the others."""
+    baseline, further = found.baseline, set(found.effects) - set(strongest_first(found.stages)[:1])
+    if found.outcome not in NAMED or not further:
+        return set()
+    return unsure(found.told, further, baseline.segment, baseline.criteria.min_deviations_further)
 
 
 def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:

@@ -78,6 +78,12 @@ def _useless(kept: Names, fits: Mapping[Names, Fit], baseline: Baseline) -> str 
     return None
 
 
+def without(pruned: Pruned, names: Collection[str]) -> tuple[Stage, ...]:
+    """The stages that are left without the effects of some names, in the order of the search."""
+    ordered = [name for name in dict.fromkeys(map(_name, pruned.stages[1:])) if name not in names]
+    return (pruned.stages[0], *_stages(pruned.fits, ordered, pruned.stages[-1]))
+
+
 def shrinking(pruned: Pruned, baseline: Baseline) -> tuple[Stage, ...]:
     """The stages of those effects of the search that each shrink the unknown force, the one that shrinks it most
     first: parts of an explanation, where it has no whole."""

@@ -150,6 +150,18 @@ def deviations_of(fitted: Fit, segment: NDArray[np.int64] | None = None) -> list
     return found
 
 
+def unsure(fitted: Fit, names: Collection[str], segment: NDArray[np.int64], deviations: float) -> set[str]:
+    """Those of the names whose size, an amplitude or a width, is nowhere in a fit by so many of its own deviations [1]
+    apart from none; names without a size are none of them. segment: see `deviations_of`."""
+    added, sizes = fitted.candidate.added_effects, dict[str, list[float]]()
+    for effect, spread in zip(fitted.candidate.effects, deviations_of(fitted, segment), strict=True):
+        if effect.name in names and any(effect is one for one in added):
+            items = [item.name for item in parameters_of(type(effect)) if item.role in {"amplitude", "width"}]
+            apart = [abs(float(getattr(effect, item))) / max(spread[item], 1e-300) for item in items]
+            sizes.setdefault(effect.name, []).extend(apart)
+    return {name for name, apart in sizes.items() if apart and max(apart) < deviations}
+
+
 def covariance_of(fitted: Fit, segment: NDArray[np.int64] | None = None) -> Array:
     """Covariance (P + Q, P + Q) of theta and the effects' coordinates (SI); segment: see `deviations_of`."""
     candidate = fitted.candidate

@@ -12,7 +12,7 @@ import pytest
 
 from diagnosis.baseline import refit_and_null
 from diagnosis.criteria import Criteria
-from diagnosis.diagnose import Diagnosis, diagnose, to_json
+from diagnosis.diagnose import Diagnosis, diagnose, diagnosed, to_json
 from diagnosis.evidence import evidence, examined
 from diagnosis.handover.files import judged, starts_of
 from diagnosis.how_far import errors_of
@@ -79,6 +79,8 @@ def test_two_effects_are_both_named(null_cache: Path) -> None:
     found = _found(null_cache, [RELAXATION, Cogging(1.5, 0.035, 1.0)], 2)
     assert found.outcome == Outcome.ATTRIBUTED
     assert set(found.effects) == {"friction_relaxation", "cogging"}
+    strict = replace(found.baseline, criteria=Criteria(min_deviations_further=1e9))  # no size is so far from none
+    assert found.effects[1] not in diagnosed(strict).effects
 
 
 def test_wrong_nominal_values_are_called_so(null_cache: Path) -> None:

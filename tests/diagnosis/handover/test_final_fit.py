@@ -45,13 +45,13 @@ def test_the_offset_is_found() -> None:
 
 
 def test_a_value_at_its_bound_gets_twice_the_room_once() -> None:
-    """Of 9 N, three deviations of the tolerance: 13 N are found, and 30 N are said to be out of reach."""
-    truth, record = _with_offset(13.0)
+    """Of 24 N, eight deviations of the tolerance: 34 N are found, and 60 N are said to be out of reach."""
+    truth, record = _with_offset(34.0)
     found = finished(_searched(record), [record])
     assert "amplifier_offset" in [one.name for one in found.widened]
     assert found.at_bound == at_bounds(found.candidate) == ()
     assert found.candidate.machine.drive.offset == pytest.approx(truth.drive.offset, abs=0.05)
-    _, record = _with_offset(30.0)
+    _, record = _with_offset(60.0)
     found = finished(_searched(record), [record])
     assert "amplifier_offset" in [one.name for one in found.at_bound]
 

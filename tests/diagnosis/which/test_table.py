@@ -13,7 +13,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which import table as candidates
-from diagnosis.which.table import EffectRow, probability
+from diagnosis.which.table import EffectRow, probability, unsure
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.effects.motor import AmplifierDeadband, Cogging
@@ -32,6 +32,21 @@ def test_the_stronger_member_comes_first_and_the_machine_files_own_is_none(monke
     assert [effect for effect, _ in members["directional_friction"]] == [found[1], found[0]]
     assert [effect for effect, _ in members["cogging"]] == [found[2]]
     assert members["directional_friction"][0][1] == {"number": float(effects.index(found[1]))}
+
+
+def test_a_further_name_is_unsure_whose_size_is_within_its_deviations_of_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the surest size of the surest member; what has no size, or is the machine file's own, is not asked for it."""
+    own, found = (Cogging(9.0, 0.05, 0.0),), (Cogging(1.0, 0.03, 0.0), Cogging(-0.2, 0.04, 0.0), AmplifierDeadband(0.2))
+    layout = parameters(replace(load(), effects=own), 1)
+    effects = in_order((*own, *found))
+    fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), effects))
+    spread = {"amplitude": 0.4, "pitch": 1e-9, "phase": 1e-9, "width": 0.01}
+    monkeypatch.setattr(candidates, "deviations_of", lambda *_: [spread for _ in effects])
+    names = ["cogging", "amplifier_deadband", "controller_mismatch"]
+    assert unsure(fitted, names, np.zeros(1, int), 3.0) == {"cogging"}
+    assert unsure(fitted, names, np.zeros(1, int), 2.4) == set()
+    assert unsure(fitted, names, np.zeros(1, int), 30.0) == {"cogging", "amplifier_deadband"}
+    assert unsure(fitted, ["controller_mismatch"], np.zeros(1, int), 30.0) == set()
 
 
 def test_an_effect_is_as_strong_as_its_amplitude_or_width() -> None:
