@@ -243,7 +243,8 @@ def _explains(one: Explained) -> str:
     modulo = f" modulo {show(one.pitch, 'm', 3)}" if one.pitch else ""
     turns = ""
     if one.turning > 0.5 * one.share:
-        turns = ", with a sign that follows the direction of motion"
+        of_it = "its change" if one.name == "command" else "motion"
+        turns = f", with a sign that follows the direction of {of_it}"
     return (
         f"{COORDINATES[one.name]}{modulo} explains {percent(one.share)} ({_interval(one.low, one.high)}) of its "
         f"variance on held-out motions{turns} (p = {one.p:.2g})."
