@@ -94,7 +94,8 @@ MAPS = (
 )
 COORDINATES = (
     "Left: share of the force's variance that a curve over one coordinate explains on held-out motions, with its 95 % "
-    "interval, and the part that changes sign with the direction of motion; p by randomly flipping the sign of whole "
+    "interval, and the part that changes sign with the direction of motion, or of the command with that of its change; "
+    "p by randomly flipping the sign of whole "
     "motions. Right: the curve over the best coordinate."
 )
 SPECTRA = "Power spectral density of the force, with the part due to the scale's noise, and its periods over position."
