@@ -154,8 +154,8 @@ def initial_state(layout: Parameters, theta: Array, record: int) -> Array:
 
 
 def bounds(layout: Parameters, theta: Array) -> tuple[Array, Array]:
-    """The least and the greatest theta (P,); of the elements' displacements, their limits with this theta: beyond these
-    a displacement is the same, and a step there would not be felt."""
+    """The least and the greatest theta (P,) [SI]; of the elements' displacements their limits with this theta: beyond
+    these a displacement is the same, and a step there would not be felt."""
     low, high = layout.low.copy(), layout.high.copy()
     start, stretched = layout.of("initial_friction_state"), np.exp(theta[layout.of("presliding_limit")])
     high[start] = np.tile(np.array(layout.machine.friction.limit) * stretched, layout.records)
