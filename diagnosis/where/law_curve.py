@@ -83,9 +83,10 @@ def law_curve(
         coordinate = replace(coordinate, values=np.abs(coordinate.values))
     force = _force_of(name, fitted, records) + np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
     turning = kind.parity == "odd" and coordinate.name not in OWN_SIGN
+    direction = samples.direction if coordinate.turns is None else coordinate.turns
     if turning:
-        force = force * samples.direction
-    used = samples.counts & ~np.isnan(force) & (samples.direction != 0)
+        force = force * direction
+    used = samples.counts & ~np.isnan(force) & (direction != 0)
     if coordinate.name == "velocity":  # at rest the speed is the smoother's error
         used &= coordinate.values > slowest(samples)
     if not used.any():
