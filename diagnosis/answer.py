@@ -8,8 +8,6 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
 
-import numpy as np
-
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
 from diagnosis.criteria import Criteria
@@ -36,6 +34,12 @@ class Answer:
     forms: Mapping[str, Form] = field(default_factory=lambda: MappingProxyType({}))
 
 
+def answered(stages: tuple[Stage, ...], pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
+    """The answer of some stages of the search, with the forms of its laws and with what the log shows."""
+    answer = largest_adequate(stages, baseline, seed)
+    return with_the_log(with_forms(answer, pruned, baseline, seed), pruned, baseline, seed)
+
+
 def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -> Answer:
     """As many stages of the search as explain enough together; all of them where none do."""
     answers = []
@@ -54,7 +58,7 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
             closure.excess,
             random=[proposal.name for proposal in random],
             series=series,
-            at_bound=strongest_at_bound(some) and not holds_beyond(some, closure, baseline.criteria, baseline.records),
+            at_bound=strongest_at_bound(some),
             rough=fitted.candidate.rough,
             largest_innovation=largest(fitted).deviations,
             spike=baseline.spike,
@@ -189,16 +193,6 @@ def drawn_curves(effects: Sequence[Effect], records: Sequence[Record], criteria:
         for effect in effects
         if kinds[type(effect).kind()] > 1 and periods_shown(effect, records) < criteria.min_periods_beside
     }
-
-
-def holds_beyond(stages: Sequence[Stage], closure: Closure, criteria: Criteria, records: Sequence[Record]) -> bool:
-    """Whether the strongest effect holds beyond its prior range: with it nothing is left but noise, it surely closes
-    what a law in another form has to, and it need not repeat, as what does draws any curve there."""
-    names = strongest_first(stages)
-    strongest = [one for one in stages[-1].fitted.candidate.added_effects if names and one.name == names[0]]
-    repeats = any(np.isfinite(periods_shown(one, records)) for one in strongest)
-    at_floor = closure.excess < criteria.max_excess_at_floor
-    return at_floor and closure.interval[0] >= criteria.min_kind_share and not repeats
 
 
 def closes_too_little(names: Sequence[str], fitted: Fit, interval: tuple[float, float], criteria: Criteria) -> bool:

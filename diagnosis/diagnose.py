@@ -18,15 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.answer import (
-    Answer,
-    closes_too_little,
-    form_parts,
-    largest_adequate,
-    rivalling,
-    with_forms,
-    with_the_log,
-)
+from diagnosis.answer import Answer, answered, closes_too_little, form_parts, rivalling
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
@@ -143,14 +135,9 @@ def diagnosed(
     say(0.5, "every effect of the catalogue against what is left")
     pruned = prune(select(baseline, disabled, lambda text: say(0.7, text)), baseline)
     say(0.9, "how far the gap shrinks")
-    answer = largest_adequate(pruned.stages, baseline, seed)
-    answer = with_forms(answer, pruned, baseline, seed)
-    answer = with_the_log(answer, pruned, baseline, seed)
-    found = _diagnosis(answer, pruned, baseline)
+    found = _diagnosis(answered(pruned.stages, pruned, baseline, seed), pruned, baseline)
     if doubted := _doubted(found):
-        answer = largest_adequate(without(pruned, doubted), baseline, seed)
-        answer = with_the_log(with_forms(answer, pruned, baseline, seed), pruned, baseline, seed)
-        found = _diagnosis(answer, pruned, baseline)
+        found = _diagnosis(answered(without(pruned, doubted), pruned, baseline, seed), pruned, baseline)
     return found
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.answer import form_parts, largest_adequate, rivalling, with_forms, with_the_log
+from diagnosis.answer import answered, form_parts, rivalling
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread
@@ -52,9 +52,7 @@ class Look:
 def look(baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = ()) -> Look:
     """Which effects explain what the baseline leaves, if any; disabled: effects that are not to be used; SI."""
     pruned = prune(select(baseline, disabled), baseline)
-    answer = largest_adequate(pruned.stages, baseline, seed)
-    answer = with_forms(answer, pruned, baseline, seed)
-    answer = with_the_log(answer, pruned, baseline, seed)
+    answer = answered(pruned.stages, pruned, baseline, seed)
     parts = form_parts(answer.stages, baseline)
     alike = rivalling(answer.stages, baseline.criteria, parts) if answer.outcome is Outcome.ATTRIBUTED else ()
     outcome = Outcome.AMBIGUOUS if alike else answer.outcome

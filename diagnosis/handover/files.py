@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.kalman import Resonance
-from diagnosis.model.parameters import Parameters, initial_state, parameters
+from diagnosis.model.parameters import Parameters, bounded, initial_state, parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which.random_force import with_sines
 from models.effects.base import Effect
@@ -77,7 +77,7 @@ def _effects(file: Machine, random_forces: Sequence[Resonance]) -> tuple[Effect,
 def _starting(layout: Parameters, starts: Sequence[Array]) -> Array:
     theta = np.zeros(layout.count)
     theta[layout.of("initial_friction_state")] = np.concatenate(list(starts))
-    return np.clip(theta, layout.low, layout.high)
+    return bounded(layout, theta)
 
 
 def starts_of(candidate: Candidate) -> tuple[Array, ...]:

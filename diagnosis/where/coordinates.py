@@ -20,8 +20,8 @@ from scipy.signal import czt
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit
 from diagnosis.where.energy import PHASES, Samples, bootstrap_counts, bootstrap_interval, centred
-from models.compiled import compiled
 from models.effects.priors import REFERENCE
+from models.friction import deflections
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -131,21 +131,17 @@ def coordinates(fitted: Fit, records: Sequence[Record], samples: Samples) -> tup
     return tuple(one for one in every if np.ptp(one.values[samples.counts]) > 0)
 
 
-@compiled
 def since_turn(signal: Array, width: float) -> tuple[Array, Array]:
     """How far (n,) a signal has gone since it last turned back by more than twice the width, and its direction (n,) [1]
-    since then, 0 before it moved; in the signal's unit."""
-    gone, way = np.empty(signal.size), np.empty(signal.size)
-    at = last = signal[0]
-    direction = 0.0
-    for k in range(signal.size):
-        moved = min(max(at, signal[k] - width), signal[k] + width)
-        turn = 1.0 if moved > at else -1.0 if moved < at else direction
-        if turn != direction:
-            direction, last = turn, at
-        at = moved
-        gone[k], way[k] = abs(at - last), direction
-    return gone, way
+    since then, 0 before it moved; in the signal's unit. A stop of that width is at its limit where the signal goes on.
+    """
+    stopped = deflections([width], signal)[:, 0]
+    index, slides = np.arange(signal.size), np.abs(stopped) == width
+    way = np.sign(stopped)[np.maximum.accumulate(np.where(slides, index, 0))]
+    turned = np.concatenate([[True], np.diff(way) != 0])
+    place = signal - stopped
+    before = np.maximum(np.maximum.accumulate(np.where(turned, index, 0)) - 1, 0)
+    return np.abs(place - place[before]), way
 
 
 def _clock(samples: Samples, part: slice, sample_time: float) -> tuple[Array, Array]:

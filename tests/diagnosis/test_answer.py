@@ -9,23 +9,19 @@ import numpy as np
 
 from diagnosis.answer import (
     closes_too_little,
-    holds_beyond,
     overfitting_series,
     rivalling,
     small_beside,
     strongest_at_bound,
 )
-from diagnosis.closure import Closure, NoiseFloor
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import Gap
 from diagnosis.model.fit import Fit, at_bounds
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which.stage import Proposal, Stage, strongest_first
 from models.effects.base import Effect
-from models.effects.friction_laws import DwellBreakaway, Stribeck, ViscousFriction
+from models.effects.friction_laws import Stribeck, ViscousFriction
 from models.effects.motor import Cogging
-from models.records.record import Record
 from tests.diagnosis.tables import table
 
 MACHINE, CRITERIA = table(), Criteria()
@@ -80,21 +76,6 @@ def test_a_found_effect_at_the_end_of_its_range_is_seen() -> None:
     own = Cogging(0.1, 0.03, 0.0)
     bent = Cogging(1.0, 9.0, 0.0)
     assert strongest_at_bound([_with(own, cost=9000.0), _with(own, bent, cost=1000.0)])
-
-
-def test_a_law_beyond_its_range_holds_where_it_surely_leaves_nothing_but_noise_and_need_not_repeat() -> None:
-    floor = NoiseFloor((np.zeros(9),), (), 1.0, "simulated", lambda: Gap(0.0, 0.0, None))
-    still = Record(1e-3, np.linspace(0.0, 1.0, 9), *(np.zeros(9) for _ in range(4)))
-
-    def holds(effect: Effect, low: float, excess: float) -> bool:
-        stages = [_stage(9000.0), replace(_stage(1000.0, effect.name), fitted=_fit(1000.0, [effect]))]
-        return holds_beyond(stages, Closure(0.8, (low, 0.9), excess, floor), CRITERIA, [still])
-
-    rises = DwellBreakaway.typical()
-    assert holds(rises, CRITERIA.min_kind_share + 0.01, CRITERIA.max_excess_at_floor - 0.1)
-    assert not holds(rises, CRITERIA.min_kind_share - 0.01, CRITERIA.max_excess_at_floor - 0.1)
-    assert not holds(rises, CRITERIA.min_kind_share + 0.01, CRITERIA.max_excess_at_floor + 0.1)
-    assert not holds(Cogging.typical(), CRITERIA.min_kind_share + 0.01, CRITERIA.max_excess_at_floor - 0.1)
 
 
 def test_a_law_of_the_same_kind_that_gains_little_beside_another_is_a_part_of_its_form() -> None:
