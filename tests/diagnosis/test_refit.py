@@ -80,6 +80,22 @@ def test_an_offset_far_beyond_its_tolerance_is_found_where_the_scale_resolves_it
     assert left[1] == pytest.approx(left[0], rel=0.05)
 
 
+@pytest.mark.parametrize(("fine", "cheaper"), [(True, True), (True, False), (False, True)])
+def test_starts_on_a_fine_scale_are_searched_under_a_faster_walk_too_and_the_better_fit_is_kept(
+    fine: bool, cheaper: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    records = recorded(MACHINE, PLAN[1:], seed=19, wrong=0.0)
+    machine = replace(MACHINE, scale=replace(MACHINE.scale, noise=1e-10, resolution=1e-10)) if fine else MACHINE
+    layout = parameters(machine, 1)
+    one = one_step(Candidate(layout, np.zeros(layout.count)), records)
+    given = replace(one, innovations=np.full(one.innovations.size, 9.0), converged=True)
+    other = replace(given, cost=given.cost + (-1.0 if cheaper else 1.0))
+    monkeypatch.setattr(refit_module, "search", lambda fitted, _: fitted.candidate)
+    monkeypatch.setattr(refit_module, "fit", lambda *_, **__: given)
+    monkeypatch.setattr(refit_module, "_forgiving", lambda *_: other)
+    assert refit_module.started(given, records) is (other if fine and cheaper else given)
+
+
 @pytest.mark.parametrize("fine", [False, True])
 def test_starts_are_found_before_values_where_a_fine_scale_leaves_more_than_noise(
     fine: bool, monkeypatch: pytest.MonkeyPatch

@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.experiments.schedules import strokes
+from diagnosis.model.fit import _step_bounds
 from diagnosis.model.parameters import FURTHER, applied, bounded, moved, parameters
+from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit
 from models.friction import elements
 from models.machine import Provenance, load
@@ -112,3 +114,18 @@ def test_a_dead_time_that_is_neglected_may_be_any_that_a_drive_has() -> None:
     ):  # fmt: skip
         layout = parameters(replace(one, sources=sources), 1)
         assert layout.deviation[layout.of("dead_time")] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_step_of_the_fit_takes_no_contact_beyond_its_fitted_limit(sign: int) -> None:
+    """Also where the limit has shrunk below the start: no step is then the most that may be taken outwards."""
+    records = recorded(MACHINE, (strokes(MACHINE, 2e-3, (0.01,)),), seed=3)
+    layout = parameters(MACHINE, 1)
+    theta, start = np.zeros(layout.count), layout.of("initial_friction_state")
+    limit = np.array(MACHINE.friction.limit)
+    for share in (0.5, 1.0, 1.01):
+        theta[start] = sign * share * limit
+        low, high = _step_bounds(Candidate(layout, theta), layout.deviation, records)
+        outwards = (high if sign > 0 else -low)[start] * layout.deviation[start]
+        assert np.allclose(outwards, np.minimum(max(1 - share, 0.0) * limit, layout.deviation[start]), atol=1e-15)
+        assert np.all((low <= 0) & (high >= 0))

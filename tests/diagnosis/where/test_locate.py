@@ -237,7 +237,18 @@ def test_what_no_coordinate_explains_has_a_size_that_one_does_or_a_course_of_its
     at_random = replace(relaxing, gap=nothing, course=0.4)
     sized = replace(at_random, dependence=replace(relaxing.dependence, scatter=scatter))
     alone = replace(at_random, dependence=replace(relaxing.dependence, scatter=()))
-    for where, expected in ((sized, {"velocity": 0.3}), (alone, {"time": 0.4})):
+    little = 0.5 * relaxing.criteria.stated_share  # more than chance, and too little to be told
+    some = tuple(replace(of_speed, share=little) if one.name == "velocity" else one for one in nothing)
+    steady = replace(alone, gap=some, course=0.0)
+    noisy = replace(sized, unknown=replace(relaxing.unknown, noise=10.0 * relaxing.deviation))
+    assert noisy.is_noise
+    for where, expected in (
+        (sized, {"velocity": 0.3}),
+        (alone, {"time": 0.4}),
+        (steady, {"velocity": little}),
+        (replace(steady, course=0.4), {"time": 0.4}),
+        (noisy, {"velocity": 0.3}),
+    ):
         assert {name: share for name, share in where.by_coordinate.items() if share} == expected
     assert max(relaxing.by_coordinate.values()) == max(one.share for one in relaxing.gap if one.p < 0.02)
 

@@ -108,6 +108,8 @@ def strongest_period(record: Record) -> float:
 def test_the_readme_quotes_what_is_computed(results: dict[str, Any]) -> None:
     readme, far = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split()), results["how_far"]
     before, after, (low, high) = far["gap_refitted"], far["gap_after"], far["closure_interval"]
+    told, way = results["verdict"], results["verdict"]["direction"]
+    (elsewhere,) = (one for one in far["hold_out"]["files"] if one["file"] == far["adopted_file"])
     (row,) = (row for row in results["which"] if row["effect"] == DIRECTIONAL)
     (cogs,) = (row for row in results["which"] if row["effect"] == "cogging")
     for text in (
@@ -118,6 +120,9 @@ def test_the_readme_quotes_what_is_computed(results: dict[str, Any]) -> None:
         f"The friction differs by {-100 * row['parameters']['asymmetry']['value']:.0f} %, and its drag by a further "
         f"{-row['parameters']['drag']['value']:.0f} N s/m",
         f"the cogging has a pitch of {1e3 * cogs['parameters']['pitch']['value']:.2f} mm",
+        f"it is {abs(way['difference_N']):.1f} N larger backwards at {1e3 * way['speed_m_per_s']:.0f} mm/s",
+        f"The input delay is {1e3 * told['input_delay']['total_s']:.2f} ms, the hold included",
+        f"the file leaves {elsewhere['force_N'][0]:.2f} N and {1e6 * elsewhere['position_m'][0]:.1f} µm (as delivered",
     ):
         assert text in readme
 
