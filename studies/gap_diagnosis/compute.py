@@ -226,7 +226,8 @@ def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -
 
 def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
     """By how many standard deviations of its tolerance each kind of nominal value was moved at most, without the
-    friction's initial state: by the re-fit alone, and in the file that is handed over."""
+    friction's initial state: by the re-fit alone, and in the file that is handed over; and the usual bound."""
+    usual = found.baseline.nominal.candidate.layout
     refitted, adopted = found.how_far.handover.named(Content.REFITTED), found.how_far.handover.adopted
     fits = [file.finished.fitted.candidate for file in (refitted, adopted) if file is not None and file.finished]
     rows = []
@@ -235,7 +236,10 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
             away = [moved(one.layout, one.theta)[one.layout.of(name)] for one in fits]
             most = [float(one[abs(one).argmax()]) for one in away]
             in_file = most[-1] if adopted.finished else 0.0
-            rows.append({"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size)})
+            bound = float(np.max((usual.high / usual.deviation)[usual.of(name)]))
+            rows.append(
+                {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
+            )
     return rows
 
 

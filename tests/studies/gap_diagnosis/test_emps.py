@@ -17,6 +17,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.handover.files import judged
 from diagnosis.how_far import errors_of
+from diagnosis.model.parameters import FAR, FURTHER, LOADED
 from diagnosis.model.residual import smooth
 from diagnosis.refit import refit_within
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
@@ -244,6 +245,8 @@ def test_weighed_as_this_drive_needs_it_nothing_runs_to_its_bound(results: dict[
     force = results["white_force_N"]
     assert force["taken"] == pytest.approx(3.5, rel=0.1)
     assert not [row["name"] for row in results["shifts"] if abs(row["moved"]) > 2.0]
+    bounds = {row["name"]: row["bound"] for row in results["shifts"]}
+    assert (bounds["presliding_limit"], bounds["amplifier_offset"], bounds["payload_mass"]) == (FAR, FURTHER, LOADED)
     distance = next(row["parameters"]["distance"] for row in results["which"])
     assert max(distance["value"], distance["std"]) > 1e-6  # far from determined, so that the bound says nothing
     assert distance["value"] < 1e-4
