@@ -236,7 +236,7 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
             away = [moved(one.layout, one.theta)[one.layout.of(name)] for one in fits]
             most = [float(one[abs(one).argmax()]) for one in away]
             in_file = most[-1] if adopted.finished else 0.0
-            bound = float(np.max((usual.high / usual.deviation)[usual.of(name)]))
+            bound = float((usual.high / usual.deviation)[usual.of(name)].max())
             rows.append(
                 {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
             )
