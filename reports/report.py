@@ -18,10 +18,11 @@ import re
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
+from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from typing import Any
 
@@ -90,21 +91,22 @@ def render(
     drawings.mkdir(parents=True, exist_ok=True)
 
     def drawn(figure: Figure) -> Path:
+        tell(f"drawing {figure.name}")
         return draw(figure, drawn_from[figure.name], drawings)
 
-    ours, others = report.figures[::2], report.figures[1::2]
-    helper = _begin(drawn, others)
+    helper = _begin(drawn, report.figures)
     # Pandoc is a process of its own: it sets the text for paper while this one still draws.
     with ThreadPoolExecutor(max_workers=2) as pool:
         source = pool.submit(pages.to_typst, markdown)
+        ours = set[str]()
+        for number in range(len(report.figures)) if helper is None else helper.turns():
+            drawn(report.figures[number])
+            ours.add(report.figures[number].name)
+        done = helper is not None and helper.succeeded()
         written = []
-        for figure in ours:
-            tell(f"drawing {figure.name}")
-            written.append(drawn(figure))
-        done = helper is not None and _succeeded(helper)
-        for figure in others:
-            tell(f"drawing {figure.name}")
-            written.append(_file(figure, drawings) if done else drawn(figure))
+        for figure in report.figures:
+            kept = figure.name in ours or done
+            written.append(_file(figure, drawings) if kept else drawn(figure))
         tell("setting report.html and report.pdf")
         html = pool.submit(pages.write_html, markdown, folder)
         written.append(pages.write_pdf(source.result(), folder))
@@ -112,7 +114,35 @@ def render(
     return tuple(sorted(written))
 
 
-def _begin(drawn: Callable[[Figure], Path], figures: Sequence[Figure]) -> BaseProcess | None:
+@dataclass(frozen=True)
+class _Helper:
+    """A copy of this process that draws, too; `taken` counts the figures that either has begun, of `count`."""
+
+    process: BaseProcess
+    taken: Synchronized[int]
+    count: int
+
+    def turns(self) -> Iterator[int]:
+        """The numbers of the figures that this process is to draw, each taken when it comes to it."""
+        return _turns(self.taken, self.count)
+
+    def succeeded(self) -> bool:
+        """Whether the copy has drawn all that it took; waits for it."""
+        self.process.join()
+        return self.process.exitcode == 0
+
+
+def _turns(taken: Synchronized[int], count: int) -> Iterator[int]:
+    while True:
+        with taken.get_lock():
+            number = taken.value
+            taken.value += 1
+        if number >= count:
+            return
+        yield number
+
+
+def _begin(drawn: Callable[[Figure], Path], figures: Sequence[Figure]) -> _Helper | None:
     """A copy of this process that draws these figures on another core, at once, as it has imported all that it needs.
 
     None where there is no other core, or where a copy would not be safe: on systems other than Linux, and where other
@@ -121,26 +151,23 @@ def _begin(drawn: Callable[[Figure], Path], figures: Sequence[Figure]) -> BasePr
     if not figures or sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or threading.active_count() > 1:
         return None
     sys.stdout.flush()  # what still waits to be written would be written twice
-    helper = multiprocessing.get_context("fork").Process(target=_draw_all, args=(drawn, figures), daemon=True)
+    context = multiprocessing.get_context("fork")
+    taken = context.Value("i", 0)
+    process = context.Process(target=_draw_in_turn, args=(drawn, figures, taken), daemon=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12, about those idle threads
-        helper.start()
-    return helper
+        process.start()
+    return _Helper(process, taken, len(figures))
 
 
-def _draw_all(drawn: Callable[[Figure], Path], figures: Sequence[Figure]) -> None:
+def _draw_in_turn(drawn: Callable[[Figure], Path], figures: Sequence[Figure], taken: Synchronized[int]) -> None:
     try:
-        for figure in figures:
-            drawn(figure)
+        for number in _turns(taken, len(figures)):
+            drawn(figures[number])
     except (
         Exception
     ):  # whoever started this process draws them once more, and then the error is raised where it is seen
         sys.exit(1)
-
-
-def _succeeded(helper: BaseProcess) -> bool:
-    helper.join()
-    return helper.exitcode == 0
 
 
 def draw(figure: Figure, results: Mapping[str, Any], folder: Path) -> Path:

@@ -6,10 +6,11 @@ and its list of open figures are not used.
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -85,7 +86,7 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def save(draw: Callable[[Mapping[str, Any]], Figure], results: Mapping[str, Any], path: Path) -> None:
+def save(draw: Callable[[Mapping[str, Any]], Figure], results: Mapping[str, Any], path: Path | IO[bytes]) -> None:
     """Writes what `draw` makes of `results` to `path` as SVG, in the report's style and without a date."""
     with mpl.rc_context(STYLE):
         figure = draw(results)
@@ -98,6 +99,19 @@ def save(draw: Callable[[Mapping[str, Any]], Figure], results: Mapping[str, Any]
             layout.execute(figure)
             figure.set_layout_engine("none")
         figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+
+
+def warm_up() -> None:
+    """Loads what the first figure would else wait for: the font, its letters and the grammar of formulas."""
+
+    def every_letter(_results: Mapping[str, Any]) -> Figure:
+        figure, axes = subplots()
+        axes[0, 0].loglog([1e-3, 1.0], [1.0, 1e3], label="$x_1^2$")
+        axes[0, 0].set_title("".join(chr(code) for code in range(33, 127) if chr(code) != "$"))
+        axes[0, 0].legend()
+        return figure
+
+    save(every_letter, {}, io.BytesIO())
 
 
 class _Powers(LogFormatterSciNotation):

@@ -13,16 +13,16 @@ import shutil
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Final
 
 from studies.folder import EVERY, Place, atomic_folder, is_full, require_free
 from studies.interrupt import INTERRUPTED
 from studies.options import BadInputError, Parser, add_options
+from studies.rendering import renderer
 from studies.study import Answer, Progress, Study, machine_for, machine_of
 
-TURNS: Final = " This axis turns: where figures and text print m, N or kg, read rad, N m or kg m²."
 DONE: Final = 0
 CHECK_MISSED: Final = 1
 BAD_INPUT: Final = 2
@@ -95,37 +95,42 @@ def run(study: Study, given: argparse.Namespace) -> int:
     from studies.manifest import manifest
 
     progress = Progress()
-    machine, path = machine_for(options)
-    assert path is not None  # on the command line a machine is a file
-    answer = study.compute(machine, options, progress)
-    checks = [{**vars(check), "holds": bool(check.holds)} for check in answer.checks]
-    whole = plain(
-        {
-            "study": study.name,
-            "machine": to_json(machine),
-            "parameters": [{**vars(one), "provenance": one.provenance.plain} for one in parameters(machine)],
-            "results": answer.results,
-            "checks": checks,
-        }
-    )
-    with atomic_folder(place) as folder:
-        for name, content in {"results.json": whole, **answer.files}.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            if isinstance(content, bytes):
-                (folder / name).write_bytes(content)
-            else:
-                text = content if isinstance(content, str) else to_text(content)
-                (folder / name).write_text(text, encoding="utf-8")
-        source = _keep_machine(path, folder / "machine.toml")
-        if options.controller is not None:
-            shutil.copyfile(options.controller, folder / "given_controller.json")
-        figures, tables = ({}, {}) if options.no_report else _render(study, whole, folder, progress)
-        record = {**manifest(study.name, vars(given), source, folder), "figures": figures, "tables": tables}
-        (folder / "manifest.json").write_text(to_text(record), encoding="utf-8")
-        written = sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+    with renderer(study, progress) if not options.no_report else nullcontext() as render:
+        machine, path = machine_for(options)
+        assert path is not None  # on the command line a machine is a file
+        answer = study.compute(machine, options, progress)
+        whole = plain(
+            {
+                "study": study.name,
+                "machine": to_json(machine),
+                "parameters": [{**vars(one), "provenance": one.provenance.plain} for one in parameters(machine)],
+                "results": answer.results,
+                "checks": [{**vars(check), "holds": bool(check.holds)} for check in answer.checks],
+            }
+        )
+        with atomic_folder(place) as folder:
+            _write(folder, {"results.json": whole, **answer.files})
+            source = _keep_machine(path, folder / "machine.toml")
+            if options.controller is not None:
+                shutil.copyfile(options.controller, folder / "given_controller.json")
+            figures, tables = render(whole, folder) if render is not None else ({}, {})
+            record = {**manifest(study.name, vars(given), source, folder), "figures": figures, "tables": tables}
+            (folder / "manifest.json").write_text(to_text(record), encoding="utf-8")
+            written = sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
     progress(1.0, "done")
     _print_summary(answer, output, written)
     return DONE if all(check.holds for check in answer.checks) else CHECK_MISSED
+
+
+def _write(folder: Path, files: Mapping[str, Any]) -> None:
+    """Writes bytes and text as they are, anything else as JSON; names may lead into folders that are not there yet."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(content, bytes):
+            (folder / name).write_bytes(content)
+        else:
+            text = content if isinstance(content, str) else to_text(content)
+            (folder / name).write_text(text, encoding="utf-8")
 
 
 def _keep_machine(path: Path, copy: Path) -> Path:
@@ -138,23 +143,6 @@ def _keep_machine(path: Path, copy: Path) -> Path:
 
     copy.write_text(to_toml(machine_of(path)), encoding="utf-8")
     return copy
-
-
-Keys = dict[str, list[str]]
-
-
-def _render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Progress) -> tuple[Keys, Keys]:
-    """Writes the report from what results.json holds, nothing else; the keys that figures and tables are made from."""
-    from reports.report import render
-
-    report = study.report(whole)
-    if whole["machine"].get("axis") == "rotary":
-        report = replace(report, question=report.question + TURNS)
-    render(report, whole, folder, progress=lambda text: progress(0.85, text))
-    return (
-        {figure.name: list(figure.keys) for figure in report.figures},
-        {name: list(keys) for name, keys in report.tables.items()},
-    )
 
 
 def _print_summary(answer: Answer, output: Path, written: Sequence[Path]) -> None:

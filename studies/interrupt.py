@@ -66,6 +66,11 @@ def supervise() -> None:
     sys.exit(_wait(child, heeded, told[0]))
 
 
+def supervised() -> bool:
+    """Whether this is the child process of a command, whose only other thread waits for the end of its parent."""
+    return bool(_parent)
+
+
 def heed_interruptions() -> None:
     """From now on, a supervised child can be interrupted."""
     _set(signal.SIG_DFL)

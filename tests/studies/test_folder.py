@@ -193,7 +193,7 @@ def test_all_studies_refuse_what_is_somebody_elses_unless_one_insists(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(type(STUDY), "compute", lambda *_: Answer({}, ()))
-    monkeypatch.setattr("studies.command._render", lambda *_: ({}, {}))
+    monkeypatch.setattr("studies.rendering.render", lambda *_: ({}, {}))
     monkeypatch.setattr("studies.all.every", lambda: {"deadbeat_design": STUDY})
     (tmp_path / "index.html").write_text(SOMEBODYS, encoding="utf-8")
     assert run_all(["--output", str(tmp_path)]) == BAD_INPUT
@@ -248,7 +248,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(
         return {}, {}
 
     monkeypatch.setattr(type(STUDY), "compute", lambda *_: Answer({}, (), {"controller.json": {}}))
-    monkeypatch.setattr("studies.command._render", render)
+    monkeypatch.setattr("studies.rendering.render", render)
     monkeypatch.setattr(Path, "write_text", full)
     assert main(STUDY, ["--output", str(tmp_path)]) == BAD_INPUT
     said = capsys.readouterr().err.strip().splitlines()
