@@ -7,19 +7,24 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
+from typing import Final
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
 from diagnosis.criteria import Criteria
 from diagnosis.how_far import force_left, force_share
+from diagnosis.learned.learn import Learned
 from diagnosis.model.fit import Fit, at_bounds, largest
 from diagnosis.refit import shifted
 from diagnosis.verdict import Explanation, Outcome, verdict
-from diagnosis.which.kinds import Form, forms, of_kind, periods_shown
+from diagnosis.which.kinds import Form, forms, of_kind, periods_shown, repeats
 from diagnosis.which.prune import Pruned, shrinking
 from diagnosis.which.stage import Carrier, Stage, strongest_first
-from models.effects.base import Effect
+from diagnosis.which.table import unsure
+from models.effects.base import Effect, Kind
 from models.records.record import Record
+
+SPRING: Final = Kind("position", "even", memory=False, side="force")
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,29 @@ def with_forms(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) ->
     return answer
 
 
+def as_spring(unknown: Learned, answer: Answer, pruned: Pruned, baseline: Baseline) -> Answer | None:
+    """The answer where a law that was learned is one of the catalogue's in another form: a force over the position that
+    pulls back is a spring's, whatever its curve. Its closure is that on types of motion that the curve has not seen.
+
+    Laws over other coordinates have a free form, by which `with_forms` knows them; a spring has nothing but its curve.
+    """
+    kinds = baseline.machine.kinds
+    looked_for = [one.name for one in pruned.stages[0].scanned if one.name in kinds]
+    names = [name for name in looked_for if kinds[name].kind() == SPRING and not repeats(kinds[name])]
+    if not unknown.pulls_back or unknown.fitted is None or unknown.judgement is None or len(names) != 1:
+        return None
+    stage = replace(pruned.stages[-1], fitted=unknown.fitted, added=names[0], rivals=())
+    judged = unknown.judgement
+    closure = replace(answer.closure, closure=judged.closure, interval=judged.interval)
+    return Answer((pruned.stages[0], stage), tuple(names), closure, Outcome.ATTRIBUTED, {names[0]: Form.OTHER})
+
+
+def bent_spring(answer: Answer, baseline: Baseline) -> bool:
+    """Whether the answer is one spring that is not straight, of which its curve tells more than a stiffness."""
+    kinds = baseline.machine.kinds
+    return [(kinds[name].kind(), form) for name, form in answer.forms.items()] == [(SPRING, Form.OTHER)]
+
+
 def gains_by_name(stages: Sequence[Stage]) -> dict[str, float]:
     """The chi-square [1] that the stages of each name took off together."""
     gained: dict[str, float] = {}
@@ -152,6 +180,15 @@ def with_the_log(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) 
     same = stages[-1].fitted is answer.stages[-1].fitted
     closure = answer.closure if same else held_out_closure(stages, baseline, seed)
     return Answer(stages if not same else answer.stages, names, closure, outcome, answer.forms)
+
+
+def doubted(answer: Answer, fitted: Fit, baseline: Baseline) -> set[str]:
+    """Names beside the strongest whose size in a fit the model of the machine file does not tell from none: what
+    chi-square gained along the search is then the form of the others."""
+    further = set(answer.names) - set(strongest_first(answer.stages)[:1])
+    if answer.outcome is not Outcome.ATTRIBUTED or not further:
+        return set()
+    return unsure(fitted, further, baseline.segment, baseline.criteria.min_deviations_further)
 
 
 def rivalling(stages: Sequence[Stage], criteria: Criteria, parts: Collection[str] = ()) -> tuple[tuple[str, ...], ...]:

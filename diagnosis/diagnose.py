@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.answer import Answer, answered, closes_too_little, form_parts, rivalling
+from diagnosis.answer import Answer, answered, as_spring, bent_spring, closes_too_little, doubted, form_parts, rivalling
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
@@ -35,7 +35,7 @@ from diagnosis.which.prune import Pruned, prune, without
 from diagnosis.which.select import select
 from diagnosis.which.stage import Stage, excluded, strongest_first
 from diagnosis.which.stated import direction, input_delay
-from diagnosis.which.table import EffectRow, table, unsure
+from diagnosis.which.table import EffectRow, table
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
@@ -135,22 +135,15 @@ def diagnosed(
     say(0.5, "every effect of the catalogue against what is left")
     pruned = prune(select(baseline, disabled, lambda text: say(0.7, text)), baseline)
     say(0.9, "how far the gap shrinks")
-    found = _diagnosis(answered(pruned.stages, pruned, baseline, seed), pruned, baseline)
-    if doubted := _doubted(found):
-        found = _diagnosis(answered(without(pruned, doubted), pruned, baseline, seed), pruned, baseline)
+    answer = answered(pruned.stages, pruned, baseline, seed)
+    found = _diagnosis(answer, pruned, baseline)
+    if found.outcome in NAMED and (less := doubted(answer, found.told, baseline)):
+        found = _diagnosis(answered(without(pruned, less), pruned, baseline, seed), pruned, baseline)
     return found
 
 
-def _doubted(found: Diagnosis) -> set[str]:
-    """Names beside the strongest whose size the model of the machine file does not tell from none: what chi-square
-    gained along the search is then the form of the others."""
-    baseline, further = found.baseline, set(found.effects) - set(strongest_first(found.stages)[:1])
-    if found.outcome not in NAMED or not further:
-        return set()
-    return unsure(found.told, further, baseline.segment, baseline.criteria.min_deviations_further)
-
-
-def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
+def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learned | None = None) -> Diagnosis:
+    """known: a learned law that the answer has named."""
     stages, names, outcome, closure = answer.stages, answer.names, answer.outcome, answer.closure
     criteria = baseline.criteria
     parts = form_parts(stages, baseline)
@@ -158,8 +151,13 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     rivals = rivalling(stages, criteria, parts) if outcome is Outcome.ATTRIBUTED else ()
     if rivals:
         outcome = Outcome.AMBIGUOUS
-    unknown = learned(pruned.stages[0].fitted, closure.floor, baseline) if outcome is Outcome.NONE else None
-    law = unknown.fitted if unknown is not None and not unknown.reason else None
+    unknown = known
+    if outcome is Outcome.NONE or (known is None and bent_spring(answer, baseline)):
+        curve = learned(pruned.stages[0].fitted, closure.floor, baseline)
+        if spring := as_spring(curve, answer, pruned, baseline):
+            return _diagnosis(spring, pruned, baseline, curve)
+        unknown = curve if outcome is Outcome.NONE else None
+    law = unknown.fitted if unknown is not None and unknown is not known and not unknown.reason else None
     far = how_far(stages, outcome, closure.floor, baseline, law)
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
@@ -179,7 +177,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline) -> Diagnosis:
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
     unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))
     found = {name: answer.forms.get(name, Form.CATALOGUE) for name in names if outcome in NAMED}
-    curves = _curves([name for name, form in found.items() if form is Form.OTHER], stages[-1].fitted, baseline)
+    others = [name for name, form in found.items() if form is Form.OTHER]
+    curves = _curves(others, stages[-1].fitted, baseline) if known is None else {names[0]: known.curve()}
     return Diagnosis(
         outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline, found, curves, unknown
     )
@@ -229,8 +228,10 @@ def _unknown_law(found: Diagnosis) -> dict[str, Any] | None:
     if found.learned is None:
         return None
     handover, worse = found.how_far.handover, ""
-    if handover.adopted.name != Content.MEASURED:
-        measures = dict.fromkeys(harm.measure for harm in handover.harms if harm.file == Content.MEASURED)
+    fitted = handover.adopted.finished
+    if fitted is None or not any(effect.tabulated for effect in fitted.candidate.added_effects):
+        with_it = Content.EFFECTS if found.outcome in NAMED else Content.MEASURED
+        measures = dict.fromkeys(harm.measure for harm in handover.harms if harm.file == with_it)
         worse = f"on motions left out of the fit the machine with it is worse in {listed(measures)}"
     return found.learned.to_json(worse)
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.answer import answered, form_parts, rivalling
+from diagnosis.answer import answered, doubted, form_parts, rivalling
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread
 from diagnosis.verdict import Outcome
-from diagnosis.which.prune import prune
+from diagnosis.which.prune import prune, without
 from diagnosis.which.select import select
 from diagnosis.which.stage import Stage
 from models.effects.base import Effect
@@ -53,6 +53,8 @@ def look(baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = ()) -
     """Which effects explain what the baseline leaves, if any; disabled: effects that are not to be used; SI."""
     pruned = prune(select(baseline, disabled), baseline)
     answer = answered(pruned.stages, pruned, baseline, seed)
+    if less := doubted(answer, answer.stages[-1].fitted, baseline):
+        answer = answered(without(pruned, less), pruned, baseline, seed)
     parts = form_parts(answer.stages, baseline)
     alike = rivalling(answer.stages, baseline.criteria, parts) if answer.outcome is Outcome.ATTRIBUTED else ()
     outcome = Outcome.AMBIGUOUS if alike else answer.outcome

@@ -15,6 +15,7 @@ from diagnosis.learned.left_out import Choice, Judgement, chosen, judgement, sol
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.units import noise
 from diagnosis.where.energy import INTERVAL, bootstrap_counts
+from diagnosis.where.law_curve import LawCurve
 from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out
 from models.effects.catalogue import in_order
 from models.effects.measured import UNITS, Measured
@@ -38,6 +39,24 @@ class Learned:
     judgement: Judgement | None
     fitted: Fit | None
     reason: str = ""
+
+    @property
+    def pulls_back(self) -> bool:
+        """Whether it may go into a machine and is a force over the position that surely falls, and within its band
+        nowhere rises: what pulls back towards one place."""
+        if self.law is None or self.reason or (self.law.coordinate, self.law.symmetry) != ("position", "plain"):
+            return False
+        highest_so_far = np.minimum.accumulate(self.high)
+        return bool(np.all(self.low <= highest_so_far) and self.high[-1] < self.low[0])
+
+    def curve(self) -> LawCurve:
+        """The table with its band (SI). Raises ValueError where there is none."""
+        if self.law is None:
+            raise ValueError("no law was learned")
+        law = self.law
+        return LawCurve(
+            law.coordinate, UNITS[law.coordinate], np.array(law.knots), np.array(law.force), self.low, self.high
+        )
 
     def to_json(self, adopted: str) -> dict[str, Any]:
         """As results.json has it; adopted: why the file with it was not handed over, empty if it was [-]."""

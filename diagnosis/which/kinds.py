@@ -111,6 +111,11 @@ def with_free_forms(own: NuisanceProjection, fitted: Fit, records: Sequence[Reco
     return replace(own, e=e, basis=basis, factor=factor)
 
 
+def repeats(kind: type[Effect]) -> bool:
+    """Whether the laws of a class repeat over their coordinate."""
+    return any(item.role == "period" for item in parameters(kind))
+
+
 def periods_shown(effect: Effect, records: Sequence[Record]) -> float:
     """How many periods of a law over the position the records' travel holds [1]: fewer than two do not show that it
     repeats at all. Infinite for a law that need not repeat."""

@@ -24,7 +24,8 @@ class EffectRow:
     """One effect of the answer, or one that was looked at: gain and threshold in chi-square, the rest [1].
 
     members: the effect and its parameters' standard deviations [SI], the strongest first where it is in the model more
-    than once; without deviations where it is not in the model, and none where the log or the noise floor carries it.
+    than once; without deviations where it is not in the model, and none where the log, the noise floor or a measured
+    curve carries it.
     """
 
     name: str
@@ -51,9 +52,11 @@ def table(
     rows = []
     for name, proposal in _best_scanned(stages).items():
         members, shown = inside.get(name), proposal
-        if name in names and members is None:  # in the model as a random force: no law of time repeats it
-            shown = max(_decided(stages, name), key=lambda one: one.gain, default=proposal)
         unfitted: tuple[tuple[Effect, Mapping[str, float]], ...] = ((_effect(proposal), {}),)
+        if name in names and members is None:  # in the model as a random force or as a measured curve
+            decided = _decided(stages, name)
+            shown = max(decided, key=lambda one: one.gain, default=proposal)
+            unfitted = unfitted if decided else ()
         adequate = name in names and closure > criteria.min_closure
         rows.append(EffectRow(name, members or unfitted, shown.gain, shown.threshold, 0.0, adequate))
     seen = [one for one in stages[-1].proposals if one.carrier is not Carrier.MODEL and one.name in names]

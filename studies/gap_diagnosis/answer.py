@@ -109,7 +109,9 @@ def _which(results: Results) -> str:
     if outcome == "ambiguous":
         alike = f"{_others(verdict)}{_rough(results)}"
         return f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
-    return f"It is {listed(shown)}{_rough(results)}.{_said_beside(verdict)}"
+    curve = results.get("learned")
+    by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
+    return f"It is {listed(shown)}{_rough(results)}.{by_curve}{_said_beside(verdict)}"
 
 
 def _another_form(verdict: Results, name: str) -> str:

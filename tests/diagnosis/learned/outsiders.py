@@ -30,3 +30,29 @@ class Bump(Effect):
     def force(self, x: float) -> float:
         """The force on the table [N] at a position [m]."""
         return -self.size * math.exp(-(((x - self.place) / self.width) ** 2))
+
+
+@hook
+def _leaning(value: float, p: Numbers, now: Numbers, _: Numbers, __: Numbers) -> float:
+    bent = (now[X] - p[1]) / p[2]
+    if bent > 30.0:
+        return value - p[0] * p[2] * bent
+    return value - p[0] * p[2] * math.log(1.0 + math.exp(bent))
+
+
+@dataclass(frozen=True)
+class OneSided(Effect):
+    """A spring that the table leans on from one place on, with a rounded beginning."""
+
+    name: ClassVar = "one_sided"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"-k w \ln(1 + e^{(x-x_0)/w})"
+    source: ClassVar = "assumed: for a test"
+    hooks: ClassVar = {Place.FORCE: _leaning}
+    stiffness: float = parameter("N/m", "stiffness k", 10.0, 1e4, "amplitude")
+    place: float = parameter("m", "place x_0", 1e-3, 1e-1, "shape")
+    width: float = parameter("m", "width w", 1e-4, 1e-2, "shape")
+
+    def force(self, x: float) -> float:
+        """The force on the table [N] at a position [m]."""
+        return -self.stiffness * self.width * math.log1p(math.exp((x - self.place) / self.width))

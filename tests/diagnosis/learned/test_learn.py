@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from diagnosis.diagnose import Diagnosis, diagnosed, to_json
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
-from diagnosis.learned.learn import MIN_CLOSURE, learned
+from diagnosis.learned.learn import MIN_CLOSURE, Learned, learned
 from diagnosis.model.motions import MotionKind, pieces
 from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null
@@ -27,7 +27,7 @@ from models.effects.catalogue import looked_for
 from models.effects.measured import Measured
 from models.machine import from_table
 from models.machine_file import to_toml
-from tests.diagnosis.learned.outsiders import Bump
+from tests.diagnosis.learned.outsiders import Bump, OneSided
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.units import Change
 
@@ -43,6 +43,7 @@ PLAN = together(
     ],
 )
 
+SPRING = OneSided(600.0, 12e-3, 1e-3)
 NULL = Null(dict.fromkeys(looked_for(), (0.0,)), ((1.0,),), (5.0,))
 
 
@@ -151,3 +152,62 @@ def test_too_few_types_of_motion_are_refused_at_once(baseline: Baseline, floor: 
     assert none.law is None
     assert none.reason.startswith("the records hold 1 type of motion")
     assert none.to_json("")["adopted"] is False
+
+
+@pytest.fixture(scope="module")
+def leaning() -> Baseline:
+    """Records of a table that leans on a spring from one place on."""
+    records = recorded(MACHINE, (PLAN,), [SPRING], seed=5)
+    machine = with_units(MACHINE, records)
+    return Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), NULL)
+
+
+def test_a_law_over_the_position_that_only_falls_is_a_spring_in_another_form(leaning: Baseline) -> None:
+    others = set(looked_for()) - {"cogging", "cable_spring"}
+    found = diagnosed(leaning, disabled=list(others))
+    assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("cable_spring",))
+    shown = to_json(found)
+    assert shown["verdict"]["form"] == {"cable_spring": "other"}
+    assert shown["verdict"]["partly"] == []
+    assert shown["learned"]["adopted"]
+    row = shown["which"][0]
+    assert (row["effect"], row["parameters"], row["adequate"]) == ("cable_spring", {}, True)
+    truth = [SPRING.force(place) for place in row["measured"]["at"]]
+    level = np.median(np.array(row["measured"]["values"]) - truth)  # the offset's
+    assert np.array(row["measured"]["values"]) - level == pytest.approx(truth, abs=0.1)
+    (law,) = improved_machine(found, "a test").effects
+    assert isinstance(law, Measured)
+    assert list(law.force) == pytest.approx(row["measured"]["values"], abs=1e-3)
+
+
+def test_where_a_spring_may_not_be_named_its_curve_stays_without_a_name(leaning: Baseline) -> None:
+    found = diagnosed(leaning, disabled=list(set(looked_for()) - {"cogging"}))
+    assert (found.outcome, found.effects) == (Outcome.NONE, ())
+    assert found.learned is not None
+    assert found.learned.pulls_back
+
+
+@pytest.mark.parametrize(
+    ("force", "coordinate", "symmetry", "reason", "pulls"),
+    [
+        ((0.0, 0.0, -1.0), "position", "plain", "", True),
+        ((0.0, 0.05, -1.0), "position", "plain", "", True),  # a rise within the band
+        ((0.0, 0.5, -1.0), "position", "plain", "", False),
+        ((0.0, -1.0, 0.0), "position", "plain", "", False),
+        ((-1.0, 0.0, 1.0), "position", "plain", "", False),
+        ((0.0, -0.02, -0.05), "position", "plain", "", False),  # no fall beyond the band
+        ((0.0, 0.0, -1.0), "speed", "plain", "", False),
+        ((0.0, 0.0, -1.0), "position", "directional", "", False),
+        ((0.0, 0.0, -1.0), "position", "plain", "only half of it is shown", False),
+    ],
+)
+def test_a_spring_is_a_force_over_the_position_that_surely_falls_and_nowhere_rises(
+    force: tuple[float, ...],
+    coordinate: Literal["position", "speed"],
+    symmetry: Literal["plain", "directional"],
+    reason: str,
+    pulls: bool,
+) -> None:
+    law = Measured(coordinate, (0.0, 1.0, 2.0), force, symmetry)
+    values = np.array(force)
+    assert Learned(law, values - 0.05, values + 0.05, None, None, reason).pulls_back is pulls
