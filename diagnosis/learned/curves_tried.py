@@ -63,6 +63,10 @@ class Curve:
         first = (0.0,) * (len(self.law.knots) - self.hats.shape[1])
         return _table(self.law, (*first, *map(float, force)))
 
+    def acting(self, fitted: Fit) -> Array:
+        """What 1 N at each knot is on the table, at all samples of a fit (n, K) [1]."""
+        return self.hats * directions(fitted)[:, None] if self.law.symmetry == "directional" else self.hats
+
     def units_of_force(self) -> tuple[Measured, ...]:
         """For each hat function the table that has 1 N at its knot."""
         return tuple(self.with_force(row) for row in np.eye(self.hats.shape[1]))
@@ -143,17 +147,20 @@ def shortlisted(fitted: Fit, records: Sequence[Record], motion: Integers, kind: 
 
     motion (n,): of each sample; kind: of each motion [-]. It is a shortlist: the smoother rounds what is quick off.
     """
-    force = np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
-    used = (weights(records) > 0) & ~np.isnan(force)
-    force = np.where(used, force - np.mean(force[used]), 0.0)
-    turning = directions(fitted)
+    force, used = smoothed_force(fitted, records)
     found: list[tuple[float, Curve]] = []
     for one in curves(fitted, records):
-        columns = one.hats * turning[:, None] if one.law.symmetry == "directional" else one.hats
-        grams, slopes = by_motion(columns * used[:, None], force, motion)
+        grams, slopes = by_motion(one.acting(fitted) * used[:, None], force, motion)
         found.append((float(held_out(grams, slopes, kind)[0].sum()), one))
     found.sort(key=lambda pair: -pair[0])
     return [one for gain, one in found[:SHORTLIST] if gain > 0]
+
+
+def smoothed_force(fitted: Fit, records: Sequence[Record]) -> tuple[Array, NDArray[np.bool_]]:
+    """The smoothed unknown force (n,) [N] of all records, less its mean, and where it is known; elsewhere it is 0."""
+    force = np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
+    used = (weights(records) > 0) & ~np.isnan(force)
+    return np.where(used, force - np.mean(force[used]), 0.0), used
 
 
 def directions(fitted: Fit) -> Array:

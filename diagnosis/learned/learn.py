@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
-from diagnosis.learned.curves_tried import Curve, shortlisted
-from diagnosis.learned.left_out import Choice, Judgement, chosen, judgement, solved, summed
+from diagnosis.learned.curves_tried import Curve, shortlisted, smoothed_force
+from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_force, judgement, solved, summed
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.units import noise
 from diagnosis.where.energy import INTERVAL, bootstrap_counts
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 FEWEST_TYPES: Final = 3  # of motion: one is left out, and of the others one is, to choose
 MIN_CLOSURE: Final = 0.7  # of the gap on types of motion that were not used
 MIN_JUDGED: Final = 0.3  # of the whole gap that types of motion show to each other
+SHOWN_BY: Final = 3.0  # deviations by which innovations exceed the noise floor, to judge a law by them
+LEAST_RATIO: Final = 2.0  # of the unknown force's energy to that of the noise floor, to judge a law by it
 ITERATIONS: Final = 4  # of a fit with the law in it
 
 
@@ -106,7 +108,16 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     tests = [
         summed(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind) for one in found
     ]
-    judged = judgement(tests, projection.e, _whitened(floor, begin, baseline), baseline.segment, kind, names)
+    above = projection.e**2 - _whitened(floor, begin, baseline)
+    if not _surely_above(above, floor):
+        force, used = smoothed_force(begin, baseline.records)
+        least = floor.gap().force
+        if force @ force < LEAST_RATIO * least**2 * np.count_nonzero(used):
+            return _refused("the gap is too small beside the noise floor to judge a law")
+        tests = [judged_by_force(one, one.curve.acting(begin), force, used, baseline.segment) for one in tests]
+        moving = np.array([not piece.kind.rests for piece in baseline.pieces])[baseline.segment]
+        above = np.where(used & moving, force**2 - least**2, 0.0)  # it acts at rest, too, which is no type of motion
+    judged = judgement(tests, above, baseline.segment, kind, names)
     choice = chosen(tests, kind, types)
     low, high = _band(choice, kind.size)
     reason, fitted = objection(judged), None
@@ -116,6 +127,15 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
         fitted, law = _in_the_model(choice, begin, baseline)
     force = np.array(law.force)
     return Learned(law, force + low, force + high, judged, fitted, reason)
+
+
+def _surely_above(above: Array, floor: NoiseFloor) -> bool:
+    """Whether innovations are above the noise floor by more than chance; above (n,): by how much, 0 where unknown [1].
+
+    The filter's own random force follows what is slow, which innovations then hardly show.
+    """
+    deviation = np.sqrt(2 * np.count_nonzero(above) * (1 + 1 / len(floor.innovations)))
+    return bool(above.sum() > SHOWN_BY * deviation)
 
 
 def _refused(reason: str) -> Learned:

@@ -9,7 +9,7 @@ the other types show the curve at all: beyond their range there is no evidence o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -31,7 +31,8 @@ SHOWN: Final = 20.0  # samples' worth of a hat function from which on other type
 @dataclass(frozen=True)
 class Tested:
     """A curve with what its hat functions do to the innovations, by motion: products (S, K, K) of columns with each
-    other and (S, K) with the innovations [1], over all samples and over those that other types show."""
+    other and (S, K) with the innovations [1], over all samples; and the same of what it is judged by, the innovations
+    or the unknown force, over the samples (n,) that other types show."""
 
     curve: Curve
     grams: Array
@@ -45,7 +46,7 @@ class Tested:
         return solved(self.curve, self.grams[motions].sum(axis=0), self.slopes[motions].sum(axis=0), smoothness)
 
     def gains(self, force: Array) -> Array:
-        """By how much forces (K,) [N] reduce chi-square in each motion, where it is judged: (S,) [1]."""
+        """By how much forces (K,) [N] reduce the squares in each motion, where it is judged: (S,)."""
         linear = self.judged_slopes @ force
         return np.asarray(-2 * linear - np.einsum("i,sij,j->s", force, self.judged_grams, force))
 
@@ -74,9 +75,19 @@ def summed(curve: Curve, columns: Array, e: Array, motion: Integers, kind: Integ
     return Tested(curve, grams, slopes, part, by, shown)
 
 
+def judged_by_force(test: Tested, columns: Array, force: Array, used: NDArray[np.bool_], motion: Integers) -> Tested:
+    """The same, fitted to the innovations and judged by the smoothed unknown force (n,) [N], known where it is used.
+
+    columns (n, K): what 1 N at each knot is on the table [1], whose level is the offset's; motion (n,): of each sample.
+    """
+    columns = (columns - columns[used].mean(axis=0)) * (used & test.shown)[:, None]
+    grams, slopes = by_motion(-columns, force, motion)
+    return replace(test, judged_grams=grams, judged_slopes=slopes)
+
+
 @dataclass(frozen=True)
 class Choice:
-    """A curve and its smoothness [1], and the chi-square [1] that it gains on types of motion left out in turn."""
+    """A curve and its smoothness [1], and by how much it reduces the squares on types of motion left out in turn."""
 
     test: Tested
     smoothness: float
@@ -124,15 +135,14 @@ class Judgement:
 
 
 def judgement(
-    tests: Sequence[Tested], e: Array, floor: Array, motion: Integers, kind: Integers, names: Sequence[str]
+    tests: Sequence[Tested], above: Array, motion: Integers, kind: Integers, names: Sequence[str]
 ) -> Judgement:
-    """The nested judgement of these curves.
+    """The nested judgement of these curves [1].
 
-    e (n,): innovations after the projection; floor (n,): squares of what a complete model leaves, 0 where unknown, both
-    [1]; motion (n,): of each sample; kind: of each motion; names: of the types, empty for those that are not motions.
+    above (n,): the squares of what the curves are judged by, less those that a complete model leaves, 0 where they are
+    unknown; motion (n,): of each sample; kind: of each motion; names: of the types, empty where nothing moves.
     """
     count, types = kind.size, [number for number, name in enumerate(names) if name]
-    above = e**2 - floor
     whole = max(float(above.sum()), 1e-300)
     gains, gaps, rows = np.zeros(count), np.zeros(count), list[OfType]()
     for out in types:

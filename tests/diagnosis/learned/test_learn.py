@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor, held_out_closure
@@ -17,12 +18,15 @@ from diagnosis.diagnose import Diagnosis, diagnosed, to_json
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
+from diagnosis.learned import learn
 from diagnosis.learned.learn import MIN_CLOSURE, Learned, learned
 from diagnosis.model.motions import MotionKind, pieces
 from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
+from diagnosis.which.stage import Stage
+from models.effects.base import Effect
 from models.effects.catalogue import looked_for
 from models.effects.measured import Measured
 from models.machine import from_table
@@ -185,6 +189,43 @@ def test_where_a_spring_may_not_be_named_its_curve_stays_without_a_name(leaning:
     assert (found.outcome, found.effects) == (Outcome.NONE, ())
     assert found.learned is not None
     assert found.learned.pulls_back
+
+
+def test_a_slow_law_that_chi_square_hardly_shows_is_judged_by_the_unknown_force(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The filter's own random force follows the spring: what the innovations are above the floor is chance."""
+    plan = together("far", [strokes(MACHINE, 30e-3, (speed,)) for speed in (0.03, 0.1, 0.2)])
+    weak = replace(SPRING, stiffness=20.0)
+
+    def judged(effects: Sequence[Effect]) -> Learned:
+        records = recorded(MACHINE, (plan,), effects, seed=5)
+        machine = with_units(MACHINE, records)
+        nominal = refit_within(machine, records)
+        beside = Baseline(nominal, records, pieces(records, loop_time(machine)), NULL)
+        return learned(nominal, held_out_closure([Stage(nominal)], beside, 0).floor, beside)
+
+    shown = []
+    surely_above = learn._surely_above
+
+    def asked(above: NDArray[np.float64], floor: NoiseFloor) -> bool:
+        shown.append(surely_above(above, floor))
+        return shown[-1]
+
+    monkeypatch.setattr(learn, "_surely_above", asked)
+    found = judged([weak])
+    assert shown == [False]
+    assert found.law is not None
+    assert (found.law.coordinate, found.law.symmetry, found.reason) == ("position", "plain", "")
+    assert found.pulls_back
+    assert found.judgement is not None
+    assert found.judgement.closure > 0.9
+    assert found.judgement.share > 0.9
+    assert all(one.closure > 0.8 for one in found.judgement.by_type)
+    truth = np.array([weak.force(knot) for knot in found.law.knots])
+    force = np.array(found.law.force)
+    assert force - np.median(force - truth) == pytest.approx(truth, abs=0.05)
+    assert judged([]).reason == "the gap is too small beside the noise floor to judge a law"
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def judged(force: Callable[[Array, NDArray[np.int64]], Array], reach: tuple[floa
     e = rng.standard_normal(MOTION.size) + force(place, of_sample)
     curve = Curve(Measured("position", KNOTS, (0.0,) * len(KNOTS)), hats)
     noise = np.ones(MOTION.size)
-    return judgement([summed(curve, -hats, e, MOTION, KIND)], e, noise, MOTION, KIND, NAMES)
+    return judgement([summed(curve, -hats, e, MOTION, KIND)], e**2 - noise, MOTION, KIND, NAMES)
 
 
 def test_a_law_that_all_types_share_closes_the_gap_of_each() -> None:
