@@ -27,6 +27,7 @@ MIN_CLOSURE: Final = 0.7  # of the gap on types of motion that were not used
 MIN_JUDGED: Final = 0.3  # of the whole gap that types of motion show to each other
 SHOWN_BY: Final = 3.0  # deviations by which innovations exceed the noise floor, to judge a law by them
 LEAST_RATIO: Final = 2.0  # of the unknown force's energy to that of the noise floor, to judge a law by it
+RISING: Final = 0.05  # of its whole fall: the most that a curve may rise beyond its band, which is of each knot alone
 ITERATIONS: Final = 4  # of a fit with the law in it
 
 
@@ -45,11 +46,12 @@ class Learned:
     @property
     def pulls_back(self) -> bool:
         """Whether it may go into a machine and is a force over the position that surely falls, and within its band
-        nowhere rises: what pulls back towards one place."""
+        nowhere rises by more than a small part of that: what pulls back towards one place."""
         if self.law is None or self.reason or (self.law.coordinate, self.law.symmetry) != ("position", "plain"):
             return False
-        highest_so_far = np.minimum.accumulate(self.high)
-        return bool(np.all(self.low <= highest_so_far) and self.high[-1] < self.low[0])
+        fall = self.low[0] - self.high[-1]
+        rise = np.max(self.low - np.minimum.accumulate(self.high))
+        return bool(fall > 0 and rise < RISING * fall)
 
     def curve(self) -> LawCurve:
         """The table with its band (SI). Raises ValueError where there is none."""

@@ -233,7 +233,8 @@ def test_a_slow_law_that_chi_square_hardly_shows_is_judged_by_the_unknown_force(
     [
         ((0.0, 0.0, -1.0), "position", "plain", "", True),
         ((0.0, 0.05, -1.0), "position", "plain", "", True),  # a rise within the band
-        ((0.0, 0.5, -1.0), "position", "plain", "", False),
+        ((0.0, 0.13, -1.0), "position", "plain", "", True),  # and by a thirtieth of the fall beyond it
+        ((0.0, 0.16, -1.0), "position", "plain", "", False),
         ((0.0, -1.0, 0.0), "position", "plain", "", False),
         ((-1.0, 0.0, 1.0), "position", "plain", "", False),
         ((0.0, -0.02, -0.05), "position", "plain", "", False),  # no fall beyond the band
