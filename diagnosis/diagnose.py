@@ -173,7 +173,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
         names = ()
     if outcome is Outcome.PARAMETERS:
         names = wrong_parameters(stages[0].fitted, criteria)
-    shares = _shares(pruned.shares, (*names, *partly), parts)
+    shares = _shares(pruned.shares, (*names, *partly), parts) if known is None else {names[0]: 1.0}
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
     unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))
     found = {name: answer.forms.get(name, Form.CATALOGUE) for name in names if outcome in NAMED}

@@ -173,6 +173,7 @@ def test_a_law_over_the_position_that_only_falls_is_a_spring_in_another_form(lea
     shown = to_json(found)
     assert shown["verdict"]["form"] == {"cable_spring": "other"}
     assert shown["verdict"]["partly"] == []
+    assert shown["how_far"]["shares"] == {"cable_spring": 1.0}
     assert shown["learned"]["adopted"]
     row = shown["which"][0]
     assert (row["effect"], row["parameters"], row["adequate"]) == ("cable_spring", {}, True)
