@@ -148,7 +148,7 @@ def _begin(drawn: Callable[[Figure], Path], figures: Sequence[Figure]) -> _Helpe
     None where there is no other core, or where a copy would not be safe: on systems other than Linux, and where other
     threads of Python run, whose locks would be held in the copy for ever. The idle threads of a solver do no harm.
     """
-    if not figures or sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or threading.active_count() > 1:
+    if len(figures) < 2 or sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or threading.active_count() > 1:
         return None
     sys.stdout.flush()  # what still waits to be written would be written twice
     context = multiprocessing.get_context("fork")
