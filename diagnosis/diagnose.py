@@ -56,7 +56,8 @@ class Diagnosis:
     and threshold. how_far: the gap before and after, in [N], [m] and [s]. shares [1]: each effect's part of what was
     closed, over all orders of addition. stages: the models of the search; baseline: what it began with. forms: by name
     whether the law is the catalogue's, or one of its kind in another form; curves: the measured ones of such laws.
-    learned: the law without a name, where no effect explains the records.
+    learned: the law without a name, where no effect explains the records, or the curve by which a
+    spring was named.
 
     >>> diagnosis
     Diagnosis(attributed: viscous_friction; ... % of the gap closes where nothing was fitted)
@@ -157,7 +158,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
         if spring := as_spring(curve, answer, pruned, baseline):
             return _diagnosis(spring, pruned, baseline, curve)
         unknown = curve if outcome is Outcome.NONE else None
-    law = unknown.fitted if unknown is not None and unknown is not known and not unknown.reason else None
+    law = unknown.fitted if known is None and unknown is not None and not unknown.reason else None
     far = how_far(stages, outcome, closure.floor, baseline, law)
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)

@@ -34,7 +34,8 @@ ITERATIONS: Final = 4  # of a fit with the law in it
 @dataclass(frozen=True)
 class Learned:
     """A law without a name: its table, the low and the high end of its band at the knots (K,) [N], how it does on types
-    of motion that were not used, and the model with it. reason: why it may not go into a machine; empty if it may."""
+    of motion that were not used, and the model with it. reason: why it may not go into a machine; empty if it may.
+    by_force: whether it was judged by the unknown force, as innovations hardly show it."""
 
     law: Measured | None
     low: Array
@@ -42,6 +43,7 @@ class Learned:
     judgement: Judgement | None
     fitted: Fit | None
     reason: str = ""
+    by_force: bool = False
 
     @property
     def pulls_back(self) -> bool:
@@ -81,6 +83,7 @@ class Learned:
                 "closure": judged.closure,
                 "closure_interval": list(judged.interval),
                 "judged_share": judged.share,
+                "judged_by": "unknown force" if self.by_force else "innovations",
                 "by_type": [
                     {"motions": one.motions, "closure": one.closure, "share": one.share, "coordinate": one.coordinate}
                     for one in judged.by_type
@@ -111,7 +114,8 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
         summed(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind) for one in found
     ]
     above = projection.e**2 - _whitened(floor, begin, baseline)
-    if not _surely_above(above, floor):
+    by_force = not _surely_above(above, floor)
+    if by_force:
         force, used = smoothed_force(begin, baseline.records)
         least = floor.gap().force
         if force @ force < LEAST_RATIO * least**2 * np.count_nonzero(used):
@@ -128,7 +132,7 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     else:
         fitted, law = _in_the_model(choice, begin, baseline)
     force = np.array(law.force)
-    return Learned(law, force + low, force + high, judged, fitted, reason)
+    return Learned(law, force + low, force + high, judged, fitted, reason, by_force)
 
 
 def _surely_above(above: Array, floor: NoiseFloor) -> bool:

@@ -175,6 +175,7 @@ def test_a_law_over_the_position_that_only_falls_is_a_spring_in_another_form(lea
     assert shown["verdict"]["partly"] == []
     assert shown["how_far"]["shares"] == {"cable_spring": 1.0}
     assert shown["learned"]["adopted"]
+    assert shown["learned"]["judged_by"] == "innovations"
     row = shown["which"][0]
     assert (row["effect"], row["parameters"], row["adequate"]) == ("cable_spring", {}, True)
     truth = [SPRING.force(place) for place in row["measured"]["at"]]
@@ -183,6 +184,18 @@ def test_a_law_over_the_position_that_only_falls_is_a_spring_in_another_form(lea
     (law,) = improved_machine(found, "a test").effects
     assert isinstance(law, Measured)
     assert list(law.force) == pytest.approx(row["measured"]["values"], abs=1e-3)
+
+
+def test_a_spring_that_is_named_by_its_stiffness_gets_its_curve_where_it_is_bent() -> None:
+    """As what is left is of its kind, though a straight one does not close it."""
+    records = recorded(MACHINE, (PLAN,), [OneSided(400.0, 8e-3, 1e-3)], seed=5)
+    machine = with_units(MACHINE, records)
+    cut = pieces(records, loop_time(machine))
+    others = set(looked_for()) - {"cogging", "cable_spring"}
+    found = diagnosed(Baseline(refit_within(machine, records), records, cut, NULL), disabled=list(others))
+    assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("cable_spring",))
+    assert [type(effect) for effect in found.final.candidate.added_effects] == [Measured]
+    assert found.how_far.closure > 0.98  # 0.92 by a stiffness
 
 
 def test_where_a_spring_may_not_be_named_its_curve_stays_without_a_name(leaning: Baseline) -> None:
@@ -216,6 +229,7 @@ def test_a_slow_law_that_chi_square_hardly_shows_is_judged_by_the_unknown_force(
     monkeypatch.setattr(learn, "_surely_above", asked)
     found = judged([weak])
     assert shown == [False]
+    assert found.to_json("")["judged_by"] == "unknown force"
     assert found.law is not None
     assert (found.law.coordinate, found.law.symmetry, found.reason) == ("position", "plain", "")
     assert found.pulls_back
