@@ -116,7 +116,8 @@ def as_spring(unknown: Learned, answer: Answer, pruned: Pruned, baseline: Baseli
     kinds = baseline.machine.kinds
     looked_for = [one.name for one in pruned.stages[0].scanned if one.name in kinds]
     names = [name for name in looked_for if kinds[name].kind() == SPRING and not repeats(kinds[name])]
-    if not unknown.pulls_back or unknown.fitted is None or unknown.judgement is None or len(names) != 1:
+    pulls = unknown.pulls_back(baseline.criteria.learned_max_rise)
+    if not pulls or unknown.fitted is None or unknown.judgement is None or len(names) != 1:
         return None
     stage = replace(pruned.stages[-1], fitted=unknown.fitted, added=names[0], rivals=())
     judged = unknown.judgement

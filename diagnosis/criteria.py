@@ -265,6 +265,37 @@ class Criteria:
     )
     rival_margin: float = _criterion(10.0, "1", "chi-square within which a rival explains the records as well")
 
+    # A law that is learned where none of the catalogue explains the records.
+    learned_min_types: int = _criterion(
+        3, "1", "types of motion that the records have to hold: one is left out, and of the others one is, to choose"
+    )
+    learned_shown_by: float = _criterion(
+        3.0,
+        "1",
+        "standard deviations by which innovations have to exceed the noise floor for a law to be judged by them and "
+        "not by the unknown force: the filter's own random force follows what is slow",
+        "beside a spring of 0.36 N on the default table they exceed it by 0.4",
+    )
+    learned_min_force_ratio: float = _criterion(
+        2.0,
+        "1",
+        "energy of the unknown force, in that of the noise floor, that a law needs to be judged by it",
+        "a guess",
+    )
+    learned_min_judged: float = _criterion(
+        0.3, "1", "part of the gap that types of motion have to show to each other for a law to be adopted"
+    )
+    learned_min_closure: float = _criterion(
+        0.7, "1", "part of the gap that a law has to close on types of motion that were not used to be adopted"
+    )
+    learned_max_rise: float = _criterion(
+        0.05,
+        "1",
+        "part of its whole fall by which a force over the position may rise beyond its band, which is of each knot "
+        "alone, and still be that of a spring",
+        "a one-sided spring on a drawn machine rises by 0.2 mN beyond it and falls by 1.3 N",
+    )
+
     # The stated probabilities.
     probability_named: float = _criterion(0.98, "1", "probability of a name, far above its threshold or not", _TRIALS)
     probability_doubtful: float = _criterion(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
+from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import Curve, shortlisted, smoothed_force
 from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_force, judgement, solved, summed
 from diagnosis.model.fit import Fit, fit, weights
@@ -22,12 +23,6 @@ from models.effects.measured import UNITS, Measured
 
 Array = NDArray[np.float64]
 
-FEWEST_TYPES: Final = 3  # of motion: one is left out, and of the others one is, to choose
-MIN_CLOSURE: Final = 0.7  # of the gap on types of motion that were not used
-MIN_JUDGED: Final = 0.3  # of the whole gap that types of motion show to each other
-SHOWN_BY: Final = 3.0  # deviations by which innovations exceed the noise floor, to judge a law by them
-LEAST_RATIO: Final = 2.0  # of the unknown force's energy to that of the noise floor, to judge a law by it
-RISING: Final = 0.05  # of its whole fall: the most that a curve may rise beyond its band, which is of each knot alone
 ITERATIONS: Final = 4  # of a fit with the law in it
 
 
@@ -45,15 +40,14 @@ class Learned:
     reason: str = ""
     by_force: bool = False
 
-    @property
-    def pulls_back(self) -> bool:
+    def pulls_back(self, most_rise: float) -> bool:
         """Whether it may go into a machine and is a force over the position that surely falls, and within its band
-        nowhere rises by more than a small part of that: what pulls back towards one place."""
+        nowhere rises by more than a part of that [1]: what pulls back towards one place."""
         if self.law is None or self.reason or (self.law.coordinate, self.law.symmetry) != ("position", "plain"):
             return False
         fall = self.low[0] - self.high[-1]
         rise = np.max(self.low - np.minimum.accumulate(self.high))
-        return bool(fall > 0 and rise < RISING * fall)
+        return bool(fall > 0 and rise < most_rise * fall)
 
     def curve(self) -> LawCurve:
         """The table with its band (SI). Raises ValueError where there is none."""
@@ -97,14 +91,15 @@ NOTHING: Final = np.zeros(0)
 
 def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     """The curve that explains the most of what a fit leaves, and whether other types of motion confirm it (SI)."""
+    criteria = baseline.criteria
     kinds = list(dict.fromkeys(piece.kind for piece in baseline.pieces))
     kind = np.array([kinds.index(piece.kind) for piece in baseline.pieces])
     names = ["" if one.rests else str(one) for one in kinds]
     types = [number for number, name in enumerate(names) if name]
-    if len(types) < FEWEST_TYPES:
+    if len(types) < criteria.learned_min_types:
         return _refused(
             f"the records hold {len(types)} type{'s' * (len(types) != 1)} of motion, and a law is judged on one that "
-            f"was not used, which takes {FEWEST_TYPES}; record motions of other strokes and speeds"
+            f"was not used, which takes {criteria.learned_min_types}; record motions of other strokes and speeds"
         )
     found = shortlisted(begin, baseline.records, baseline.segment, kind)
     if not found:
@@ -114,11 +109,11 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
         summed(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind) for one in found
     ]
     above = projection.e**2 - _whitened(floor, begin, baseline)
-    by_force = not _surely_above(above, floor)
+    by_force = not _surely_above(above, floor, criteria)
     if by_force:
         force, used = smoothed_force(begin, baseline.records)
         least = floor.gap().force
-        if force @ force < LEAST_RATIO * least**2 * np.count_nonzero(used):
+        if force @ force < criteria.learned_min_force_ratio * least**2 * np.count_nonzero(used):
             return _refused("the gap is too small beside the noise floor to judge a law")
         tests = [judged_by_force(one, one.curve.acting(begin), force, used, baseline.segment) for one in tests]
         moving = np.array([not piece.kind.rests for piece in baseline.pieces])[baseline.segment]
@@ -126,7 +121,7 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     judged = judgement(tests, above, baseline.segment, kind, names)
     choice = chosen(tests, kind, types)
     low, high = _band(choice, kind.size)
-    reason, fitted = objection(judged), None
+    reason, fitted = objection(judged, criteria), None
     if reason:
         law = _law(choice.test.curve, _of_all(choice), baseline)
     else:
@@ -135,30 +130,30 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     return Learned(law, force + low, force + high, judged, fitted, reason, by_force)
 
 
-def _surely_above(above: Array, floor: NoiseFloor) -> bool:
+def _surely_above(above: Array, floor: NoiseFloor, criteria: Criteria) -> bool:
     """Whether innovations are above the noise floor by more than chance; above (n,): by how much, 0 where unknown [1].
 
     The filter's own random force follows what is slow, which innovations then hardly show.
     """
     deviation = np.sqrt(2 * np.count_nonzero(above) * (1 + 1 / len(floor.innovations)))
-    return bool(above.sum() > SHOWN_BY * deviation)
+    return bool(above.sum() > criteria.learned_shown_by * deviation)
 
 
 def _refused(reason: str) -> Learned:
     return Learned(None, NOTHING, NOTHING, None, None, reason)
 
 
-def objection(judged: Judgement) -> str:
+def objection(judged: Judgement, criteria: Criteria) -> str:
     """Why a law that does so on motions that were not used is not to be taken; empty if it is."""
-    if judged.share < MIN_JUDGED:
+    if judged.share < criteria.learned_min_judged:
         return (
             f"only {100 * max(judged.share, 0.0):.0f} % of the gap lies where another type of motion shows the law; "
             "record motions of other strokes and speeds over the same range"
         )
-    if judged.closure < MIN_CLOSURE:
+    if judged.closure < criteria.learned_min_closure:
         return (
             f"on types of motion that were not used it closes {100 * judged.closure:.0f} % of the gap, less than the "
-            f"{100 * MIN_CLOSURE:.0f} % asked for"
+            f"{100 * criteria.learned_min_closure:.0f} % asked for"
         )
     return ""
 

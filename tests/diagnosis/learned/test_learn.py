@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor, held_out_closure
+from diagnosis.criteria import Criteria
 from diagnosis.diagnose import Diagnosis, diagnosed, to_json
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
 from diagnosis.learned import learn
-from diagnosis.learned.learn import MIN_CLOSURE, Learned, learned
+from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.motions import MotionKind, pieces
 from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null
@@ -89,7 +90,7 @@ def test_where_no_effect_fits_the_law_is_learned_with_its_coordinate(
 
 def test_it_closes_the_gap_on_types_of_motion_that_were_not_used(shown: Mapping[str, Any]) -> None:
     assert shown["closure"] > 0.9
-    assert MIN_CLOSURE < shown["closure_interval"][0] <= shown["closure"]
+    assert Criteria().learned_min_closure < shown["closure_interval"][0] <= shown["closure"]
     strokes_only = [one for one in shown["by_type"] if one["motions"].startswith("moves of about 30 mm")]
     assert len(strokes_only) > 1
     assert all(one["closure"] > 0.8 and one["coordinate"] == "position" for one in strokes_only)
@@ -202,7 +203,7 @@ def test_where_a_spring_may_not_be_named_its_curve_stays_without_a_name(leaning:
     found = diagnosed(leaning, disabled=list(set(looked_for()) - {"cogging"}))
     assert (found.outcome, found.effects) == (Outcome.NONE, ())
     assert found.learned is not None
-    assert found.learned.pulls_back
+    assert found.learned.pulls_back(0.05)
 
 
 def test_a_slow_law_that_chi_square_hardly_shows_is_judged_by_the_unknown_force(
@@ -222,8 +223,8 @@ def test_a_slow_law_that_chi_square_hardly_shows_is_judged_by_the_unknown_force(
     shown = []
     surely_above = learn._surely_above
 
-    def asked(above: NDArray[np.float64], floor: NoiseFloor) -> bool:
-        shown.append(surely_above(above, floor))
+    def asked(above: NDArray[np.float64], floor: NoiseFloor, criteria: Criteria) -> bool:
+        shown.append(surely_above(above, floor, criteria))
         return shown[-1]
 
     monkeypatch.setattr(learn, "_surely_above", asked)
@@ -232,7 +233,7 @@ def test_a_slow_law_that_chi_square_hardly_shows_is_judged_by_the_unknown_force(
     assert found.to_json("")["judged_by"] == "unknown force"
     assert found.law is not None
     assert (found.law.coordinate, found.law.symmetry, found.reason) == ("position", "plain", "")
-    assert found.pulls_back
+    assert found.pulls_back(0.05)
     assert found.judgement is not None
     assert found.judgement.closure > 0.9
     assert found.judgement.share > 0.9
@@ -267,4 +268,4 @@ def test_a_spring_is_a_force_over_the_position_that_surely_falls_and_nowhere_ris
 ) -> None:
     law = Measured(coordinate, (0.0, 1.0, 2.0), force, symmetry)
     values = np.array(force)
-    assert Learned(law, values - 0.05, values + 0.05, None, None, reason).pulls_back is pulls
+    assert Learned(law, values - 0.05, values + 0.05, None, None, reason).pulls_back(0.05) is pulls

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import Curve
 from diagnosis.learned.learn import objection
 from diagnosis.learned.left_out import Judgement, judgement, summed
@@ -42,21 +43,21 @@ def test_a_law_that_all_types_share_closes_the_gap_of_each() -> None:
     assert {one.motions for one in found.by_type} == set(NAMES)
     assert all(one.closure > 0.9 for one in found.by_type)
     assert sum(one.share for one in found.by_type) == pytest.approx(1.0, abs=0.05)
-    assert not objection(found)
+    assert not objection(found, Criteria())
 
 
 def test_a_force_that_is_another_in_each_type_does_not_transfer() -> None:
     signs = np.array([1.0, -1.0, 1.0, -1.0])
     found = judged(lambda place, of_sample: 3.0 * signs[of_sample] * np.sin(5 * place))
     assert found.closure < 0.2
-    assert objection(found).startswith("on types of motion that were not used it closes ")
+    assert objection(found, Criteria()).startswith("on types of motion that were not used it closes ")
 
 
 def test_beyond_the_reach_of_the_other_types_nothing_is_judged() -> None:
     """The force acts at places where one type alone goes."""
     found = judged(lambda place, _: np.where(place > 0.6, 3.0, 0.0), reach=(1.0, 0.5, 0.5, 0.5))
     assert found.share < 0.1
-    assert "record motions of other strokes and speeds over the same range" in objection(found)
+    assert "record motions of other strokes and speeds over the same range" in objection(found, Criteria())
 
 
 def test_noise_closes_nothing() -> None:
