@@ -65,6 +65,7 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
             series=series,
             at_bound=strongest_at_bound(some),
             rough=fitted.candidate.rough,
+            by_force=closure.by_force,
             largest_innovation=largest(fitted).deviations,
             spike=baseline.spike,
             parameter_shift=shifted(some[0].fitted),
@@ -121,7 +122,7 @@ def as_spring(unknown: Learned, answer: Answer, pruned: Pruned, baseline: Baseli
         return None
     stage = replace(pruned.stages[-1], fitted=unknown.fitted, added=names[0], rivals=())
     judged = unknown.judgement
-    closure = replace(answer.closure, closure=judged.closure, interval=judged.interval)
+    closure = replace(answer.closure, closure=judged.closure, interval=judged.interval, by_force=unknown.by_force)
     return Answer((pruned.stages[0], stage), tuple(names), closure, Outcome.ATTRIBUTED, {names[0]: Form.OTHER})
 
 

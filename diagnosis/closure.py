@@ -6,12 +6,16 @@ is what the same method leaves of a record that this very model made, simulated:
 itself neglects are in it. Where a drive is rougher than its model and motions repeat, the floor is what does not, and
 all three are of those motions only. They are weighted over frequency by the share of the gap in what the re-fit leaves
 (N. Wiener's filter): the floor's noise is another in the simulation, and elsewhere would only blur the difference.
+
+The filter's own random force follows what is slow, so that innovations hardly show a spring or a drift. Where they do
+not surely exceed the floor, the same closure is that of the smoothed unknown force.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -20,12 +24,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import Gap, errors_of
-from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights
+from diagnosis.how_far import Gap, errors_of, unknown_less_mean
+from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights, without
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.residual import Candidate, Residual, evaluate, smooth
 from diagnosis.model.units import noise
 from diagnosis.null import simulated_with_starts
+from diagnosis.where.energy import bootstrap_counts
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out
 from diagnosis.which.stage import Carrier, Stage
@@ -42,6 +47,7 @@ BOOTSTRAP: Final = 1000
 BANDS: Final = 40  # of frequency, equally wide on a logarithmic scale
 LEAST_SHARE: Final = 1e-3  # that a band counts at least
 SIMULATED: Final = 2  # records of the final model, whose mean is the noise floor
+SIMULATION: Final = "simulated"  # where such a floor is from
 SEED: Final = 500  # added to the seed for their noise
 
 
@@ -81,12 +87,13 @@ class NoiseFloor:
 @dataclass(frozen=True)
 class Closure:
     """The closure on motions left out, its 95 % interval [1], by how much what is left exceeds the floor, in deviations
-    of their noise [1], and that floor."""
+    of their noise [1], and that floor. by_force: whether it is that of the unknown force, not that of innovations."""
 
     closure: float
     interval: tuple[float, float]
     excess: float
     floor: NoiseFloor
+    by_force: bool = False
 
 
 def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> Closure:
@@ -109,9 +116,33 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     least, random = [one[known] for one in floor.innovations], floor.random
     share, interval = gap_closure(before[known], left[known], least, segment, random)
     more = np.mean([one.energy(floor) for one, floor in zip(random, least, strict=True)]) if random else 0.0
-    excess = float(fitted[known] @ fitted[known] / (np.mean([one @ one for one in least]) + more) - 1)
-    deviation = np.sqrt(2 / np.count_nonzero(weight[known]) * floor.variance_ratio)  # of a ratio of white noises
-    return Closure(share, interval, excess / float(deviation), floor)
+    deviation = float(np.sqrt(2 / np.count_nonzero(weight[known]) * floor.variance_ratio))  # of a ratio of white noises
+    energy = np.mean([one @ one for one in least]) + more
+    began, excess = (float((one[known] @ one[known] / energy - 1) / deviation) for one in (before, fitted))
+    if began < baseline.criteria.shown_by and (by_force := _closure_of_force(first, final, floor, baseline)):
+        return Closure(*by_force, excess, floor, by_force=True)
+    return Closure(share, interval, excess, floor)
+
+
+def _closure_of_force(
+    first: Fit, final: Fit, floor: NoiseFloor, baseline: Baseline
+) -> tuple[float, tuple[float, float]] | None:
+    """The closure of the unknown force and its 95 % interval [1]; None where the first fit leaves no force that stands
+    out of the floor's, where effects act at random, or where the floor is not simulated."""
+    if floor.random or floor.source != SIMULATION or first.candidate.roughness != final.candidate.roughness:
+        return None
+    records, motion = baseline.records, baseline.segment
+    begun, used = unknown_less_mean(first, records)
+    least, count = floor.gap().force, np.count_nonzero(used)
+    if begun @ begun < baseline.criteria.min_force_ratio * least**2 * count:
+        return None
+    fold, left = partial_out(final, motion).fold[motion], np.zeros(begun.size)
+    for number in range(FOLDS):
+        apart = replace(final, candidate=without(final, records, fold == number))
+        left += np.where(fold == number, unknown_less_mean(apart, records)[0], 0.0)
+    sums = np.stack([np.bincount(motion, one) for one in (begun**2, left**2, least**2 * used)])
+    low, high = np.quantile(_closed(sums @ bootstrap_counts(sums.shape[1], 0).T), [0.025, 0.975])
+    return float(_closed(sums.sum(axis=1))), (float(low), float(high))
 
 
 def _repeated_floor(stage: Stage, baseline: Baseline) -> NoiseFloor | None:
@@ -139,16 +170,18 @@ def simulated_floor(stage: Stage, baseline: Baseline, seed: int) -> NoiseFloor:
     least = tuple(innovations_of(*one, final.walk) for one in made)
     ratio = 1 + 1 / SIMULATED
 
-    def left(made: Made) -> Gap:
-        return errors_of(*made, smooth(*made)).gap()
+    @cache
+    def left(strong: bool) -> Gap:
+        one = again[0] if strong else made[0]
+        return errors_of(*one, smooth(*one)).gap()
 
     def more() -> float:
         if not again:
             return 0.0
-        extra = left(again[0]).force ** 2 - left(made[0]).force ** 2
+        extra = left(True).force ** 2 - left(False).force ** 2
         return float(np.sqrt(max(random[0].part * extra, 0.0)))
 
-    return NoiseFloor(least, random, ratio, "simulated", lambda: left(made[0]), more)
+    return NoiseFloor(least, random, ratio, SIMULATION, lambda: left(False), more)
 
 
 def _deviations(fitted: Fit) -> Array:

@@ -204,6 +204,22 @@ class Criteria:
         0.9, "1", "part of the unknown force that an effect may leave to count as a part of an explanation"
     )
 
+    # What the closure is of.
+    shown_by: float = _criterion(
+        3.0,
+        "1",
+        "standard deviations by which innovations have to exceed the noise floor for a closure to be theirs and not "
+        "that of the unknown force: the filter's own random force follows what is slow",
+        "beside a spring of 0.36 N on the default table they exceed it by 0.4",
+    )
+    min_force_ratio: float = _criterion(
+        2.0,
+        "1",
+        "energy of the unknown force, in that of the noise floor, from which on a closure may be that of the unknown "
+        "force",
+        "a guess",
+    )
+
     # The verdict.
     min_closure: float = _criterion(
         0.5,
@@ -268,19 +284,6 @@ class Criteria:
     # A law that is learned where none of the catalogue explains the records.
     learned_min_types: int = _criterion(
         3, "1", "types of motion that the records have to hold: one is left out, and of the others one is, to choose"
-    )
-    learned_shown_by: float = _criterion(
-        3.0,
-        "1",
-        "standard deviations by which innovations have to exceed the noise floor for a law to be judged by them and "
-        "not by the unknown force: the filter's own random force follows what is slow",
-        "beside a spring of 0.36 N on the default table they exceed it by 0.4",
-    )
-    learned_min_force_ratio: float = _criterion(
-        2.0,
-        "1",
-        "energy of the unknown force, in that of the noise floor, that a law needs to be judged by it",
-        "a guess",
     )
     learned_min_judged: float = _criterion(
         0.3, "1", "part of the gap that types of motion have to show to each other for a law to be adopted"

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.fit import Fit
+from diagnosis.model.fit import Fit, weights
 from diagnosis.model.kalman import smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
@@ -118,6 +118,13 @@ def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequen
         return np.asarray(states[:, state])
 
     return tuple(parallel_map(force, records, evaluate(candidate, records, paths)))
+
+
+def unknown_less_mean(fitted: Fit, records: Sequence[Record]) -> tuple[Array, NDArray[np.bool_]]:
+    """The smoothed unknown force (n,) [N] of all records, less its mean, and where it is known; elsewhere it is 0."""
+    force = np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
+    used = (weights(records) > 0) & ~np.isnan(force)
+    return np.where(used, force - np.mean(force[used]), 0.0), used
 
 
 def force_left(fitted: Fit, records: Sequence[Record]) -> float:

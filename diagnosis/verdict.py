@@ -32,6 +32,7 @@ class Explanation:
     series expansion of another law; at_bound: whether the strongest had to leave its prior range. closure and its 95 %
     interval [1]; excess: of what is left over the noise floor, in standard deviations [1]; largest_innovation, in
     standard deviations, and spike, from which on it stands out [1]; rough: the drive is rougher than its model;
+    by_force: the closure is that of the unknown force, as innovations hardly exceed the floor at all;
     parameter_shift: chi-square of the nominal parameters' shifts [1].
     """
 
@@ -43,6 +44,7 @@ class Explanation:
     series: Collection[str] = ()
     at_bound: bool = False
     rough: bool = False
+    by_force: bool = False
     largest_innovation: float = 0.0
     spike: float = float("inf")
     parameter_shift: float = 0.0
@@ -70,6 +72,7 @@ def _closes_enough(given: Explanation, criteria: Criteria) -> bool:
     looser = (len(given.names) < 2) + bool(set(given.random).intersection(given.names))
     if bounds[looser] >= criteria.min_closure:
         return True
-    # The floor of a rough drive is as rough as what is left, so that a small excess says nothing there.
-    at_floor = given.excess < criteria.max_excess_at_floor and not given.rough
+    # The floor of a rough drive is as rough as what is left, and where innovations never exceeded it, they do not then:
+    # a small excess says nothing there.
+    at_floor = given.excess < criteria.max_excess_at_floor and not given.rough and not given.by_force
     return len(given.names) < 2 and at_floor and high >= criteria.min_closure_at_floor

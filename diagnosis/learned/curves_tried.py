@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.how_far import unknown_force
+from diagnosis.how_far import unknown_less_mean
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.residual import initial_command
 from diagnosis.model.units import units
@@ -147,20 +147,13 @@ def shortlisted(fitted: Fit, records: Sequence[Record], motion: Integers, kind: 
 
     motion (n,): of each sample; kind: of each motion [-]. It is a shortlist: the smoother rounds what is quick off.
     """
-    force, used = smoothed_force(fitted, records)
+    force, used = unknown_less_mean(fitted, records)
     found: list[tuple[float, Curve]] = []
     for one in curves(fitted, records):
         grams, slopes = by_motion(one.acting(fitted) * used[:, None], force, motion)
         found.append((float(held_out(grams, slopes, kind)[0].sum()), one))
     found.sort(key=lambda pair: -pair[0])
     return [one for gain, one in found[:SHORTLIST] if gain > 0]
-
-
-def smoothed_force(fitted: Fit, records: Sequence[Record]) -> tuple[Array, NDArray[np.bool_]]:
-    """The smoothed unknown force (n,) [N] of all records, less its mean, and where it is known; elsewhere it is 0."""
-    force = np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
-    used = (weights(records) > 0) & ~np.isnan(force)
-    return np.where(used, force - np.mean(force[used]), 0.0), used
 
 
 def directions(fitted: Fit) -> Array:

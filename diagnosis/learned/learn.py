@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
 from diagnosis.criteria import Criteria
-from diagnosis.learned.curves_tried import Curve, shortlisted, smoothed_force
+from diagnosis.how_far import unknown_less_mean
+from diagnosis.learned.curves_tried import Curve, shortlisted
 from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_force, judgement, solved, summed
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.units import noise
@@ -111,9 +112,9 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     above = projection.e**2 - _whitened(floor, begin, baseline)
     by_force = not _surely_above(above, floor, criteria)
     if by_force:
-        force, used = smoothed_force(begin, baseline.records)
+        force, used = unknown_less_mean(begin, baseline.records)
         least = floor.gap().force
-        if force @ force < criteria.learned_min_force_ratio * least**2 * np.count_nonzero(used):
+        if force @ force < criteria.min_force_ratio * least**2 * np.count_nonzero(used):
             return _refused("the gap is too small beside the noise floor to judge a law")
         tests = [judged_by_force(one, one.curve.acting(begin), force, used, baseline.segment) for one in tests]
         moving = np.array([not piece.kind.rests for piece in baseline.pieces])[baseline.segment]
@@ -136,7 +137,7 @@ def _surely_above(above: Array, floor: NoiseFloor, criteria: Criteria) -> bool:
     The filter's own random force follows what is slow, which innovations then hardly show.
     """
     deviation = np.sqrt(2 * np.count_nonzero(above) * (1 + 1 / len(floor.innovations)))
-    return bool(above.sum() > criteria.learned_shown_by * deviation)
+    return bool(above.sum() > criteria.shown_by * deviation)
 
 
 def _refused(reason: str) -> Learned:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +11,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.baseline import Baseline
-from diagnosis.closure import RandomEnergy, gap_closure, gap_share, innovations_of, simulated_floor, weighted
-from diagnosis.model.fit import one_step
+from diagnosis.closure import (
+    Closure,
+    RandomEnergy,
+    gap_closure,
+    gap_share,
+    held_out_closure,
+    innovations_of,
+    simulated_floor,
+    weighted,
+)
+from diagnosis.experiments.schedules import strokes, together
+from diagnosis.model.fit import fit, one_step
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null, simulated_with_starts
+from diagnosis.refit import refit_within
 from diagnosis.which.stage import Stage
+from models.effects.base import Effect
+from models.effects.friction_laws import FrictionDrift
+from models.effects.structure import CableSpring
 from models.records.record import Record
-from tests.diagnosis.tables import schedules, table
+from tests.diagnosis.tables import recorded, schedules, table
 
 COUNT, MOTIONS = 20_000, 40
 SEGMENT = np.repeat(np.arange(MOTIONS), COUNT // MOTIONS)
@@ -96,3 +112,31 @@ def test_the_floor_is_what_a_complete_model_leaves_however_finely_its_scale_reso
     for one in floor.innovations:
         assert np.mean(one**2) / np.mean(left**2) == pytest.approx(1.0, rel=0.2)
     assert floor.gap().force < 1e-3 * float(np.dot(machine.friction.stiffness, limit))
+
+
+@pytest.mark.slow
+def test_an_effect_that_chi_square_hardly_shows_is_judged_by_the_unknown_force() -> None:
+    """The filter's own random force follows a slow spring, and what innovations are above the floor is chance."""
+    machine = table()
+    plan = together("far", [strokes(machine, 30e-3, (speed,)) for speed in (0.03, 0.1, 0.2)])
+    spring = CableSpring(15.0)
+
+    def judged(acting: Sequence[Effect], tried: Effect) -> Closure:
+        records = recorded(machine, (plan,), acting, seed=5)
+        units = with_units(machine, records)
+        nominal = refit_within(units, records)
+        baseline = Baseline(nominal, records, pieces(records, loop_time(units)), Null({}, ((1.0,),), (4.0,)))
+        candidate = replace(nominal.candidate, effects=(tried,))
+        with_it = fit(candidate, records, paths=nominal.paths, iterations=4, walk=nominal.walk)
+        return held_out_closure([Stage(nominal), Stage(with_it, added=tried.name)], baseline, 0)
+
+    found = judged([spring], spring)
+    assert found.by_force
+    assert found.closure > 0.9
+    assert found.interval[0] > 0.8
+    assert found.excess < 2.0
+    wrong = judged([spring], FrictionDrift(1e-3))
+    assert wrong.by_force
+    assert wrong.closure < 0.2
+    assert not judged([], spring).by_force
+    assert not judged([replace(spring, stiffness=600.0)], spring).by_force

@@ -33,6 +33,21 @@ def test_a_name_needs_a_gap_that_surely_shrinks(
 
 
 @pytest.mark.parametrize(
+    ("closure", "interval", "outcome"),
+    [
+        (0.6, (0.1, 0.7), Outcome.ATTRIBUTED),
+        (0.4, (0.1, 0.7), Outcome.NONE),  # innovations at their floor say nothing, as they never were above it
+    ],
+)
+def test_a_closure_of_the_unknown_force_has_to_be_half_of_the_gap(
+    closure: float, interval: tuple[float, float], outcome: Outcome
+) -> None:
+    given = Explanation(("spring",), closure, interval, 0.0, by_force=True)
+    assert verdict(given) is outcome
+    assert verdict(replace(given, by_force=False)) is Outcome.ATTRIBUTED
+
+
+@pytest.mark.parametrize(
     ("closure", "interval", "names", "outcome"),
     [
         (0.69, (0.63, 0.76), ("play", "cogging"), Outcome.ATTRIBUTED),
