@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.kalman import smoothed
+from diagnosis.model.kalman import STARTING, begun, smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import (
-    STARTING,
     Candidate,
     Residual,
     SmoothedPath,
@@ -111,9 +110,8 @@ def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequen
     state = 2 * len(candidate.machine.plant.modes)
 
     def force(record: Record, residual: Residual) -> Array:
-        start = np.zeros(model.C.size)
-        start[0] = record.position[0]
-        states = smoothed(model, residual.force, record.position - residual.acts.reading, start)
+        reading = record.position - residual.acts.reading
+        states = smoothed(model, residual.force, reading, begun(model, residual.force, reading))
         states[:STARTING, state] = np.nan
         return np.asarray(states[:, state])
 

@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, largest, one_step
+from diagnosis.model.kalman import STARTING
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, bounded, initial_state
-from diagnosis.model.residual import STARTING, Candidate
+from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import WhiteForce, variance_by_record
 from diagnosis.model.units import loop_time, slow_walk
 from diagnosis.which.command_jitter import gained_by_chance

@@ -39,7 +39,8 @@ from scipy.linalg import cho_factor, cho_solve
 from diagnosis.baseline import Baseline
 from diagnosis.experiments.look import Look
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.residual import STARTING, Residual, columns, evaluate
+from diagnosis.model.kalman import STARTING
+from diagnosis.model.residual import Residual, columns, evaluate
 from diagnosis.which.command_jitter import lateness
 from models.effects.base import Effect, Place
 from models.effects.catalogue import in_order

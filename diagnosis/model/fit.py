@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
+from diagnosis.model.kalman import STARTING
 from diagnosis.model.motions import Piece, repeated, scatter
 from diagnosis.model.parameters import bounded, bounds
 from diagnosis.model.residual import (
-    STARTING,
     WALK,
     Candidate,
     Residual,

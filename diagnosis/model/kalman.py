@@ -18,12 +18,16 @@
 
 All gains are those of the steady state, so that the innovations, and the smoothed states, are linear, time-invariant
 filters of (f, y). See T. Kailath, A. Sayed, B. Hassibi, Linear Estimation (2000), chapters 9 and 10.
+
+Where and how fast the table is at a record's first sample, one reading does not tell: it is noisy, and the table may
+move. Of a slow filter a wrong start is seen for thousands of samples. Both are fitted to the record (`begun`), within
+what a faster filter leaves open, and changes of the innovations are taken as they are after that (`beside_start`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -37,6 +41,10 @@ Array = NDArray[np.float64]
 
 SUBSTEPS: Final = 2  # substeps of a sample interval, within each of which the force is constant
 BLOCK: Final = 8  # samples that `responses` filters at once
+STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
+FORGOTTEN: Final = 1e-4  # of a wrong start, below which it is not felt any more
+LONGEST: Final = 200_000  # samples for which a wrong start is followed
+FREE: Final = 1e3  # units of a wrong start: its deviation where no faster filter tells it
 TOGETHER: Final = 8  # columns that it filters at once, so that its intermediate arrays stay small
 
 
@@ -53,7 +61,8 @@ class Resonance:
 @dataclass(frozen=True)
 class Predictor:
     """A (S, S), B (S, M), C (S,), the filter gain K (S,), the smoother gain G (S, S), the innovations' standard
-    deviation [m]; see the module's head."""
+    deviation [m]; see the module's head. spread: deviations (2,) of the predicted position [m] and speed [m/s], and
+    start_spread those within which a record's start is fitted."""
 
     A: Array
     B: Array
@@ -61,11 +70,31 @@ class Predictor:
     gain: Array
     back: Array
     deviation: float
+    spread: Array
+    start_spread: Array
 
     @property
     def closed(self) -> Array:
         """F = A (I - K C), (S, S)."""
         return self.A - np.outer(self.A @ self.gain, self.C)
+
+    @property
+    def start_units(self) -> Array:
+        """What is one unit of a wrong start: a position [m], and a speed that makes as much of it in a sample [m/s]."""
+        return np.array([self.deviation, self.deviation / self.A[0, 1]])
+
+    @cached_property
+    def start_seen(self) -> Array:
+        """Whitened innovations (K, 2) [1] after the table began one unit beyond where, and faster than, it was said to;
+        0 for the first samples, which do not count."""
+        slowest = float(np.max(np.abs(np.linalg.eigvals(self.closed))))
+        length = min(STARTING + int(np.ceil(np.log(FORGOTTEN) / np.log(slowest))), LONGEST)
+        still, nothing = np.zeros((length, self.B.shape[1])), np.zeros(length)
+        wrong = np.zeros((2, self.C.size))
+        wrong[[0, 1], [0, 1]] = -self.start_units
+        seen = np.column_stack([innovations(self, still, nothing, start) for start in wrong]) / self.deviation
+        seen[:STARTING] = 0.0
+        return seen
 
 
 @lru_cache(maxsize=64)
@@ -95,11 +124,13 @@ def predictor(
     noise: float,
     white_force: float,
     random_forces: tuple[Resonance, ...] = (),
+    starting_walk: float | None = None,
 ) -> Predictor:
     """The steady-state filter for an unknown force that walks by `walk` [N] per sample, with white process noise of
     standard deviation `white_force` [N] and measurement noise [m].
 
     random_forces: narrow-band random forces; each adds two states behind d, of which the first is the force.
+    starting_walk [N]: of the faster filter that knows a record's start, None if none does.
     Results are cached, so that their arrays must not be written to.
     """
     a, b, c = discretised(plant, sample_time)
@@ -116,7 +147,11 @@ def predictor(
     variance = float(c @ before @ c) + noise**2
     gain = before @ c / variance
     after = before - np.outer(gain, c @ before)
-    return Predictor(a, b, c, gain, smoother_gain(a, before, after), float(np.sqrt(variance)))
+    deviation, spread = float(np.sqrt(variance)), np.sqrt(np.diag(before)[:2])
+    start = FREE * np.array([deviation, deviation / a[0, 1]])
+    if starting_walk is not None and starting_walk > walk:
+        start = predictor(plant, sample_time, walk=starting_walk, noise=noise, white_force=white_force).spread
+    return Predictor(a, b, c, gain, smoother_gain(a, before, after), deviation, spread, start)
 
 
 def smoother_gain(a: Array, before: Array, after: Array) -> Array:
@@ -148,6 +183,38 @@ def innovations(model: Predictor, force: Array, reading: Array, start: Array) ->
     return e
 
 
+def wrong_start(model: Predictor, e: Array) -> Array:
+    """By how many units the table began beyond where it was said to be, and faster, (..., 2) [1], as the whitened
+    innovations e (..., n) tell it."""
+    seen = model.start_seen[: e.shape[-1]]
+    information = seen.T @ seen + np.diag((model.start_units / model.start_spread) ** 2)
+    return np.asarray(e[..., : len(seen)] @ seen @ np.linalg.inv(information))
+
+
+def beside_start(model: Predictor, e: Array) -> Array:
+    """Whitened innovations e (..., n) [1], or changes of them, as they are with the start that explains most of them;
+    changed in place."""
+    seen = model.start_seen[: e.shape[-1]]
+    e[..., : len(seen)] -= wrong_start(model, e) @ seen.T
+    return e
+
+
+def at_rest(model: Predictor, reading: Array) -> Array:
+    """The initial state (S,) [SI] of a table that rests where the first of the readings (n,) [m] has it."""
+    start = np.zeros(model.C.size)
+    start[0] = reading[0]
+    return start
+
+
+def begun(model: Predictor, force: Array, reading: Array) -> Array:
+    """The initial state (S,) [SI] whose position and speed explain the record best, all else at rest; force (n, M) [N],
+    reading (n,) [m]."""
+    head, start = slice(len(model.start_seen)), at_rest(model, reading)
+    e = innovations(model, force[head], reading[head], start) / model.deviation
+    start[:2] += wrong_start(model, e) * model.start_units
+    return start
+
+
 def responses(model: Predictor, force: Array, reading: Array | None = None) -> Array:
     """Change (n, k) [1] of the whitened innovations by k forces (k, n, M) [N] added to the net force, and by k
     additions (k, n) [m] to the reading; a column's samples are contiguous.
@@ -174,6 +241,11 @@ def responses(model: Predictor, force: Array, reading: Array | None = None) -> A
         _heads(behind, entering.reshape(of_these.shape), of_these)
         out += of_these.reshape(-1, size) @ (kept.T / model.deviation)
     return np.asarray(e[:, :n].T)
+
+
+def changes(model: Predictor, force: Array, reading: Array | None = None) -> Array:
+    """`responses` (n, k) [1] beside the start: the changes of what the innovations are after it was fitted."""
+    return beside_start(model, responses(model, force, reading).T).T
 
 
 def _block(model: Predictor, entry: Array) -> tuple[Array, Array, Array, Array]:

@@ -21,10 +21,12 @@ from diagnosis.model.kalman import (
     SUBSTEPS,
     Predictor,
     Resonance,
+    at_rest,
+    beside_start,
+    changes,
     discretised,
     innovations,
     predictor,
-    responses,
     smoothed,
 )
 from diagnosis.model.parallel import parallel_map
@@ -48,7 +50,6 @@ PASSES: Final = 5  # of the smoother, until friction is known
 AGAIN: Final = 0.625  # in the smoother once friction is known
 PROBE: Final = 2e-3  # of a sample: by which the dead time is changed for a derivative
 INSIDE: Final = 0.998  # of its limit, within which an element is when slopes by its start are taken
-STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,7 @@ class Candidate:
             noise=noise(machine),
             white_force=usual * self.roughness_of(record),
             random_forces=self.random_forces,
+            starting_walk=AGAIN * usual,
         )
 
 
@@ -223,9 +225,7 @@ def evaluate_record(
         acts = _acts(candidate, machine, record, index, path)
     force = _net(machine, acts)
     reading = record.position - acts.reading - vibration(candidate, force, record.sample_time)
-    start = np.zeros(model.C.size)
-    start[0] = reading[0]
-    e = innovations(model, force, reading, start) / model.deviation
+    e = beside_start(model, innovations(model, force, reading, at_rest(model, reading)) / model.deviation)
     return Residual(e, force, acts, path, model.deviation / noise(machine))
 
 
@@ -315,8 +315,7 @@ def _plant_slopes(candidate: Candidate, record: Record, residual: Residual, mode
     """By differences of the predictor; its gain stays, as any gain is a fair filter."""
     layout, step = candidate.layout, 1e-4
     reading = record.position - residual.acts.reading - vibration(candidate, residual.force, record.sample_time)
-    start = np.zeros(model.C.size)
-    start[0] = reading[0]
+    start = at_rest(model, reading)
     names = ("payload_mass", "thrust_constant", "mode_gain", "mode_frequency", "mode_damping")
     for j in np.concatenate([layout.of(name) for name in names]):
         theta = candidate.theta.copy()
@@ -325,7 +324,7 @@ def _plant_slopes(candidate: Candidate, record: Record, residual: Residual, mode
         size = 2 * len(layout.machine.plant.modes) + 1
         a[:size, :size], b[:size], _ = discretised(applied(layout, theta).plant, record.sample_time)
         moved = innovations(replace(model, A=a, B=b), residual.force, reading, start) / model.deviation
-        slopes[:, j] = (moved - residual.innovations) / step
+        slopes[:, j] = (beside_start(model, moved) - residual.innovations) / step
 
 
 def _force_slopes(
@@ -354,7 +353,7 @@ def _force_slopes(
     force[1], force[2] = -1.0, -residual.acts.friction
     elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
     _element_slopes(residual.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
-    slopes[:, order] = responses(model, force)
+    slopes[:, order] = changes(model, force)
     stronger = layout.of("thrust_constant")  # of the plant so far; it makes friction and the file's offset smaller
     for name, size in (("friction_level", 1.0), ("amplifier_offset", layout.machine.drive.offset)):
         slopes[:, stronger] -= size * slopes[:, layout.of(name)]
@@ -400,7 +399,7 @@ def columns(
             other = replace(candidate, effects=tuple(trial))
             force[j], reading[j] = _differences(other, candidate, machine, record, i, path, one)
         model = candidate.predictor(record.sample_time, walk, i)
-        return responses(model, force, -reading if np.any(reading) else None)
+        return changes(model, force, -reading if np.any(reading) else None)
 
     return np.concatenate(list(parallel_map(part, range(len(records)), records, paths, residuals)))
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, unrepeated
+from diagnosis.model.kalman import STARTING
 from diagnosis.model.motions import pieces
-from diagnosis.model.residual import STARTING
 from diagnosis.model.units import loop_time
 from models.effects.base import Effect, Numbers, Place, T, hook, parameter
 from models.records.record import Record

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
-from diagnosis.model.kalman import SUBSTEPS, responses
+from diagnosis.model.kalman import SUBSTEPS, changes
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, initial_state
 from diagnosis.model.residual import Candidate, initial_command
@@ -105,7 +105,8 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
     apart = np.flatnonzero(np.any(changed != 0, axis=(0, 1)))
     n = min((apart[-1] // SUBSTEPS if apart.size else 0) + TAIL, record.position.size)
     force = -(changed[:, :, : n * SUBSTEPS] * k[:, None]).reshape(GRID * limit.size, n, SUBSTEPS)
-    columns = responses(candidate.predictor(record.sample_time, fitted.walk, index), force)
+    model = candidate.predictor(record.sample_time, fitted.walk, index)
+    columns = changes(model, force)
     part = slice(begin, begin + n)
     others = np.setdiff1d(np.arange(layout.count), where)
     basis = fitted.slopes[part][:, others] * layout.deviation[others]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
-from diagnosis.model.residual import STARTING
+from diagnosis.model.kalman import STARTING
 from diagnosis.where.added import AS_GOOD, Added, added
 from diagnosis.where.structure import Structure, structure
 from models.controller import PID, Feedback

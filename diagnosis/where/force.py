@@ -17,9 +17,18 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from diagnosis.model.fit import Fit
-from diagnosis.model.kalman import SUBSTEPS, Predictor, discretised, innovations, smoothed, smoother_gain
+from diagnosis.model.kalman import (
+    STARTING,
+    SUBSTEPS,
+    Predictor,
+    begun,
+    discretised,
+    innovations,
+    smoothed,
+    smoother_gain,
+)
 from diagnosis.model.motions import Piece, repeated, rms, scatter
-from diagnosis.model.residual import AGAIN, STARTING, Candidate, modal, unweighted_predictor
+from diagnosis.model.residual import AGAIN, Candidate, modal, unweighted_predictor
 from diagnosis.model.units import noise
 from diagnosis.where.energy import Samples, centred
 from models.plant import Plant
@@ -103,8 +112,7 @@ def smoothed_force(fitted: Fit, records: Sequence[Record], walk: float) -> Force
     machine, model = fitted.candidate.machine, unweighted_predictor(fitted.candidate, records[0].sample_time, walk)
     place, values = 2 * len(machine.plant.modes), []  # the force's index among the states
     for i, record in enumerate(records):
-        reading = explained_reading(fitted, record, i)
-        values.append(smoothed(model, fitted.residuals[i].force, reading, _start(model, reading))[:, place])
+        values.append(smoothed(model, *_seen(model, fitted, record, i))[:, place])
     white, ts = fitted.candidate.usual_white_force, records[0].sample_time
     deviation = steady_deviation(machine.plant, ts, walk=walk * white, noise=noise(machine), white_force=white)
     part = noise(machine) * float(np.linalg.norm(smoother_response(fitted.candidate, records[0].sample_time, walk)[0]))
@@ -134,8 +142,7 @@ def own_course(fitted: Fit, records: Sequence[Record], walk: float) -> float:
     for k, one in enumerate((fitted.walk, walk)):
         model = unweighted_predictor(fitted.candidate, records[0].sample_time, one)
         for i, record in enumerate(records):
-            reading = explained_reading(fitted, record, i)
-            e = innovations(model, fitted.residuals[i].force, reading, _start(model, reading))[STARTING:]
+            e = innovations(model, *_seen(model, fitted, record, i))[STARTING:]
             left[k] += float(e @ e)
     return float(np.clip(1 - left[1] / max(left[0], 1e-300), 0.0, 1.0))
 
@@ -144,15 +151,14 @@ def _log_likelihoods(fitted: Fit, records: Sequence[Record], walk: float) -> Ite
     """Logarithm of each record's likelihood, up to a constant."""
     model = unweighted_predictor(fitted.candidate, records[0].sample_time, walk)
     for i, record in enumerate(records):
-        reading = explained_reading(fitted, record, i)
-        e = innovations(model, fitted.residuals[i].force, reading, _start(model, reading))[STARTING:] / model.deviation
+        e = innovations(model, *_seen(model, fitted, record, i))[STARTING:] / model.deviation
         yield -0.5 * float(e @ e) - e.size * float(np.log(model.deviation))
 
 
-def _start(model: Predictor, reading: Array) -> Array:
-    start = np.zeros(model.C.size)
-    start[0] = reading[0]
-    return start
+def _seen(model: Predictor, fitted: Fit, record: Record, index: int) -> tuple[Array, Array, Array]:
+    """What filters take: the net force (n, M) [N], the reading (n,) [m] and the initial state (S,)."""
+    seen, reading = fitted.residuals[index], explained_reading(fitted, record, index)
+    return seen.force, reading, begun(model, seen.force, reading)
 
 
 def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float, white_force: float) -> float:
@@ -204,8 +210,7 @@ def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
     model = unweighted_predictor(candidate, ts, FAST)
     residual = []
     for i, record in enumerate(records):
-        reading = explained_reading(fitted, record, i)
-        residual.append(innovations(model, fitted.residuals[i].force, reading, _start(model, reading))[STARTING:])
+        residual.append(innovations(model, *_seen(model, fitted, record, i))[STARTING:])
     size = float(np.sqrt(np.mean(np.concatenate(residual) ** 2))) / model.deviation
     force = size * noise_deviation(candidate, ts, smoothed_force(fitted, records, SLOW))
     return Floor("innovations", force, size * noise(candidate.machine), size, 0, 0, None)

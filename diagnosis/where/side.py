@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.kalman import adjoint, responses
+from diagnosis.model.kalman import adjoint, changes
 from diagnosis.model.parameters import initial_state
 from diagnosis.model.residual import shifted
 from diagnosis.where.coordinates import Coordinate, by_motion, folds, hat_functions, held_out
@@ -98,7 +98,8 @@ def as_force(fitted: Fit, records: Sequence[Record], basis: Array) -> Array:
         here = basis[begin : begin + record.position.size]
         begin += record.position.size
         force = np.repeat(here.T[:, :, None], fitted.residuals[i].force.shape[1], axis=2)
-        parts.append(responses(fitted.candidate.predictor(record.sample_time, fitted.walk, i), force))
+        model = fitted.candidate.predictor(record.sample_time, fitted.walk, i)
+        parts.append(changes(model, force))
     return np.concatenate(parts)
 
 
@@ -109,7 +110,8 @@ def _as_reading(fitted: Fit, records: Sequence[Record], basis: Array, units: Uni
         here = PROBE * units.reading * basis[begin : begin + record.position.size]
         begin += record.position.size
         force = np.stack([_friction_change(fitted, record, i, added) for added in here.T])
-        parts.append(responses(fitted.candidate.predictor(record.sample_time, fitted.walk, i), force, -here.T))
+        model = fitted.candidate.predictor(record.sample_time, fitted.walk, i)
+        parts.append(changes(model, force, -here.T))
     return np.concatenate(parts)
 
 

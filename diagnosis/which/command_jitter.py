@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from diagnosis.model.fit import Fit
-from diagnosis.model.kalman import SUBSTEPS, Predictor, responses
+from diagnosis.model.kalman import STARTING, SUBSTEPS, Predictor, responses
 from diagnosis.model.motions import Piece, pieces, repeated
-from diagnosis.model.residual import STARTING
 from diagnosis.model.units import loop_time, noise
 from models.effects.motor import TimingJitter
 from models.records.record import Record

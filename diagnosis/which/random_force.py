@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.model.fit import Fit
-from diagnosis.model.kalman import Resonance
-from diagnosis.model.residual import STARTING, Candidate, Residual, evaluate
+from diagnosis.model.kalman import STARTING, Resonance
+from diagnosis.model.residual import Candidate, Residual, evaluate
 from diagnosis.model.units import friction_force, loop_time, white_force
 from diagnosis.which.scan import NuisanceProjection, adjoints
 from models.effects.base import parameters

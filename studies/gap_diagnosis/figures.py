@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
 
-from diagnosis.model.residual import STARTING
+from diagnosis.model.kalman import STARTING
 from reports import style
 from studies.wording import effect
 
