@@ -11,15 +11,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.model.kalman import (
+    STARTING,
     SUBSTEPS,
     Predictor,
     Resonance,
     adjoint,
+    at_rest,
+    begun,
+    beside_start,
+    changes,
     discretised,
     innovations,
     predictor,
     responses,
     smoothed,
+    wrong_start,
 )
 from models.machine import load
 from models.plant import sampled
@@ -29,7 +35,7 @@ TS = MACHINE.sample_time
 
 
 def _model(**options: object) -> Predictor:
-    return predictor(MACHINE.plant, TS, walk=4e-3, noise=4e-8, **{"white_force": 0.08, **options})
+    return predictor(MACHINE.plant, TS, noise=4e-8, **{"walk": 4e-3, "white_force": 0.08, **options})
 
 
 def test_the_discrete_plant_is_the_exact_one() -> None:
@@ -66,16 +72,24 @@ def test_columns_side_by_side_are_the_filter_itself() -> None:
 
 
 def _simulated(
-    model: Predictor, walk: float, noise: float, seed: int, n: int = 40_000
+    model: Predictor,
+    walk: float,
+    noise: float,
+    seed: int,
+    n: int = 40_000,
+    white_force: float = 0.08,
+    begin: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Reading (n,) and unknown force (n,) of the very model that the filter assumes."""
+    """Reading (n,) and unknown force (n,) of the very model that the filter assumes, whose table has the position
+    and speed `begin` at first."""
     rng, state = np.random.default_rng(seed), np.zeros(model.C.size)
+    state[:2] = begin
     reading, force = np.empty(n), np.empty(n)
     held = model.A[:, -1].copy()
     held[-1] = 0.0
     for k in range(n):
         reading[k], force[k] = model.C @ state + noise * rng.standard_normal(), state[-1]
-        state = model.A @ state + held * 0.08 * rng.standard_normal()
+        state = model.A @ state + held * white_force * rng.standard_normal()
         state[-1] += walk * rng.standard_normal()
     return reading, force
 
@@ -98,3 +112,32 @@ def test_the_smoother_finds_the_unknown_force_better_than_the_filter() -> None:
     past = smoothed(replace(model, back=np.zeros_like(model.back)), still, reading, zero)[5000:-5000, -1]
     truth = force[5000:-5000]
     assert np.std(both - truth) < 0.8 * np.std(past - truth)
+
+
+@pytest.mark.parametrize("starting_walk", [None, 0.1])
+def test_a_table_that_moves_when_its_record_begins_leaves_white_innovations(starting_walk: float | None) -> None:
+    """However slow the filter: from rest at the first reading, it takes thousands of samples to settle."""
+    model = _model(walk=1e-5, white_force=1e-3, starting_walk=starting_walk)
+    length = len(model.start_seen)
+    assert length > 3000
+    begin = (3e-7, 1e-4)
+    reading, _ = _simulated(model, 1e-5, 4e-8, 4, 3 * length, 1e-3, begin)
+    still = np.zeros((reading.size, SUBSTEPS))
+    resting, fitted = at_rest(model, reading), begun(model, still, reading)
+    before, after = (innovations(model, still, reading, one) / model.deviation for one in (resting, fitted))
+    counts = slice(STARTING, length)
+    assert np.mean(before[counts] ** 2) > 3.0
+    assert np.mean(after[counts] ** 2) == pytest.approx(1.0, abs=5 * np.sqrt(2 / length))
+    error = (fitted[:2] - begin) / model.start_units
+    information = model.start_seen.T @ model.start_seen
+    assert error @ information @ error < 18.4  # of chi-square with two degrees of freedom, once in 10,000
+    assert np.allclose(beside_start(model, before.copy()), after, atol=1e-6)
+
+
+def test_changes_are_those_of_the_innovations_after_their_start_was_fitted() -> None:
+    rng, model = np.random.default_rng(6), _model(walk=1e-5, white_force=1e-3)
+    force, reading = rng.standard_normal((3, 4000, SUBSTEPS)), 1e-6 * rng.standard_normal((3, 4000))
+    found = changes(model, force, reading)
+    alone = responses(model, force, reading).T
+    assert np.allclose(found.T, alone - wrong_start(model, alone) @ model.start_seen[:4000].T, atol=1e-12)
+    assert np.max(np.abs(wrong_start(model, found.T))) < 1e-5 * np.max(np.abs(wrong_start(model, alone)))
