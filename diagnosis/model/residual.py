@@ -191,8 +191,8 @@ def _pass(
         acts = _acts(candidate, machine, record, index, before.path)
         force, added = _net(machine, acts), acts.reading
         reading = reading - added - vibration(candidate, force, record.sample_time)
-    start = np.zeros(model.C.size)
-    start[0], start[2 * len(machine.plant.modes)] = reading[0], -force[0, 0]
+    start = at_rest(model, reading)
+    start[2 * len(machine.plant.modes)] = -force[0, 0]
     states = smoothed(model, force, reading, start)
     return SmoothedPath(
         path_through(states, 2 * len(machine.plant.modes), record, record.position - added - reading),
