@@ -131,7 +131,7 @@ def test_a_table_that_moves_when_its_record_begins_leaves_white_innovations(star
     error = (fitted[:2] - begin) / model.start_units
     information = model.start_seen.T @ model.start_seen
     assert error @ information @ error < 18.4  # of chi-square with two degrees of freedom, once in 10,000
-    assert np.allclose(beside_start(model, before.copy())[STARTING:], after[STARTING:], atol=1e-4)
+    assert np.allclose(beside_start(model, before.copy())[counts], after[counts], atol=1e-8)
 
 
 def test_changes_are_those_of_the_innovations_after_their_start_was_fitted() -> None:
