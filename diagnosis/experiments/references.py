@@ -1,7 +1,7 @@
 """What to run on an axis so that it can be identified and diagnosed: references alone, in sizes of the axis itself.
 
 Lengths are in presliding distances and strokes, forces in shares of the rated thrust and of friction, times in settling
-times and sample times. On the paper's table the suite is nearly the one of the diagnosis' examples.
+times and sample times. The suite is the one that a diagnosis begins with (`diagnosis.experiments.schedules.suite`).
 """
 
 from __future__ import annotations
@@ -11,15 +11,12 @@ from typing import Final
 import numpy as np
 
 from diagnosis.experiments.schedules import (
-    PEAK_SPEED,
-    Excitation,
     Move,
     Schedule,
     Step,
-    allowed,
     quickest,
     schedule,
-    together,
+    suite,
 )
 from models.controller import References
 from models.machine import Machine
@@ -36,8 +33,6 @@ STRONG: Final = 0.1  # of the rated thrust: the most of a sweep's force
 LEVELS: Final = {"sweep_low.csv": 0.3, "sweep_high.csv": 1.0}  # of the strongest sweep
 KEEPS_ROLLING: Final = 0.3  # of that speed: the most that a sweep's force may make the rigid body oscillate
 REST: Final = 10  # settling times
-LONG: Final = ((15, 0.002), (60, 0.008), (120, 0.033), (200, 0.05), (600, 0.06), (600, 0.06))
-"""Strokes of the suite: presliding distances, shares of the rated speed."""
 
 
 def axis_references(machine: Machine) -> dict[str, Schedule]:
@@ -46,7 +41,7 @@ def axis_references(machine: Machine) -> dict[str, Schedule]:
     The two sweeps roll in opposite directions, so that one after the other they end where they began.
     """
     sweeps = {name: _sweep(machine, level, sign) for (name, level), sign in zip(LEVELS.items(), (1, -1), strict=True)}
-    others = {"strokes.csv": _strokes(machine), "suite.csv": _suite(machine)}
+    others = {"strokes.csv": _strokes(machine), "suite.csv": suite(machine)}
     return {"slow_loops.csv": _slow_loops(machine), **sweeps, **others}
 
 
@@ -92,42 +87,8 @@ def _strokes(machine: Machine) -> Schedule:
     return schedule("strokes", machine, steps, lead=wanted.settling_time)
 
 
-def _suite(machine: Machine) -> Schedule:
-    """What excites nearly every effect of the catalogue: moves of many sizes, rests of many lengths, a multisine at
-    rest, and strokes from slow to fast."""
-    wanted, settling = machine.specification, machine.specification.settling_time
-    ladder: list[Step] = [
-        _move(machine, sign * size * wanted.stroke)
-        for size in (0.1, 0.25, 0.5, 1, 2.5, 5, 10)
-        for sign in (1, 1, -1, -1)
-    ]
-    rests: list[Step] = [
-        _move(machine, sign * 0.865 * wanted.stroke, rest)
-        for rest in (2.4, 4.8, 10, 20, 40, 60)
-        for sign in (1, 1, -1, -1)
-    ]
-    top = TOP / machine.sample_time
-    low = top / 10**DECADES
-    quiet = Move(0.0, 4 * settling, 4 * settling)
-    force = min(0.24 * machine.friction.coulomb_force, 0.1 * machine.drive.rated_thrust)
-    noise: list[Step] = [quiet, Excitation((low, top), force, 16 / low), quiet]
-    long = [_there_and_back(machine, distance, share) for distance, share in LONG]
-    return together(
-        "suite", [schedule("part", machine, steps, lead=4 * settling) for steps in (ladder, rests, noise, *long)]
-    )
-
-
-def _there_and_back(machine: Machine, distance: float, share: float) -> list[Step]:
-    """A stroke there and back of a distance in presliding distances, within 40 settling times, at a share of the rated
-    speed."""
-    settling, speed = machine.specification.settling_time, share * machine.drive.rated_speed
-    size = min(distance * max(machine.friction.limit), 40 * settling * speed / PEAK_SPEED)
-    duration = PEAK_SPEED * size / allowed(machine, size, speed)
-    return [Move(sign * size, duration, REST * settling) for sign in (1, -1)]
-
-
-def _move(machine: Machine, distance: float, rest: float = REST) -> Move:
-    """A move [m] as quick as the specification wants it and 60 % of the rated thrust allow; rest [settling times]."""
+def _move(machine: Machine, distance: float) -> Move:
+    """A move [m] as quick as the specification wants it and 60 % of the rated thrust allow, and then a rest."""
     wanted = machine.specification
     duration = max(wanted.reference_settling_time, quickest(machine, abs(distance), 0.6))
-    return Move(distance, duration, rest * wanted.settling_time)
+    return Move(distance, duration, REST * wanted.settling_time)

@@ -168,9 +168,9 @@ def _of_effect(kind: type[base.Effect]) -> Candidate:
 def _of_parameters() -> tuple[Candidate, ...]:
     """Parameters that are not what the design takes them for.
 
-    The table's are 1 + e times the design's, or larger by e. `payload_mass` is here the mass that every mode moves, and
-    not, as in a diagnosis, the rigid body's alone. For the friction the other way round as well: the table's is as
-    published, and the one that the compensator was made of is 1 + e times that ("identified").
+    The table's are 1 + e times the design's, or larger by e. `moving_mass` is the mass that every mode moves; the
+    `payload_mass` of a diagnosis is the rigid body's alone. For the friction the other way round as well: the table's
+    is as published, and the one that the compensator was made of is 1 + e times that ("identified").
     """
 
     def off(name: str, law: str, most: float, error: Callable[[float], Variation], unit: str = "1") -> Candidate:
@@ -180,7 +180,7 @@ def _of_parameters() -> tuple[Candidate, ...]:
         return Candidate(name, PARAMETERS, law, (Range(name, unit, -most, most, logarithmic=False),), 0, put)
 
     single = (
-        off("payload_mass", r"(1+e)\,M", MASS_BOUND * USUAL_TOLERANCE.mass, lambda e: Variation(mass=e)),
+        off("moving_mass", r"(1+e)\,M", MASS_BOUND * USUAL_TOLERANCE.mass, lambda e: Variation(mass=e)),
         off(
             "mode_frequency", r"(1+e)\,\omega_{ti}", BOUND * USUAL_TOLERANCE.frequency, lambda e: Variation(frequency=e)
         ),

@@ -28,7 +28,7 @@ SECONDS: Final = 0.1  # of each motion that is shown
 DRAWN: Final = 5  # candidates whose responses are shown
 PARTS: Final = {
     "wrong_friction": ("friction_level", "presliding_length"),
-    "all_parameters": ("wrong_friction", "friction_level", "presliding_length", "payload_mass", "dead_time"),
+    "all_parameters": ("wrong_friction", "friction_level", "presliding_length", "moving_mass", "dead_time"),
 }  # of candidates that vary several numbers: where a part shows the pattern, the whole does
 
 
