@@ -25,6 +25,7 @@ from diagnosis.model.roughness import WhiteForce, steady_variance, variance_by_r
 from diagnosis.model.units import white_force
 from diagnosis.refit import refit_within, weighed
 from diagnosis.verdict import Outcome
+from diagnosis.which.kinds import above_floor, of_kind
 from models.effects.base import Effect, Numbers, Place, T, hook, parameter
 from models.effects.friction_laws import ViscousFriction
 from models.machine import Machine
@@ -199,12 +200,25 @@ def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) ->
     assert found.baseline.floors == pytest.approx(whole, rel=0.1)  # of simulated tables as rough as this one
 
 
+def test_no_kind_of_law_has_a_share_of_what_does_not_repeat(found: Diagnosis) -> None:
+    """The weights leave one per sample, as many as the floor: of that difference any law would have a large share."""
+    begun = found.baseline
+    assert above_floor(begun.nominal, begun.nominal.innovations, begun) == 0
+    for proposal in found.stages[0].scanned[:3]:
+        assert proposal.effect is not None
+        share = of_kind(proposal.effect, begun.nominal, found.stages[0].scanned, begun)
+        assert (share.share, share.rival, share.decides(begun.criteria)) == (0, 0, False)
+
+
 def test_an_effect_on_a_rough_drive_is_named(null_cache: Path) -> None:
     records = recorded(MACHINE, PLAN, [KNOCKS, ViscousFriction(200.0)], seed=SEED, wrong=0.0)
     found = diagnose(MACHINE, records, cache=null_cache)
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     (drag,) = found.final.candidate.effects
     assert drag.values()[0] == pytest.approx(200.0, rel=0.1)
+    begun = found.baseline
+    alone = of_kind(drag, begun.nominal, found.stages[0].scanned, begun)
+    assert alone.share == pytest.approx(1.0, abs=0.2)
     assert found.how_far.interval[0] > 0.5
 
 
