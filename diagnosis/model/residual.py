@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from types import MappingProxyType
 from typing import Final
 
@@ -63,7 +63,7 @@ class Candidate:
     random_forces: tuple[Resonance, ...] = ()
     roughness: tuple[float, ...] = ()
 
-    @property
+    @cached_property
     def machine(self) -> Machine:
         """The nominal machine with theta put in."""
         return applied(self.layout, self.theta)

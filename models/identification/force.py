@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
-from scipy.signal import butter, cheby1, sosfiltfilt
+from scipy.signal import butter, cheby1, sosfilt, sosfilt_zi, sosfiltfilt
 
 from models.friction import deflections, elements
 from models.identification.estimate import STRONG, Estimate, newey_west
@@ -77,14 +77,16 @@ class Terms:
 
 @dataclass(frozen=True)
 class _Data:
-    """Filtered signals at all samples, and which of them are kept; beside: what `_beside` gives at the known delay."""
+    """Filtered signals at all samples, and which of them are kept; pass_band: sections of the low-pass,
+    at_rest: their state at a constant 1; beside: what `_beside` gives at the known delay."""
 
     sample_time: float
     path: Array
     force: Array
     keep: NDArray[np.int64]
     fitted: NDArray[np.bool_]
-    pass_band: object
+    pass_band: Array
+    at_rest: Array
     terms: Terms
     beside: tuple[Array, Array] | None = None
 
@@ -193,7 +195,8 @@ def _prepared(
     keep = np.arange(start, record.position.size - edge, stride)
     if keep.size < 40:
         raise ValueError("too little is left after the first reversal; record two slow loops or more")
-    data = _Data(ts, path, np.asarray(record.command, float), keep, keep * ts <= fit_until, low, terms)
+    force = np.asarray(record.command, float)
+    data = _Data(ts, path, force, keep, keep * ts <= fit_until, low, sosfilt_zi(low), terms)
     return replace(data, beside=_beside(data, 0.0))
 
 
@@ -282,7 +285,18 @@ def _filtered(data: _Data, columns: Array) -> Array:
     """Columns (samples, c) through the pass band, at the samples kept (n, c)."""
     width = max(AT_A_TIME // len(columns), 1)
     parts = [columns[:, i : i + width] for i in range(0, max(columns.shape[1], 1), width)]
-    return np.hstack([sosfiltfilt(data.pass_band, part, axis=0)[data.keep] for part in parts])
+    return np.hstack([_there_and_back(data.pass_band, data.at_rest, part)[data.keep] for part in parts])
+
+
+def _there_and_back(sections: Array, at_rest: Array, columns: Array) -> Array:
+    """`sosfiltfilt` (samples, c) by a filter without zero coefficients at its ends, to the last digit, whose state
+    (sections, 2) at a constant 1 is known: SciPy finds it anew in every call, which takes longer than to filter."""
+    edge = 3 * (2 * len(sections) + 1)
+    first, last = columns[:1], columns[-1:]
+    whole = np.concatenate([2 * first - columns[edge:0:-1], columns, 2 * last - columns[-2 : -edge - 2 : -1]])
+    for _ in range(2):
+        whole = sosfilt(sections, whole, axis=0, zi=at_rest[:, :, None] * whole[0])[0][::-1]
+    return np.asarray(whole[edge:-edge])
 
 
 def _solved(

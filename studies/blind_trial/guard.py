@@ -14,6 +14,8 @@ import gzip
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -149,16 +151,23 @@ def _sources(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.py"))
 
 
-def _functions(file: Path) -> Iterator[tuple[str, str]]:
+def _functions(file: Path) -> tuple[tuple[str, str], ...]:
     """Name and shape of every function worth comparing: its statements without names, docstrings and types."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    return _functions_in(file.read_text(encoding="utf-8"))
+
+
+@cache
+def _functions_in(source: str) -> tuple[tuple[str, str], ...]:
+    found = []
+    for node in ast.walk(ast.parse(source)):
         if not isinstance(node, ast.FunctionDef):
             continue
         body = node.body[1:] if ast.get_docstring(node) is not None else node.body
-        size = sum(1 for part in body for _ in ast.walk(part))
-        if size >= WORTH_COMPARING:
+        nodes = chain.from_iterable(map(ast.walk, body))
+        if next(islice(nodes, WORTH_COMPARING - 1, None), None) is not None:  # it has as many, or more
             order: dict[str, int] = {}
-            yield node.name, " ".join(_shape(part, order) for part in body)
+            found.append((node.name, " ".join(_shape(part, order) for part in body)))
+    return tuple(found)
 
 
 def _shape(node: ast.AST, order: dict[str, int]) -> str:

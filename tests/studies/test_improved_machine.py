@@ -25,33 +25,35 @@ speed = "0.05 m/s"
 """
 
 
-@pytest.fixture(scope="module")
-def improved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def improved(folder: Path, sample_time: str) -> Path:
     """The default table with effects; fewer and shorter motions, so that the studies are quick."""
     text = DEFAULT.read_text(encoding="utf-8")
     text = re.sub(r"(motions = \{ value = )\d+", r"\g<1>2", text)
     text = re.sub(r'(interval = \{ value = )"[^"]*"', r'\1"0.1 s"', text)
-    file = tmp_path_factory.mktemp("improved") / "machine.toml"
+    text = re.sub(r'(sample_time = \{ value = )"[^"]*"', rf'\1"{sample_time}"', text)
+    file = folder / "improved.toml"
     file.write_text(text + EFFECTS, encoding="utf-8")
     return file
 
 
 @pytest.mark.parametrize(
-    ("name", "options"),
+    ("name", "sample_time", "options"),
     [
-        ("pid_tradeoff", ["--mode-error", "0", "--mass-error", "0"]),
-        ("response_variation", []),
-        ("trajectory_optimisation", ["--objective", "peak_thrust", "--tables", "1"]),
+        ("pid_tradeoff", "500 us", ["--mode-error", "0", "--mass-error", "0"]),
+        ("response_variation", "500 us", []),
+        # A trajectory has an unknown for each sample.
+        ("trajectory_optimisation", "1 ms", ["--objective", "peak_thrust", "--tables", "1"]),
     ],
 )
 def test_a_study_runs_on_the_improved_machine(
-    name: str, options: list[str], improved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, sample_time: str, options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Aims may be missed: they are not those of this table. Designs beyond the records' 46 N are warned of."""
     study = import_module(f"studies.{name}.__main__").STUDY
-    common = ["--quick", "--no-report", "--machine", str(improved), "--output", str(tmp_path)]
+    file, output = improved(tmp_path, sample_time), tmp_path / "out"
+    common = ["--quick", "--no-report", "--machine", str(file), "--output", str(output)]
     assert main(study, [*common, *options]) in {DONE, CHECK_MISSED}
-    whole = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    whole = json.loads((output / "results.json").read_text(encoding="utf-8"))
     machine = whole["machine"]
     if name != "response_variation":
         assert {one["what"] for one in whole["results"]["beyond"]} == {"force"}
@@ -60,4 +62,4 @@ def test_a_study_runs_on_the_improved_machine(
         "viscous_friction": {"coefficient_Ns_per_m": 40.0},
         "gain_asymmetry": {"asymmetry": 0.01},
     }
-    assert "[effects.viscous_friction]" in (tmp_path / "machine.toml").read_text(encoding="utf-8")
+    assert "[effects.viscous_friction]" in (output / "machine.toml").read_text(encoding="utf-8")

@@ -6,7 +6,8 @@ closed form. It is what the quoted figures stand on.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
@@ -21,6 +22,7 @@ from design.pid.tuning import pose, tune
 from models.controller import PID
 from studies.pid_tradeoff.published import PUBLISHED, Optimum, find_again
 
+Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating]
 Circle = tuple[float, float]  # L keeps `radius` away from `centre`, on the negative real axis
 ONE = Polynomial([1, 1])  # s + 1
@@ -61,23 +63,44 @@ def stable(name: str, kp: float, ki: float, kd: float) -> bool:
     return bool(np.max(loop.roots().real) < 0)
 
 
-def largest_ki(name: str, p: Complex, kp: float, kd: float, kept: tuple[Circle, ...]) -> float:
+@dataclass(frozen=True)
+class Entries:
+    """Where ki enters and leaves a circle at every frequency of OMEGA, for one kd and any kp: the roots of
+    a ki^2 + 2 half(kp) ki + c(kp), whose coefficients (n,) of powers of kp are ascending."""
+
+    a: Array
+    half: tuple[Array, Array]
+    c: tuple[Array, Array, Array]
+
+    def intervals(self, kp: float) -> Array:
+        """Of ki, lower and upper ends (k, 2), as far as they reach above 0."""
+        half, c = self.half[0] + kp * self.half[1], self.c[0] + kp * (self.c[1] + kp * self.c[2])
+        inside = half**2 > self.a * c
+        a, half, c = self.a[inside], half[inside], c[inside]
+        root = np.sqrt(half**2 - a * c)
+        # The lower root without cancellation where it is positive.
+        upper = (root - half) / a
+        lower = np.where(half < 0, c / (root - half), -(root + half) / a)
+        return np.asarray(np.column_stack([lower, upper])[upper > 0])
+
+
+def entries(p: Complex, kd: float, circle: Circle) -> Entries:
+    s, (centre, radius) = 1j * OMEGA, circle
+    base, step = kd * s * p - centre, p / s
+    return Entries(
+        np.abs(step) ** 2,
+        (np.real(base * np.conj(step)), np.real(p * np.conj(step))),
+        (np.abs(base) ** 2 - radius**2, 2 * np.real(base * np.conj(p)), np.abs(p) ** 2),
+    )
+
+
+def largest_ki(name: str, kp: float, kd: float, kept: Sequence[Entries]) -> float:
     """The largest ki with which the loop is stable and L in no circle; 0 if there is none.
 
     At every frequency ki enters a circle at one root of a quadratic and leaves it at the other; what remains between
     these intervals are gaps, of which the highest stable one counts.
     """
-    s, intervals = 1j * OMEGA, []
-    for centre, radius in kept:
-        base, step = (kp + kd * s) * p - centre, p / s
-        a, half, c = np.abs(step) ** 2, np.real(base * np.conj(step)), np.abs(base) ** 2 - radius**2
-        inside = half**2 > a * c
-        root = np.sqrt(half[inside] ** 2 - a[inside] * c[inside])
-        # The lower root without cancellation where it is positive.
-        upper = (root - half[inside]) / a[inside]
-        lower = np.where(half[inside] < 0, c[inside] / (root - half[inside]), -(root + half[inside]) / a[inside])
-        intervals.append(np.column_stack([lower, upper])[upper > 0])
-    edges = np.concatenate(intervals)
+    edges = np.concatenate([one.intervals(kp) for one in kept])
     edges = edges[np.argsort(edges[:, 0])]
     reached = np.concatenate([[0.0], np.maximum.accumulate(edges[:, 1])[:-1]])
     for top in edges[edges[:, 0] > np.maximum(reached, 0.0), 0][::-1]:
@@ -89,10 +112,11 @@ def largest_ki(name: str, p: Complex, kp: float, kd: float, kept: tuple[Circle, 
 def best(name: str, kd: float, kept: tuple[Circle, ...], highest: float) -> tuple[float, float]:
     """(kp, ki) of the largest ki on grids of kp from nearly 0 on, each ten times finer than the one before."""
     p = response(name)
+    shut = [entries(p, kd, circle) for circle in kept]
     low, high = 1e-3 * highest, highest
     for _ in range(4):
         gains = np.linspace(low, high, 61)
-        values = [largest_ki(name, p, float(kp), kd, kept) for kp in gains]
+        values = [largest_ki(name, float(kp), kd, shut) for kp in gains]
         top, width = int(np.argmax(values)), 3 * (high - low) / 60
         low, high = max(gains[top] - width, 1e-3 * highest), gains[top] + width
     return float(gains[top]), float(values[top])

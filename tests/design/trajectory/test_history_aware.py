@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
@@ -23,6 +25,7 @@ def quickest(
 ) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
     """Least time in which |u| <= 1 moves the plant by 1 from rest to rest, and when the thrust switches."""
 
+    @cache  # the root is a duration that was tried
     def least_peak(duration: float) -> Trajectory:
         return solve(build(Task(plant, None, duration / count, count, 1.0, "peak_thrust")), ratios=(0.1,))
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from joblib import parallel_config
+from joblib.externals.loky import get_reusable_executor
 
 from studies.blind_trial import answering, compute, landlock, sealing
 from studies.blind_trial.__main__ import STUDY
@@ -90,6 +91,7 @@ def results(tmp_path: Path) -> Any:
 def test_no_label_is_in_any_file_or_in_memory_that_the_kernel_shuts_while_cases_are_answered(
     asked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    get_reusable_executor().shutdown()  # workers that an earlier test left know nothing of this environment
     monkeypatch.setattr(compute, "DIAGNOSIS", ways.__name__)
     monkeypatch.setenv(ways.FOLDER, str(tmp_path))
     monkeypatch.setenv(ways.SECRET, WORD[::-1])
