@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
+from diagnosis.friction_curve import with_finer_friction
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.motions import Piece, numbered, pieces
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
@@ -34,7 +35,8 @@ class Baseline:
     missing, and the criteria of all that follows.
 
     known_replays: of the controller on the records as they were logged, where signals that were added behind the
-    controller have gone into their feedforward."""
+    controller have gone into their feedforward. given: the machine as its file has it, where it has fewer friction
+    elements than the records show."""
 
     nominal: Fit
     records: tuple[Record, ...]
@@ -42,12 +44,20 @@ class Baseline:
     null: Null
     criteria: Criteria = Criteria()
     known_replays: tuple[Replayed, ...] = ()
+    given: Machine | None = None
 
     @property
     def machine(self) -> Machine:
-        """The machine as its file states it, but for a rated thrust that the drive was seen to exceed."""
+        """The machine as its file states it, but for a rated thrust that the drive was seen to exceed, and for friction
+        elements that act as one."""
         nominal = self.nominal.candidate.nominal
-        return replace(nominal, priors=nominal.priors.stated)
+        tolerance = self.given.tolerance if self.given else nominal.tolerance
+        return replace(nominal, priors=nominal.priors.stated, tolerance=tolerance)
+
+    @property
+    def delivered(self) -> Machine:
+        """The same with the file's friction elements."""
+        return replace(self.given, priors=self.given.priors.stated) if self.given else self.machine
 
     @cached_property
     def segment(self) -> NDArray[np.int64]:
@@ -115,10 +125,14 @@ def refit_and_null(
         call,
         (lambda: within_rating(machine, records), lambda: null(layout, records, cache=cache, say=told)),
     )
-    nominal = weighed(smooth, records, criteria, chance.usual)
-    if nominal.candidate.rough:  # what chance gains depends on how rough the drive is
-        chance = null(layout, records, cache=cache, say=told, roughness=nominal.candidate.roughness)
-    return Baseline(nominal, tuple(records), pieces(records, loop_time(machine)), chance, criteria, known)
+    motions = pieces(records, loop_time(machine))
+    finer = with_finer_friction(smooth, records, numbered(motions, records), criteria)
+    nominal, given = weighed(finer, records, criteria, chance.usual), None
+    if nominal.candidate.rough or finer is not smooth:  # what chance gains depends on the roughness and on the elements
+        chance = null(nominal.candidate.layout, records, cache=cache, say=told, roughness=nominal.candidate.roughness)
+    if finer is not smooth:
+        given = smooth.candidate.nominal
+    return Baseline(nominal, tuple(records), motions, chance, criteria, known, given)
 
 
 def with_what_was_added(

@@ -23,6 +23,6 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     """
     nominal, adopted = diagnosis.baseline.machine, diagnosis.how_far.handover.adopted
     if adopted.finished is None:
-        return nominal if adopted.name == Content.DELIVERED else adopted.machine
+        return diagnosis.baseline.delivered if adopted.name == Content.DELIVERED else adopted.machine
     fitted = adopted.finished.fitted
     return machine_of(nominal, fitted.candidate, deviations_of(fitted, diagnosis.baseline.segment), source)

@@ -91,7 +91,7 @@ def machine_of(
     """The nominal machine with what the candidate changes, each value with its provenance; deviations: of the
     candidate's effects [SI]."""
     whole = with_sines(candidate)
-    fitted = replace(whole.machine, priors=nominal.priors)
+    fitted = replace(whole.machine, priors=nominal.priors, tolerance=nominal.tolerance)
     sources = {**nominal.sources, **dict(_refitted(nominal, fitted, source))}
     if whole.effects:
         given = {effect.name for effect in nominal.effects}

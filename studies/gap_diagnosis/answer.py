@@ -24,7 +24,7 @@ def sentences(results: Results) -> dict[str, str]:
     return {
         "outcome": _outcome(results["verdict"]),
         "where": _where(results["where"]),
-        "which": _which(results),
+        "which": _which(results) + _elements(results),
         "how_far": _how_far(results),
     }
 
@@ -89,8 +89,8 @@ def _which(results: Results) -> str:
         )
     if outcome == "none_of_these":
         told = _unsure(results) or (
-            "No effect of the catalogue, alone or with others, explains it within its prior range: the cause is out of "
-            "catalogue"
+            "No effect of the catalogue, alone or with others, explains it within its prior range: "
+            + _beyond_the_catalogue(results)
         )
         if verdict["partly"] and not _is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
@@ -112,6 +112,24 @@ def _which(results: Results) -> str:
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
     return f"It is {listed(shown)}{_rough(results)}.{by_curve}{_said_beside(verdict)}"
+
+
+def _beyond_the_catalogue(results: Results) -> str:
+    """What else the cause may be, where no effect explains the gap."""
+    if results.get("friction_elements"):
+        return "the cause is out of catalogue, or is what so few elements leave of the friction's curve"
+    return "the cause is out of catalogue"
+
+
+def _elements(results: Results) -> str:
+    """What is said of a friction curve that the records show more finely than the machine file."""
+    counts = results.get("friction_elements")
+    if not counts:
+        return ""
+    return (
+        f" The records show the friction's curve between the {counts['file']} elements of the machine file; it is "
+        f"fitted with {counts['fitted']}."
+    )
 
 
 def _another_form(verdict: Results, name: str) -> str:

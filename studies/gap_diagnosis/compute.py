@@ -177,6 +177,12 @@ def _elsewhere(found: Diagnosis, apart: Sequence[Loaded]) -> dict[str, Any] | No
     return {"records": [Path(one.name).name for one in apart], "files": files}
 
 
+def _friction_elements(found: Diagnosis) -> dict[str, int] | None:
+    """How many elements the file has, and with how many its friction was fitted; None where these are the same."""
+    given, used = (len(one.friction.limit) for one in (found.baseline.delivered, found.baseline.machine))
+    return {"file": given, "fitted": used} if used > given else None
+
+
 def _results(
     found: Diagnosis,
     beside: Evidence,
@@ -200,6 +206,7 @@ def _results(
         "records": _with_motions(given.shown, found.baseline.pieces),
         "motion_part_s": LONGEST * loop_time(found.baseline.machine),
         "shifts": _shifts(found),
+        "friction_elements": _friction_elements(found),
         "criteria": [
             {"name": name, "value": value, "unit": unit, "meaning": meaning, "chosen": chosen}
             for name, value, unit, meaning, chosen in found.baseline.criteria.listed()
