@@ -41,7 +41,7 @@ def with_finer_friction(
     fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64], criteria: Criteria = Criteria()
 ) -> Fit:
     """The fit as it is, or with twice or four times as many elements where the records show the curve between them by
-    far; segment (n,): the motion of each sample."""
+    far; segment (n,): the number of each sample's motion [1]."""
     least = criteria.finer_friction * fitted.innovations.size
     while 2 * len(fitted.candidate.nominal.friction.limit) <= MOST and curve_gain(fitted, records, segment) > least:
         finer = _halved(fitted, records)

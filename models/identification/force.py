@@ -34,16 +34,20 @@ Array = NDArray[np.float64]
 
 # The path's low-pass over the force's, and two beside it that show how much the choice matters.
 SMOOTHING: Final = (5.6, 4.8, 6.6)
+SLOW_BAND: Final = 20.0  # Hz, of the low-pass for friction in a slow record
+LOOPS: Final = 40.0  # times the frequency of a slow record's loops: its pass band at least
 FEWEST: Final = 40  # samples, below which a zero-phase filter has no room
 WIDEST: Final = 0.9  # of half the sampling rate: the widest low-pass
 GRID: Final = 60  # limits at which an element more is tried
-MOST_ELEMENTS: Final = 10
+MOST_ELEMENTS: Final = 20
 LEAST_SHARE: Final = 0.002  # of the slip force: an element that carries less stands for what the model leaves out
 SPACING: Final = 1.25  # least ratio of two neighbouring limits
 # Samples kept over which errors hang together: a turning point that the scale misses by part of a step is an error of
 # every element until it slips. With 4 the longest limit came out a quarter too sure; 32 changes nothing.
 TOGETHER: Final = 16
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
+STEPS: Final = 4.0  # of the reading: the shortest limit looked at
+COARSE: Final = 4e-7  # m: the shortest one where the reading is so coarse
 AT_END: Final = 0.95  # of the longest limit looked at: an element from there on may be longer
 LONGER: Final = 2.0  # times as long as the search went, such an element is taken to be
 LAGS: Final = ("delay", DAMPING)  # parameters beside the limits [s]
@@ -53,7 +57,8 @@ LAG_ORIGIN: Final = 10.0  # sample times; steps of 1e-3 from there on are as lon
 
 @dataclass(frozen=True)
 class Terms:
-    """What acts beside the elements. mass [kg]: known and taken off; None: identified. Others: identified or absent.
+    """What acts beside the elements. mass [kg]: known and taken off; None: identified. drag [N s/m]: viscous friction
+    that is known and taken off. Others: identified or absent.
 
     by_direction: viscous friction of its own for each direction; bent: a part c' v^2 beside c v, so that it may grow
     less than in proportion; delay: the position answers a delay after the command (known_delay [s] beside it, with its
@@ -61,6 +66,7 @@ class Terms:
     """
 
     mass: float | None = None
+    drag: float = 0.0
     viscous: bool = False
     by_direction: bool = False
     bent: bool = False
@@ -77,12 +83,13 @@ class Terms:
 
 @dataclass(frozen=True)
 class _Data:
-    """Filtered signals at all samples, and which of them are kept; pass_band: sections of the low-pass,
-    at_rest: their state at a constant 1; beside: what `_beside` gives at the known delay."""
+    """Filtered signals at all samples, and which of them are kept; step [m]: the finest of the reading; pass_band:
+    sections of the low-pass, at_rest: their state at a constant 1; beside: what `_beside` gives at the known delay."""
 
     sample_time: float
     path: Array
     force: Array
+    step: float
     keep: NDArray[np.int64]
     fitted: NDArray[np.bool_]
     pass_band: Array
@@ -95,6 +102,14 @@ def usable_band(usual: float, sample_time: float) -> float:
     """The low-pass's pass band [Hz] of a record sampled every sample_time [s]: the usual one, or on a slow record the
     widest with which the path's low-pass, that is SMOOTHING times as wide, stays below half the rate."""
     return min(usual, 0.5 * WIDEST / sample_time / max(SMOOTHING))
+
+
+def slow_band(record: Record) -> float:
+    """The low-pass's pass band [Hz] for friction in a slow record: SLOW_BAND, or so many times the frequency of its
+    loops where they are faster, as the band smears the curve behind a reversal over a way that grows with the speed."""
+    size = np.abs(np.fft.rfft(record.position - np.mean(record.position)))[1:]
+    loops = (int(np.argmax(size)) + 1) / (record.position.size * record.sample_time)
+    return usable_band(max(SLOW_BAND, LOOPS * loops), record.sample_time)
 
 
 def identify(
@@ -196,7 +211,9 @@ def _prepared(
     if keep.size < 40:
         raise ValueError("too little is left after the first reversal; record two slow loops or more")
     force = np.asarray(record.command, float)
-    data = _Data(ts, path, force, keep, keep * ts <= fit_until, low, sosfilt_zi(low), terms)
+    data = _Data(
+        ts, path, force, _finest_step(record.position), keep, keep * ts <= fit_until, low, sosfilt_zi(low), terms
+    )
     return replace(data, beside=_beside(data, 0.0))
 
 
@@ -207,9 +224,16 @@ def _memory_ends(path: Array) -> int:
 
 
 def _range(data: _Data) -> tuple[float, float]:
-    """Least and largest limit [m] looked at: from what a scale shows on, up to 0.45 of the path's span."""
+    """Least and largest limit [m] looked at: from what the scale and the path show on, up to 0.45 of the path's
+    span."""
     span = float(np.ptp(data.path))
-    return max(2e-3 * min(span, 2e-4), 4e-7), 0.45 * min(span, 5e-2)
+    return max(2e-3 * min(span, 2e-4), min(STEPS * data.step, COARSE)), 0.45 * min(span, 5e-2)
+
+
+def _finest_step(position: Array) -> float:
+    """The finest step of a reading (n,) [m] that moves, beyond what rounding makes of one."""
+    steps = np.abs(np.diff(position))
+    return float(np.min(steps[steps > 1e-9 * np.max(steps)]))
 
 
 def _states(limits: Array, path: Array, lead: float) -> Array:
@@ -243,7 +267,7 @@ def _beside(data: _Data, delay: float) -> tuple[Array, Array]:
     path = _shifted(data, delay)
     speed = np.gradient(path, ts)
     acceleration = np.gradient(speed, ts)
-    force = data.force - (terms.mass or 0.0) * acceleration
+    force = data.force - (terms.mass or 0.0) * acceleration - terms.drag * speed
     columns = [] if terms.mass is not None else [acceleration]
     ways = [np.maximum(speed, 0), np.minimum(speed, 0)] if terms.by_direction else [speed]
     if terms.viscous:

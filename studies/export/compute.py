@@ -196,7 +196,8 @@ def sizes(known: Coefficients, settled: float) -> dict[str, Any]:
     products = 3 * taps + elements + (states * states + 4 * states + 1 if states else 7)
     reals = known.memory + 2 * (elements + 1) + (states + 1) + 10
     largest = max(abs(number) for number in known.thrust)
-    left = known.thrust_limit - sum(k * x for k, x in zip(known.stiffness, known.limit, strict=True))
+    friction = sum(k * x for k, x in zip(known.stiffness, known.limit, strict=True))
+    left = known.thrust_limit - friction - abs(known.start)  # the constant force takes its share at either end
     more = {"memory_double_bytes": 0, "memory_single_bytes": 0}
     if known.learning is not None:
         products, more = products + 3, _sizes_of(known, known.learning)

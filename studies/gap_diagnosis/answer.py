@@ -223,10 +223,10 @@ def _gap_closed(results: Results) -> str:
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     part = verdict["outcome"] == "none_of_these"
     return (
-        f"{_parameters_share(far)} On held-out motions {'what goes into the model' if part else 'this'} closes "
+        f"{_parameters_share(far)} On held-out motions {'what it resembles' if part else 'this'} closes "
         f"{100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of the gap between the re-fitted model "
-        f"and the noise floor{', which is not the whole answer' if part else ''}: {moved}{_unexplained(results)}; the "
-        f"noise floor is {floor}."
+        f"and the noise floor{', which is not the whole answer and not in improved.toml' if part else ''}. Over all "
+        f"motions the gap goes {moved}{_unexplained(results)}; the noise floor is {floor}."
     )
 
 

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from models.identification import force
 from models.identification.estimate import STRONG
 from models.identification.force_fit import SURE, ForceFit
-from models.identification.into_machine import Found, lag_of, with_drag, with_friction, with_offset
+from models.identification.into_machine import Found, drag_of, lag_of, with_drag, with_friction, with_offset
 from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together
 from models.identification.joint.one_branch import one_branch
 from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
+from models.identification.modes import DRAG
 from models.quantity import show
 from models.records.files import Loaded
-
-SLOW_BAND: Final = 20.0  # Hz, of the low-pass for friction in a slow record
 
 
 def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
@@ -27,15 +25,16 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     dead_time = [std for _, std in found.earlier("dead time")]
     terms = force.Terms(
         mass=plant.mass,
+        drag=_known_drag(found),
         known_delay=plant.dead_time + lag_of(found.machine) + 0.5 * ts,
         known_delay_std=max(dead_time, default=0.0),
         damped=bool(dead_time),
     )
     record = record_of(loaded)
-    band = settings.pass_band or force.usable_band(SLOW_BAND, record.sample_time)
+    band = settings.pass_band or force.slow_band(record)
     fit = force.identify(record, terms, pass_band=band)
-    dragged = force.identify(record, replace(terms, viscous=True), pass_band=band)
-    if _drags(fit, dragged):
+    dragged = None if terms.drag else force.identify(record, replace(terms, viscous=True), pass_band=band)
+    if dragged and _drags(fit, dragged):
         fit = dragged
     slip, spread = fit.slip_force()
     steps = [*steps_of(found, "hysteresis"), Step(kind, loaded, ForceStep(fit))]
@@ -43,7 +42,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     remarks = (
         f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
         on_damping(fit),
-        _on_drag(dragged, taken=fit is dragged),
+        _on_drag(dragged, taken=fit is dragged) if dragged else _off_drag(terms.drag),
         *on_agreement(steps, ("offset",)),
         *on_slip(steps, "one branch fitted to all, with deviations as wide"),
         *_on_memory(fit),
@@ -58,11 +57,23 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     return with_step(found, machine, kind, loaded, ForceStep(fit), remarks)
 
 
+def _known_drag(found: Identified) -> float:
+    """The viscous friction [N s/m] that a frequency response gave, which shows it far better than a slow record; 0
+    where none did."""
+    response = found.last("response")
+    return drag_of(found.machine) if response is not None and DRAG in response.estimate.names else 0.0
+
+
 def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
     """Whether a slow record shows viscous friction: BIC falls by ten, and it is surely above none."""
     fallen = plain.criterion[len(plain.friction.limit)] - dragged.criterion[len(dragged.friction.limit)]
     name = "viscous friction"
     return fallen > STRONG and dragged.estimate.value(name) > SURE * dragged.estimate.deviation(name)
+
+
+def _off_drag(known: float) -> str:
+    """What is said of viscous friction [N s/m] that an earlier record gave."""
+    return f"The viscous friction of {known:.3g} N s/m, which an earlier record gave, was taken off and stays."
 
 
 def _on_drag(dragged: ForceFit, *, taken: bool) -> str:

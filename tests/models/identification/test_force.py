@@ -1,4 +1,4 @@
-"""The zero-phase low-pass of the fits of friction elements."""
+"""Friction elements from slow records of any speed and scale, and the zero-phase low-pass of their fits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,59 @@ import numpy as np
 import pytest
 from scipy.signal import cheby1, sosfilt_zi, sosfiltfilt
 
-from models.identification.force import FEWEST, _there_and_back
+from models.friction import branch, elements, follow
+from models.identification.force import FEWEST, Terms, _there_and_back, identify, slow_band
+from models.records.record import Record
+
+FORCE = 4.0  # N
+LIMITS = np.geomspace(0.1e-6, 25e-6, 60)
+MANY = elements(FORCE * LIMITS**-1.3 / np.sum(LIMITS**-0.3), LIMITS)
+
+
+def loops(sample_time: float, step: float = 1e-9, drag: float = 0.0) -> Record:
+    """Two loops of 4000 samples over 110 um and four inner ones, read in steps [m]; drag [N s/m]. No mass."""
+    angle = 2 * np.pi * np.arange(16_001) / 4000
+    path = 55e-6 * np.where(angle < 4 * np.pi, np.sin(angle), 0.25 * np.sin(2 * angle))
+    force = follow(MANY, path)[0] + drag * np.gradient(path, sample_time)
+    still = np.zeros(path.size)
+    return Record(sample_time, path, path, still, force, step * np.round(path / step))
+
+
+def test_elements_do_not_depend_on_how_fast_the_loops_were() -> None:
+    """Friction does not depend on the speed, so that a band in hertz, the same for all, would be wrong."""
+    bands = [slow_band(loops(ts)) for ts in (1.25e-4, 6.25e-5)]
+    assert bands == pytest.approx([80.0, 160.0], rel=1e-3)
+    slower, faster = (
+        identify(loops(ts), Terms(mass=0.0), pass_band=band).friction
+        for ts, band in zip((1.25e-4, 6.25e-5), bands, strict=True)
+    )
+    assert slower.limit == pytest.approx(faster.limit, rel=1e-6)
+    assert slower.stiffness == pytest.approx(faster.stiffness, rel=1e-6)
+
+
+def test_loops_that_are_slow_keep_the_usual_band() -> None:
+    assert slow_band(loops(5e-4)) == pytest.approx(20.0, rel=1e-3)
+    assert slow_band(loops(4e-3)) == pytest.approx(17.0, rel=0.02)  # the widest at 250 Hz
+
+
+def test_quick_loops_on_a_fine_scale_show_the_curve_better_than_a_band_for_slow_ones_lets_them() -> None:
+    record, distance = loops(1.25e-4), np.geomspace(1e-7, 6e-5, 80)
+
+    def error(band: float) -> float:
+        found = identify(record, Terms(mass=0.0), pass_band=band).friction
+        return float(np.std(branch(found, distance) - branch(MANY, distance))) / FORCE
+
+    assert error(slow_band(record)) < 0.02
+    assert error(slow_band(record)) < 0.4 * error(20.0)
+    assert min(identify(record, Terms(mass=0.0), pass_band=slow_band(record)).friction.limit) < 0.2e-6
+
+
+def test_viscous_friction_that_is_known_is_taken_off() -> None:
+    record, plain = loops(1.25e-4, drag=12.0), loops(1.25e-4)
+    found = identify(record, Terms(mass=0.0, drag=12.0), pass_band=80.0)
+    without = identify(plain, Terms(mass=0.0), pass_band=80.0)
+    assert found.friction.limit == pytest.approx(without.friction.limit, rel=0.02)
+    assert found.slip_force()[0] == pytest.approx(FORCE, rel=1e-3)
 
 
 @pytest.mark.parametrize("band", [0.01, 0.2, 0.7])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.effects.friction_laws import ViscousFriction
 from models.identification import motion
 from models.identification.estimate import Estimate
 from models.identification.into_machine import Found, with_drag, with_inertia, with_offset
@@ -17,6 +18,7 @@ from models.plant import frequency_response
 from models.records.files import Loaded
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
+from studies.identify_machine import own_records
 
 MACHINE = load()
 FREQUENCY = np.geomspace(5, 400, 120)
@@ -45,6 +47,27 @@ def test_a_frequency_response_gives_the_plant_and_leaves_the_rest() -> None:
     assert source.std == found.estimates["frf.csv"].deviation("rigid body gain")
     assert found.machine.sources["friction.limit"] == MACHINE.sources["friction.limit"]
     assert any("no stated deviations" in remark for remark in found.remarks)
+
+
+def test_the_viscous_friction_of_a_response_stays_when_a_slow_record_follows() -> None:
+    """Slow loops show it worse by far, and their curve is found beside the known one."""
+    drag = 60.0
+    dragging = replace(MACHINE, effects=(ViscousFriction(drag),))
+    rigid = frequency_response(MACHINE.plant, 2 * np.pi * FREQUENCY)
+    one = measured(MACHINE)
+    assert isinstance(one.content, FrequencyResponse)
+    noise = one.content.response / rigid
+    response = rigid / (1 + 2j * np.pi * FREQUENCY * drag * rigid) * noise
+    shown = replace(one, content=replace(one.content, response=response, rolling=True))
+    slow = Loaded("slow.csv", "34cd", own_records.hysteresis(dragging, 5), (), ())
+    found = identify(MACHINE, [slow, shown], kinds=["hysteresis", "response"])
+    alone = identify(MACHINE, [shown], kinds=["response"])
+    assert [step.kind for step in found.steps] == ["response", "hysteresis"]
+    (kept,), (given,) = found.machine.effects, alone.machine.effects
+    assert kept == given
+    assert kept.values()[0] == pytest.approx(drag, rel=0.1)
+    assert found.machine.sources["effects.viscous_friction.coefficient"].record == "frf.csv"
+    assert any("was taken off and stays" in remark for remark in found.remarks)
 
 
 def test_a_response_that_shows_nothing_is_refused_with_the_reason() -> None:

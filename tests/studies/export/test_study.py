@@ -10,8 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from models.deployment.coefficients import load_coefficients
+from models.machine import load
 from studies.command import BAD_INPUT, DONE, main
 from studies.export.__main__ import STUDY
+from studies.export.compute import sizes
 from studies.export.octave import PROGRAM
 from tests.design.deployment.compiling import NEEDS_CC
 from tests.models.deployment.laws import content_of, written
@@ -118,3 +121,14 @@ def test_a_short_proof_holds(kind: str, least: int, tmp_path: Path) -> None:
     assert 0 < proof["long"]["thrust_N"] < 1e-3 * 150
     assert np.isfinite(proof["closed_loop"])
     assert (proof["tables"]["tables"], proof["tables"]["learns"]) == (3, kind == "learning")
+
+
+def test_the_largest_step_leaves_room_for_a_constant_force(tmp_path: Path) -> None:
+    """A vertical axis: what holds it takes its share of the thrust."""
+    path = written("PID", tmp_path)
+    level = sizes(load_coefficients(path, 150.0, 0.0), 0.02)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps({**content, "start": {"thrust_N": 34.0}}), encoding="utf-8")
+    held = sizes(load_coefficients(path, 150.0, 0.0), 0.02)
+    free = load().drive.rated_thrust - load().friction.coulomb_force
+    assert held["largest_step_m"] / level["largest_step_m"] == pytest.approx(1 - 34 / free, rel=1e-2)

@@ -76,7 +76,20 @@ def test_how_far_a_part_of_an_explanation_goes_is_said(results: dict[str, Any]) 
         "gap_after": {**gap, "force_N": 1.234, "position_m": 3e-7},
     }
     told = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
-    assert "which is not the whole answer: from 2 N to 1.23 N of unknown force, from 1 µm to 300 nm of pos" in told
+    assert "which is not the whole answer and not in improved.toml. Over all motions the gap goes from 2 N to" in told
+    assert "1.23 N of unknown force, from 1 µm to 300 nm of position" in told
+
+
+def test_a_curve_of_more_friction_elements_than_the_file_has_is_said(results: dict[str, Any]) -> None:
+    finer = {**results, "friction_elements": {"file": 7, "fitted": 14}}
+    told = sentences(finer)["which"]
+    assert told == sentences(results)["which"] + (
+        " The records show the friction's curve between the 7 elements of the machine file; it is fitted with 14."
+    )
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    assert (
+        "or is what so few elements leave of the friction's curve" in sentences({**finer, "verdict": verdict})["which"]
+    )
 
 
 def test_of_an_effect_that_is_in_the_model_twice_both_members_are_said(results: dict[str, Any]) -> None:
