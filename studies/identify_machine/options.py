@@ -32,7 +32,7 @@ class IdentificationOptions(RecordOptions):
     pass_band: float | None = quantity(
         "Hz",
         "FREQUENCY",
-        'of the low-pass for friction, such as "40 Hz" (default: 20 Hz for slow loops, more for quick ones, else 40 Hz)',
+        'of the low-pass for friction, such as "40 Hz" (default: 20 Hz for slow loops, more for quick, else 40 Hz)',
         above=0,
     )
     modes: int | None = whole(
