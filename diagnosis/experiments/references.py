@@ -20,6 +20,7 @@ from diagnosis.experiments.schedules import (
 )
 from models.controller import References
 from models.machine import Machine
+from models.plant import frequency_response
 
 NAMES: Final = ("slow_loops.csv", "sweep_low.csv", "sweep_high.csv", "strokes.csv", "suite.csv")
 SLOW: Final = 0.01  # of friction: the largest inertial force of slow loops, so that they show friction alone
@@ -31,7 +32,7 @@ SWEEP: Final = 20_000  # samples of a sweep, 10 s at 2 kHz
 ROLLING: Final = 0.005  # of the rated speed: the axis rolls under the sweep
 STRONG: Final = 0.1  # of the rated thrust: the most of a sweep's force
 LEVELS: Final = {"sweep_low.csv": 0.3, "sweep_high.csv": 1.0}  # of the strongest sweep
-KEEPS_ROLLING: Final = 0.3  # of that speed: the most that a sweep's force may make the rigid body oscillate
+KEEPS_ROLLING: Final = 0.3  # of that speed: the most that a sweep's force may make the table oscillate
 REST: Final = 10  # settling times
 
 
@@ -59,8 +60,8 @@ def _slow_loops(machine: Machine) -> Schedule:
 def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     """A sweep on the feedforward while the axis rolls in one direction, at a level [1] of the strongest one.
 
-    Its force grows with frequency up to a share of the rated thrust, so that the axis never stops; it begins after a
-    twentieth of rolling alone.
+    Its force grows with frequency up to a share of the rated thrust, and is less about the file's modes, so that the
+    axis never stops; it begins after a twentieth of rolling alone.
     """
     ts, speed = machine.sample_time, ROLLING * machine.drive.rated_speed
     begin, count = SWEEP // 20, SWEEP
@@ -68,7 +69,9 @@ def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     low, rate = TOP / ts / 10**DECADES, DECADES * np.log(10)
     frequency = low * np.exp(rate * share)
     angle = 2 * np.pi * low * count * ts / rate * np.expm1(rate * share)
-    rolling = KEEPS_ROLLING * speed * machine.plant.mass * 2 * np.pi * frequency
+    omega = 2 * np.pi * frequency
+    moves = np.maximum(np.abs(frequency_response(machine.plant, omega)), 1 / (machine.plant.mass * omega**2))
+    rolling = KEEPS_ROLLING * speed / (omega * moves)
     soft = np.clip(np.minimum(share, 1 - share) * 50, 0, 1)
     force = level * soft * np.minimum(STRONG * machine.drive.rated_thrust, rolling) * np.sin(angle)
     position = np.asarray(sign * speed * ts * np.arange(begin + count), np.float64)

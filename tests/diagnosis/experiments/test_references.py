@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import hilbert
 
 from diagnosis.experiments.references import LEVELS, NAMES, axis_references
 from models.friction import elements
@@ -75,6 +76,26 @@ def test_the_axis_rolls_in_one_direction_under_a_sweep(name: str) -> None:
     step = round(2e-3 / machine.sample_time)
     moved = np.sign(record.position[-1]) * (record.position[tenth + step :] - record.position[tenth:-step])
     assert np.min(moved) > 0
+
+
+@pytest.mark.parametrize("name", LEVELS)
+def test_a_sweep_keeps_the_axis_rolling_through_its_modes(name: str) -> None:
+    """A mode that rings moves the table several times as far as the rigid body alone: it went backwards there. The
+    force's size and frequency are those of its analytic signal, the plant's the sum of its modes."""
+    machine, ts = load(), load().sample_time
+    rigid, first, *_ = machine.plant.modes
+    ringing = replace(first, gain=0.15 * rigid.gain, frequency=0.05 / ts, damping=0.01)
+    machine = replace(machine, plant=replace(machine.plant, modes=(rigid, ringing)))
+    given = axis_references(machine)[name].given
+    begin = np.flatnonzero(given.feedforward)[0]
+    wave = hilbert(given.feedforward[begin:])
+    omega = np.gradient(np.unwrap(np.angle(wave)), ts)
+    own = 2 * np.pi * ringing.frequency
+    moves = -rigid.gain / omega**2 + ringing.gain / (own**2 - omega**2 + 2j * ringing.damping * own * omega)
+    speed = (np.abs(wave) * omega * np.abs(moves))[1000:-1000]
+    rolls = np.ptp(given.position) / (given.position.size * ts)
+    assert np.max(speed) < 0.4 * rolls
+    assert np.max((np.abs(wave) * rigid.gain / omega)[1000:-1000]) > (0.2 if name == "sweep_high.csv" else 0.05) * rolls
 
 
 def test_strokes_are_recognised() -> None:
