@@ -81,10 +81,11 @@ def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
 
 
 def _strokes(machine: Machine) -> Schedule:
-    """Strokes of the specification, half as long and ten times, up and down, each with its rigid body's feedforward."""
+    """Strokes of the specification, half as long and ten times, up and down, each with its rigid body's feedforward.
+    The longest come first: from their end on the friction's state is known, and a fit begins there."""
     wanted = machine.specification
     steps: list[Step] = []
-    for size in (1.0, 0.5, 10.0):
+    for size in (10.0, 1.0, 0.5):
         for sign in (1, -1):
             steps += [_move(machine, sign * size * wanted.stroke)] * wanted.motions
     return schedule("strokes", machine, steps, lead=wanted.settling_time)

@@ -10,6 +10,7 @@ from scipy.signal import hilbert
 
 from diagnosis.experiments.references import LEVELS, NAMES, axis_references
 from models.friction import elements
+from models.identification.motion import START, begin
 from models.identification.recognise import recognised
 from models.machine import Machine, load
 from models.plant import Mode, Plant
@@ -100,4 +101,6 @@ def test_a_sweep_keeps_the_axis_rolling_through_its_modes(name: str) -> None:
 
 def test_strokes_are_recognised() -> None:
     machine = load()
-    assert recognised(machine, Loaded("strokes", "", run(machine, "strokes.csv"), (), ())) == "motion"
+    record = run(machine, "strokes.csv")
+    assert recognised(machine, Loaded("strokes", "", record, (), ())) == "motion"
+    assert START < begin(record) < 0.3 * record.position.size  # a fit of it knows the friction's state from there on
