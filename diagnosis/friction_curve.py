@@ -43,12 +43,18 @@ def with_finer_friction(
     """The fit as it is, or with twice or four times as many elements where the records show the curve between them by
     far; segment (n,): the number of each sample's motion [1]."""
     least = criteria.finer_friction * fitted.innovations.size
-    while 2 * len(fitted.candidate.nominal.friction.limit) <= MOST and curve_gain(fitted, records, segment) > least:
+    while _may_have_more(fitted, least) and curve_gain(fitted, records, segment) > least:
         finer = _halved(fitted, records)
         if fitted.cost - finer.cost < least:
             break
         fitted = finer
     return fitted
+
+
+def _may_have_more(fitted: Fit, least: float) -> bool:
+    """Whether a fit leaves what has to be gained, and may have twice as many elements."""
+    left = float(fitted.innovations @ fitted.innovations)
+    return left > least and 2 * len(fitted.candidate.nominal.friction.limit) <= MOST
 
 
 def curve_gain(fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64]) -> float:
