@@ -72,6 +72,11 @@ def ran(record: Record, tables: Sequence[Asked]) -> tuple[Asked, Record] | None:
     return one, replace(part, target=one.target[: part.position.size].copy())
 
 
+def alike(part: Record, one: Asked) -> bool:
+    """Whether the reference of a record's part, and its feedforward where it has one, are those of a table as long."""
+    return _off(part, one) <= ALIKE
+
+
 def _part(record: Record, one: Asked) -> Record | None:
     """The part of a record that may be a run of the table: from the same distance before the first move."""
     begins = [_first(path) for path in (record.reference, one.reference)]
