@@ -25,7 +25,8 @@ ENDS: Final = 0.02  # of a table that a record may lack at its end
 
 @dataclass(frozen=True)
 class Asked:
-    """A table of references (n,) [m], [N] for the design of this kind ("current" or "redesign"); key: of its text."""
+    """A table of references (n,) [m], [N] for the design of this kind ("current" or "redesign"), or for an
+    experiment ("suite" or "next_experiment"); key: of its text."""
 
     kind: str
     key: str

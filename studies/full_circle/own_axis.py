@@ -242,10 +242,11 @@ def _next(
     if found is not None:
         files["improved.toml"] = found["improved"]
     experiment = _experiment(circle, found, redesign["shown"], verified)
+    folder = circle.steps.folder / "asked"
     if experiment is not None:
         name, files[name], why = experiment
+        asked.keep(folder, Path(name).stem, files[name])
         runs.append(_run(name, files, machine, why + _more_samples(circle, files[name])))
-    folder = circle.steps.folder / "asked"
     why_run = {
         "current": "what the design in place achieves is not in the records; the redesign is compared with it",
         "redesign": "the proof of the redesign"
@@ -268,18 +269,31 @@ def _experiment(
     circle: Circle, found: Mapping[str, Any] | None, shown: Mapping[str, Any], verified: Mapping[str, Any]
 ) -> tuple[str, str, str] | None:
     """The experiment to run next: its file, its table and the reason; None where none is needed or known."""
-    machine = circle.machine
     if found is None:
-        why = "no record is there to be diagnosed; this one excites nearly all"
-        return "suite.csv", to_csv(suite(machine, SUITE_SAMPLES), machine.sample_time), why
+        return "suite.csv", _suite(circle), "no record is there to be diagnosed; this one excites nearly all"
     if found["next_experiment"] and found["verdict"]["outcome"] in OPEN:
         return "next_experiment.csv", found["next_experiment"], str(found["verdict"]["next_experiment"])
     why = _why_further(shown, verified)
     if not why:
         return None
-    known = {"next_experiment.csv": found["next_experiment"]}
-    known["suite.csv"] = to_csv(suite(machine, SUITE_SAMPLES), machine.sample_time)
-    return next(((name, text, why) for name, text in known.items() if text and not _was_run(circle, text)), None)
+    if found["next_experiment"] and not _was_run(circle, found["next_experiment"]):
+        return "next_experiment.csv", found["next_experiment"], why
+    usual = to_csv(suite(circle.machine, SUITE_SAMPLES), circle.machine.sample_time)
+    had = any(one.table is not None and one.table.kind == "suite" for one in circle.given)
+    return None if had or _was_run(circle, usual) else ("suite.csv", _suite(circle), why)
+
+
+def _suite(circle: Circle) -> str:
+    """The table of the suite, as long as the samples of the records beside it allow, but half of the usual ones."""
+    room = int((circle.options.most_samples - _held(circle)) / ROOM)
+    most = min(max(room, SUITE_SAMPLES // 2), SUITE_SAMPLES)
+    return to_csv(suite(circle.machine, most), circle.machine.sample_time)
+
+
+def _held(circle: Circle) -> int:
+    """How many samples the records have together that are diagnosed."""
+    records = [one.loaded.content for one in circle.of("diagnose")]
+    return sum(one.position.size for one in records if isinstance(one, Record))
 
 
 def _why_further(shown: Mapping[str, Any], verified: Mapping[str, Any]) -> str:
@@ -303,13 +317,12 @@ def _was_run(circle: Circle, text: str) -> bool:
 
 def _more_samples(circle: Circle, text: str) -> str:
     """What to give along with the record of a table, where it makes them more samples than a diagnosis takes."""
-    held = [one.loaded.content.position.size for one in circle.of("diagnose") if isinstance(one.loaded.content, Record)]
-    count = sum(held) + text.count("\n") - 1
+    count = math.ceil(ROOM * (text.count("\n") - 1)) + _held(circle)
     if count <= circle.options.most_samples:
         return ""
-    room = math.ceil(count * ROOM / 1000) * 1000
-    memory = room * DIAGNOSED / 1e9
-    return f"; with its record, give --most-samples {room}, which takes about {memory:.2g} GB of memory"
+    most = math.ceil(count / 1000) * 1000
+    memory = most * DIAGNOSED / 1e9
+    return f"; with its record, give --most-samples {most}, which takes about {memory:.2g} GB of memory"
 
 
 def _run(name: str, files: Mapping[str, Any], machine: Machine, why: str) -> dict[str, Any]:

@@ -16,11 +16,16 @@ from design.redesign.outcome import judged_target
 from models.controller import References, load
 from models.machine import Machine
 from models.machine_file import to_toml
+from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
-from studies.full_circle import asked
+from studies.full_circle import asked, own_axis
 from studies.full_circle.__main__ import STUDY
+from studies.full_circle.folder_of_records import loaded
+from studies.full_circle.options import CircleOptions
 from studies.full_circle.redesigning import old_design, references_of, table
+from studies.full_circle.steps import Steps
+from studies.study import Progress
 from tests.design.redesign.axes import KNOWN, TRUE
 
 HEADER = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
@@ -140,6 +145,33 @@ def test_a_table_whose_record_is_too_long_comes_with_the_option_that_takes_it(be
     (asked_for,) = (one for one in results["next"] if one["file"] == "suite.csv")
     most = int(re.findall(r"--most-samples (\d+)", asked_for["why"])[0])
     assert most >= len((base / "out" / "suite.csv").read_text(encoding="utf-8").splitlines()) - 1
+
+
+def test_a_record_of_an_experiment_that_was_asked_for_is_diagnosed(begun: Path) -> None:
+    """Whatever its kind, and known by its table, so that it is not asked for again."""
+    text = (begun / "strokes.csv").read_text(encoding="utf-8")
+    options = CircleOptions(machine=begun / "my.toml", records=begun / "records")
+    for kind, role in (("suite", "diagnose"), ("next_experiment", "diagnose"), ("current", "current")):
+        (one,) = loaded(KNOWN, options, (asked.asked(kind, text),), Progress())
+        assert one.table is not None
+        assert (one.role, one.table.kind) == (role, kind)
+        assert (one.run is not None) == (role == "current")
+
+
+def test_a_suite_leaves_room_for_the_records_that_are_there(begun: Path, tmp_path: Path) -> None:
+    """It is shorter by then, and with its record the samples are within the limit."""
+    base = copied(begun, tmp_path)
+    redesign = json.loads((base / "out" / "steps" / "redesign.json").read_text(encoding="utf-8"))["found"]
+    options = CircleOptions(machine=base / "my.toml", records=base / "records", most_samples=60_000)
+    given = loaded(KNOWN, options, (), Progress())
+    circled = own_axis.Circle(KNOWN, options, given, Steps(base / "steps", ""), Progress())
+    late = {"met": False, "before": {}, "state": "missed"}
+    found = {"next_experiment": None, "verdict": {"outcome": "parameters"}, "improved": ""}
+    files, (further,) = own_axis._next(circled, found, redesign, late)
+    held = sum(one.loaded.content.position.size for one in given if isinstance(one.loaded.content, Record))
+    assert further["file"] == "suite.csv"
+    assert held + files["suite.csv"].count("\n") - 1 <= options.most_samples
+    assert "--most-samples" not in further["why"]
 
 
 def test_more_samples_than_the_option_says_are_refused(
