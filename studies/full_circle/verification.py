@@ -185,5 +185,7 @@ def closing(one: Mapping[str, Any], unmet: Sequence[str]) -> str:
     reached = f"a tolerance of {show(one['reached_tolerance_m'], 'm', 2)}"
     if not found["never"]:
         reached = f"a settling time of {show(found['settling_s'], 's', 3)}, or {reached}"
-    why = "; ".join(unmet) or "the axis does not do what the model expects of it"
-    return f"the specification is missed, and no record that is known to help is missing: {why}. Met was {reached}"
+    off = one["state"] == "missed" and not one["inside"]["settling"]
+    why = "; ".join([*["the axis settles outside the interval that its model expects"] * off, *unmet])
+    head = "the specification is missed, and no record that is known to help is missing"
+    return f"{head}: {why}. Met was {reached}" if why else f"{head}. Met was {reached}"

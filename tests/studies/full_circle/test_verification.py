@@ -113,7 +113,7 @@ def test_what_is_missed_is_said_with_what_would_be_met() -> None:
     found = judged(SLOW, LATE)
     text = closing(found, ("it is the dead time",))
     assert text.startswith("the specification is missed")
-    assert "it is the dead time" in text
+    assert "outside the interval that its model expects; it is the dead time" in text
     assert "a settling time of 30 ms, or a tolerance of" in text
     assert "better than the design in place, which settles in 50 ms, but 25 ms are specified" in sentence(
         found, SPECIFIED
