@@ -86,5 +86,13 @@ def worse(before: Outcome, after: Outcome, machine: Machine) -> tuple[str, ...]:
     for name, unit in UNITS.items():
         old, new = float(getattr(before, name)), float(getattr(after, name))
         if new > old * (1 + WORSE) + _least(machine)[name]:
-            found.append(f"{CALLED[name]}: {show(new, unit, 3)} instead of {show(old, unit, 3)}")
+            told = [_told(one, name, unit) for one in (after, before)]
+            found.append(f"{CALLED[name]}: {told[0]} instead of {told[1]}")
     return tuple(found)
+
+
+def _told(found: Outcome, name: str, unit: str) -> str:
+    """A quantity of an outcome in its unit; settling that there never was has no time."""
+    if name == "settling" and found.never:
+        return f"never in {found.never} of {found.motions} motions"
+    return show(float(getattr(found, name)), unit, 3)

@@ -66,6 +66,13 @@ def outcome(record: Record, machine: Machine) -> Outcome | None:
     )
 
 
+def tolerance_reached(record: Record, machine: Machine) -> float:
+    """The tolerance [m] within which all judged motions of a record would have settled in the specified time."""
+    after = round(machine.specification.settling_time / machine.sample_time)
+    errors = [record.position[one.start + after : one.stop] - one.target for one in judged_motions(record, machine)]
+    return max(float(np.max(np.abs(error), initial=0.0)) for error in errors)
+
+
 def judged_motions(record: Record, machine: Machine) -> list[Motion]:
     """The motions of a record that `outcome` judges (SI)."""
     found = motions(record.target, float(record.target[0]))

@@ -18,6 +18,7 @@ from models.effects.catalogue import named
 from models.machine import Machine
 from models.quantity import listed, show
 
+NARROWED: Final = "a further record would narrow it"
 RUNS: Final = 5  # of each machine that lacks something, from other pasts of the friction
 
 
@@ -51,7 +52,7 @@ def _late(design: Design, machine: Machine, prediction: Prediction, seed: int) -
     quiet = replace(machine, scale=replace(machine.scale, noise=0.0))
     plain = replace(machine, effects=tuple(one for name, one in named(machine.effects).items() if name not in stays))
     ways: list[tuple[str, Machine]] = [
-        ("it is the uncertainty of the parameters; a further record would narrow it", machine),
+        (f"it is the uncertainty of the parameters; {NARROWED}", machine),
         ("it is the scale's noise", quiet),
     ]
     if stays:

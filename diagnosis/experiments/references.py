@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from diagnosis.experiments.schedules import (
+    SUITE_SAMPLES,
     Move,
     Schedule,
     Step,
@@ -42,7 +43,7 @@ def axis_references(machine: Machine) -> dict[str, Schedule]:
     The two sweeps roll in opposite directions, so that one after the other they end where they began.
     """
     sweeps = {name: _sweep(machine, level, sign) for (name, level), sign in zip(LEVELS.items(), (1, -1), strict=True)}
-    others = {"strokes.csv": _strokes(machine), "suite.csv": suite(machine)}
+    others = {"strokes.csv": _strokes(machine), "suite.csv": suite(machine, SUITE_SAMPLES)}
     return {"slow_loops.csv": _slow_loops(machine), **sweeps, **others}
 
 

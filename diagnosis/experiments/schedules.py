@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 
 PEAK_SPEED = 35 / 16  # peak speed of a move over its mean speed
 PEAK_ACCELERATION = 7.5131884  # peak acceleration of a move, in units of distance / duration^2
+SUITE_SAMPLES: Final = 90_000  # of the 120,000 that a diagnosis takes by default: other records are beside the suite
+SHORTER: Final = (1.0, 0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # of the usual rests
+SHORTEST: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain
 MOST: Final = 0.6  # of the rated thrust, for what need not be fast
 LADDER: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1)  # of the longest move
 DWELL_STROKE: Final = 0.865  # specified strokes
@@ -111,10 +114,10 @@ def allowed(machine: Machine, distance: float, speed: float, share: float = 0.6)
     return min(speed, PEAK_SPEED * distance / quickest(machine, distance, share))
 
 
-def at_share(machine: Machine, distance: float, share: float) -> float:
-    """The peak speed [m/s] of a stroke of `distance` [m]: a share [1] of the rated speed, but within LONGEST pauses and
-    what the thrust allows."""
-    slowest = PEAK_SPEED * distance / (LONGEST * pause(machine))
+def at_share(machine: Machine, distance: float, share: float, longest: float = 1.0) -> float:
+    """The peak speed [m/s] of a stroke of `distance` [m]: a share [1] of the rated speed, but within LONGEST pauses, or
+    the share `longest` [1] of them, and what the thrust allows."""
+    slowest = PEAK_SPEED * distance / (longest * LONGEST * pause(machine))
     return allowed(machine, distance, max(rounded(share * machine.drive.rated_speed), slowest))
 
 
@@ -171,10 +174,10 @@ def top(machine: Machine) -> float:
     return rounded(0.4 / machine.sample_time)
 
 
-def amplitude_ladder(machine: Machine, sizes: Sequence[float] | None = None) -> Schedule:
-    """Moves of each size [m], twice up and twice down, within 1.2 settling times where the thrust allows it. Default:
-    those of `ladder`."""
-    settling, rest = machine.specification.settling_time, 8.8 * pause(machine)
+def amplitude_ladder(machine: Machine, sizes: Sequence[float] | None = None, share: float = 1.0) -> Schedule:
+    """Moves of each size [m], twice up and twice down, within 1.2 settling times where the thrust allows it; share [1]
+    of the usual rests after them. Default: those of `ladder`."""
+    settling, rest = machine.specification.settling_time, 8.8 * share * pause(machine)
     steps = [
         Move(sign * size, max(1.2 * settling, quickest(machine, size, MOST)), rest)
         for size in (ladder(machine) if sizes is None else sizes)
@@ -220,10 +223,12 @@ def shaking(machine: Machine, share: float = 0.24) -> float:
     return rounded(min(share * machine.friction.coulomb_force, most) or most)
 
 
-def strokes(machine: Machine, distance: float, speeds: Sequence[float], passes: int = 1) -> Schedule:
-    """Strokes of `distance` [m] there and back at each peak speed [m/s]."""
+def strokes(
+    machine: Machine, distance: float, speeds: Sequence[float], passes: int = 1, share: float = 1.0
+) -> Schedule:
+    """Strokes of `distance` [m] there and back at each peak speed [m/s]; share [1] of the usual rests after them."""
     steps = [
-        Move(sign * distance, PEAK_SPEED * distance / speed, 12 * pause(machine))
+        Move(sign * distance, PEAK_SPEED * distance / speed, 12 * share * pause(machine))
         for speed in speeds
         for _ in range(passes)
         for sign in (1, -1)
@@ -290,16 +295,47 @@ def together(name: str, parts: Sequence[Schedule]) -> Schedule:
     )
 
 
-def suite(machine: Machine) -> Schedule:
-    """The main experiments of the menu in one record, of half a minute on the default machine."""
-    far = [_far(machine, *one) for one in FAR]
-    return together("suite", [amplitude_ladder(machine), dwell_sweep(machine), multisine(machine), *far])
+def suite(machine: Machine, most: int | None = None) -> Schedule:
+    """The main experiments of the menu in one record, of half a minute on the default machine.
+
+    most: samples that it may have, such as SUITE_SAMPLES for what an axis is to run. Where it has more, as on a finely
+    sampled machine, the strokes are passed once, rests get shorter, and at last the longest experiments are left out.
+    """
+    whole = _parts(machine)
+    if most is None or _samples(whole) <= most:
+        return together("suite", whole)
+    for share in SHORTER:
+        parts = _parts(machine, share, once=True)
+        if _samples(parts) <= most:
+            return together("suite", parts)
+    found = [_shortest(_parts(machine, share, once=True), most) for share in SHORTEST]
+    return together("suite", next((parts for parts in found if len(parts) > 1), found[-1]))
 
 
-def _far(machine: Machine, distances: float, stroke: float, share: float, passes: int) -> Schedule:
-    """Strokes of so many presliding distances or specified strokes at a share [1] of the rated speed."""
+def _shortest(parts: Sequence[Schedule], most: int) -> list[Schedule]:
+    """The shortest experiments, in their order, that have no more samples together; one at least."""
+    ranked = sorted(range(len(parts)), key=lambda i: parts[i].target.size)
+    count = max(sum(np.cumsum([parts[i].target.size for i in ranked]) <= most), 1)
+    return [parts[i] for i in sorted(ranked[:count])]
+
+
+def _parts(machine: Machine, share: float = 1.0, *, once: bool = False) -> list[Schedule]:
+    """The experiments of the suite, with rests a share [1] as long; once: each stroke is passed once."""
+    resting = tuple(rounded(share * dwell) for dwell in rests(machine))
+    far = [_far(machine, one[:3], 1 if once else one[3], share) for one in FAR]
+    return [amplitude_ladder(machine, share=share), dwell_sweep(machine, resting), multisine(machine), *far]
+
+
+def _samples(parts: Sequence[Schedule]) -> int:
+    return sum(part.target.size for part in parts)
+
+
+def _far(machine: Machine, sizes: tuple[float, float, float], passes: int, share: float) -> Schedule:
+    """Strokes of so many presliding distances or specified strokes at a share [1] of the rated speed, with rests, and
+    the longest time of a stroke, a share [1] as long."""
+    distances, stroke, speed = sizes
     size = length(machine, distances, stroke)
-    return strokes(machine, size, (at_share(machine, size, share),), passes)
+    return strokes(machine, size, (at_share(machine, size, speed, share),), passes, share)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ ENDS: Final = 0.02  # of a table that a record may lack at its end
 
 @dataclass(frozen=True)
 class Asked:
-    """A table of references (n,) [m], [N] for the design of this kind ("current" or "redesign"); key: of its text."""
+    """A table of references (n,) [m], [N] for the design of this kind ("current" or "redesign"), or for an
+    experiment ("suite" or "next_experiment"); key: of its text."""
 
     kind: str
     key: str
@@ -70,6 +71,11 @@ def ran(record: Record, tables: Sequence[Asked]) -> tuple[Asked, Record] | None:
         return None
     _, one, part = min(near, key=lambda row: row[0])
     return one, replace(part, target=one.target[: part.position.size].copy())
+
+
+def alike(part: Record, one: Asked) -> bool:
+    """Whether the reference of a record's part, and its feedforward where it has one, are those of a table as long."""
+    return _off(part, one) <= ALIKE
 
 
 def _part(record: Record, one: Asked) -> Record | None:

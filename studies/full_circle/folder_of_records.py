@@ -21,13 +21,14 @@ from studies.study import Progress
 
 IDENTIFIED: Final = ("response", "excitation", "hysteresis")
 """Kinds of records that the machine is identified from; all others are diagnosed."""
+JUDGED: Final = ("current", "redesign")  # kinds of tables whose runs are judged, and not diagnosed
 MOST: Final = 100  # records in a folder
 
 
 @dataclass(frozen=True)
 class Given:
     """A record of the folder; role: "identify", "diagnose", or of the table that it is a run of, "current" or
-    "redesign"; run: that run's part of the record."""
+    "redesign"; run: that run's part of the record. table: also of an experiment that was asked for."""
 
     path: Path
     kind: str
@@ -83,10 +84,11 @@ def loaded(machine: Machine, options: CircleOptions, tables: Sequence[Asked], pr
 
 def _sorted(machine: Machine, file: Path, one: Loaded, tables: Sequence[Asked]) -> Given:
     kind = recognised(machine, one)
-    if isinstance(one.content, Record):
-        known = ran(one.content, tables)
-        if known is not None:
-            return Given(file, kind, known[0].kind, one, *known)
+    known = ran(one.content, tables) if isinstance(one.content, Record) else None
+    if known is not None and known[0].kind in JUDGED:
+        return Given(file, kind, known[0].kind, one, *known)
+    if known is not None:  # an experiment that a diagnosis asked for, whatever its kind
+        return Given(file, kind, "diagnose", one, known[0])
     return Given(file, kind, "identify" if kind in IDENTIFIED else "diagnose", one)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from studies.gap_diagnosis.options import samples_at_most
 from studies.options import path, texts, whole
 from studies.record_options import RecordOptions
 
@@ -26,3 +27,4 @@ class CircleOptions(RecordOptions):
         "interrupted goes on where it stopped",
         1,
     )
+    most_samples: int = samples_at_most()

@@ -6,6 +6,7 @@ that it changes.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,10 +17,10 @@ import numpy as np
 
 from design.deadbeat import DesignError
 from design.judging.known_range import with_covered
-from design.redesign.choice import UNITS, worse
-from design.redesign.outcome import Outcome, judged_target, outcome
+from design.redesign.outcome import judged_target
 from design.redesign.stated import machines_as_stated
-from diagnosis.experiments.schedules import suite, to_csv
+from design.redesign.unmet import NARROWED
+from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.posterior import machines_allowed
 from models.identification.pipeline import identify
 from models.machine import Machine, MachineError, from_table
@@ -29,20 +30,22 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable
 from studies.effort import DIAGNOSED, DIAGNOSING, foresee, seconds_a_sample
-from studies.full_circle import asked, redesigning
+from studies.full_circle import asked, redesigning, verification
 from studies.full_circle.folder_of_records import Given, hashes, loaded
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.steps import Steps, program
+from studies.full_circle.verification import JUST, Tried, last, tried
 from studies.gap_diagnosis.compute import answered, given_of
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded_of
 from studies.identify_machine.shown import results_of
 from studies.options import BadInputError
-from studies.study import Answer, Check, Progress
+from studies.study import Answer, Progress
 
 RUNS: Final = 40  # machines that could be this one, on which each design is tried
 FEW: Final = 10  # of them in a quick run
 OPEN: Final = ("ambiguous", "none_of_these")  # outcomes of a diagnosis that ask for another experiment
+ROOM: Final = 1.05  # of the samples that are expected, as a log begins before its table and ends after it
 FILES: Final = {"current": "run_current.csv", "redesign": "run_redesign.csv"}
 
 
@@ -80,7 +83,8 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
     identified, known = _identified(circle)
     found, better = _diagnosed(circle, identified)
     redesign = _redesigned(circle, better, found)
-    verified = _verified(circle, redesign)
+    judged = tried(machine, circle.given, redesign["tables"])
+    verified = verification.verified(machine, judged, redesign["shown"])
     files, runs = _next(circle, found, redesign, verified)
     if known is not None:
         files["identified.toml"] = known["machine"]
@@ -90,12 +94,13 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
         "records": [_shown(one) for one in circle.given],
         "identified": known and {name: known[name] for name in ("estimates", "said")},
         "diagnosis": found and {name: found[name] for name in ("answer", "verdict", "how_far", "probabilities")},
-        "redesign": redesign and redesign["shown"],
-        "pictures": redesign and _pictures(circle, redesign),
+        "redesign": redesign["shown"],
+        "pictures": _pictures(circle, redesign, judged),
         "verified": verified,
         "next": runs,
     }
-    return Answer(results, tuple(_checks(results)), files, _summary(results))
+    checks = verification.checks(verified, machine.specification.settling_time)
+    return Answer(results, tuple(checks), files, _summary(results))
 
 
 def _shown(one: Given) -> dict[str, Any]:
@@ -151,7 +156,8 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
         records = loaded_of(identified, options, paths, circle.progress)
         samples = sum(one.loaded.content.position.size for one in given if isinstance(one.loaded.content, Record))
         taken = samples * DIAGNOSING * seconds_a_sample(identified)
-        foresee({f"a diagnosis of {samples:.3g} samples": taken}, samples * DIAGNOSED, options, circle.progress)
+        work_ahead = {f"a diagnosis of {samples:.3g} samples": taken}
+        foresee(work_ahead, samples * DIAGNOSED, options, circle.progress, math.inf)  # their reader bounds the samples
         within = lambda share, text: circle.progress(0.1 + 0.6 * share, text)  # noqa: E731
         found, answer = answered(given_of(identified, records), (), options.disable, options, within)
         count = FEW if circle.options.quick else RUNS
@@ -172,7 +178,8 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
 
 def _as_diagnosis(options: CircleOptions, paths: tuple[Path, ...]) -> DiagnosisOptions:
     """The options of a diagnosis of all these records, which the columns are mapped for."""
-    names = ("machine", "column", "mapping", "recipe", "trust_records", "disable", "seed", "quick", "time_limit")
+    reading = ("machine", "column", "mapping", "recipe", "trust_records", "most_samples")
+    names = (*reading, "disable", "seed", "quick", "time_limit")
     return DiagnosisOptions(record=paths, **{name: getattr(options, name) for name in names})
 
 
@@ -215,78 +222,10 @@ def _redesigned(circle: Circle, better: Machine, found: Mapping[str, Any] | None
     return dict(kept)
 
 
-def _verified(circle: Circle, redesign: Mapping[str, Any]) -> dict[str, Any]:
-    """What the records show of the design in place and of the redesign, and which of the two is to be kept.
-
-    state: "kept" where there was no better one, "asked" where its record is missing, "holds" or "rolled back".
-    """
-    kept, machine = redesign["shown"]["kept"], circle.machine
-    key = asked.asked("redesign", redesign["tables"]["redesign"]).key
-    rows, before, after = [], None, None
-    for one in circle.given:
-        found = _outcome(one, machine)
-        if found is None:
-            continue
-        now = one.table is not None and one.table.kind == "redesign"
-        rows.append({"record": one.path.name, "design": _design(one, key), **_plain(found)})
-        if not now and (before is None or one.role == "current"):
-            before = found
-        if now and one.table is not None and one.table.key == key:
-            after = found
-    lost = worse(before, after, machine) if before is not None and after is not None and not kept else ()
-    state = "kept" if kept else "asked" if after is None or before is None else "rolled back" if lost else "holds"
-    return {
-        "rows": rows,
-        "before": redesigning.outcome_to_json(before),
-        "after": redesigning.outcome_to_json(None if kept else after),
-        "worse": list(lost),
-        "state": state,
-        "inside": None if kept or after is None else _inside(after, redesign["shown"], machine),
-    }
-
-
-def _plain(found: Outcome) -> dict[str, Any]:
-    return dict(redesigning.outcome_to_json(found) or {})
-
-
-def _design(one: Given, key: str) -> str:
-    """Which design made a record, for a reader."""
-    if one.table is None or one.table.kind == "current":
-        return "in place"
-    return "the redesign" if one.table.key == key else "an earlier redesign"
-
-
-def _outcome(one: Given, machine: Machine) -> Outcome | None:
-    """What the motions over the specified stroke achieved in a record; None where it has none."""
-    content = one.run if one.run is not None else one.loaded.content
-    if not isinstance(content, Record) or (one.run is None and one.role != "diagnose"):
-        return None
-    return outcome(content, machine)
-
-
-def _inside(after: Outcome, shown: Mapping[str, Any], machine: Machine) -> dict[str, bool]:
-    """Whether the redesign achieved what was expected of it, to a sample."""
-    (row,) = (row for row in shown["designs"] if row["taken"])
-    slack = {"settling": machine.sample_time, "dispersion": 0.0}
-    return {
-        name: bool(row[name]["low"] - slack[name] <= getattr(after, name) <= row[name]["high"] + slack[name])
-        for name in UNITS
-    }
-
-
-def _pictures(circle: Circle, redesign: Mapping[str, Any]) -> dict[str, Any]:
+def _pictures(circle: Circle, redesign: Mapping[str, Any], found: Sequence[Tried]) -> dict[str, Any]:
     """Errors of the judged motions: measured where there is a record, and as expected."""
-    key = asked.asked("redesign", redesign["tables"]["redesign"]).key
-    measured: dict[str, Any] = {"current": None, "redesign": None}
-    for one in circle.given:
-        content = one.run if one.run is not None else one.loaded.content
-        if _outcome(one, circle.machine) is None or not isinstance(content, Record):
-            continue
-        now = one.table is not None and one.table.kind == "redesign"
-        if not now and (measured["current"] is None or one.role == "current"):
-            measured["current"] = redesigning.errors_over_time(content, circle.machine)
-        if now and one.table is not None and one.table.key == key:
-            measured["redesign"] = redesigning.errors_over_time(content, circle.machine)
+    runs = {design: last(found, design) for design in FILES}
+    measured = {design: one and redesigning.errors_over_time(one.run, circle.machine) for design, one in runs.items()}
     return {"measured": measured, "expected": redesign["expected"]}
 
 
@@ -302,31 +241,88 @@ def _next(
     files: dict[str, Any] = {"controller.json": redesign["controllers"]["current" if rolled else "redesign"]}
     if found is not None:
         files["improved.toml"] = found["improved"]
-    if found is None:
-        files["suite.csv"] = to_csv(suite(machine), machine.sample_time)
-        runs.append(
-            _run("suite.csv", files, machine, "no record is there to be diagnosed; this one excites nearly all")
-        )
-    elif found["next_experiment"] and found["verdict"]["outcome"] in OPEN:
-        files["next_experiment.csv"] = found["next_experiment"]
-        runs.append(_run("next_experiment.csv", files, machine, str(found["verdict"]["next_experiment"])))
+    experiment = _experiment(circle, found, redesign["shown"], verified)
     folder = circle.steps.folder / "asked"
-    why = {
+    if experiment is not None:
+        name, files[name], why = experiment
+        asked.keep(folder, Path(name).stem, files[name])
+        runs.append(_run(name, files, machine, why + _more_samples(circle, files[name])))
+    why_run = {
         "current": "what the design in place achieves is not in the records; the redesign is compared with it",
         "redesign": "the proof of the redesign"
         + ("" if redesign["shown"]["same_feedback"] else ", with the PID of controller.json in the drive")
         + "; where it is worse, the design in place comes back",
     }
     missing = {
-        "current": verified["before"] is None,
-        "redesign": verified["state"] == "asked" and verified["after"] is None,
+        "current": verified["before"] is None and not verified["met"],
+        "redesign": verified["state"] == "asked",
     }
     for kind, name in FILES.items():
         if missing[kind]:
             files[name] = redesign["tables"][kind]
             asked.keep(folder, kind, redesign["tables"][kind])
-            runs.append(_run(name, files, machine, why[kind]))
+            runs.append(_run(name, files, machine, why_run[kind]))
     return files, runs
+
+
+def _experiment(
+    circle: Circle, found: Mapping[str, Any] | None, shown: Mapping[str, Any], verified: Mapping[str, Any]
+) -> tuple[str, str, str] | None:
+    """The experiment to run next: its file, its table and the reason; None where none is needed or known."""
+    if found is None:
+        return "suite.csv", _suite(circle), "no record is there to be diagnosed; this one excites nearly all"
+    if found["next_experiment"] and found["verdict"]["outcome"] in OPEN:
+        return "next_experiment.csv", found["next_experiment"], str(found["verdict"]["next_experiment"])
+    why = _why_further(shown, verified)
+    if not why:
+        return None
+    if found["next_experiment"] and not _was_run(circle, found["next_experiment"]):
+        return "next_experiment.csv", found["next_experiment"], why
+    usual = to_csv(suite(circle.machine, SUITE_SAMPLES), circle.machine.sample_time)
+    had = any(one.table is not None and one.table.kind == "suite" for one in circle.given)
+    return None if had or _was_run(circle, usual) else ("suite.csv", _suite(circle), why)
+
+
+def _suite(circle: Circle) -> str:
+    """The table of the suite, as long as the samples of the records beside it allow, but half of the usual ones."""
+    room = int((circle.options.most_samples - _held(circle)) / ROOM)
+    most = min(max(room, SUITE_SAMPLES // 2), SUITE_SAMPLES)
+    return to_csv(suite(circle.machine, most), circle.machine.sample_time)
+
+
+def _held(circle: Circle) -> int:
+    """How many samples the records have together that are diagnosed."""
+    records = [one.loaded.content for one in circle.of("diagnose")]
+    return sum(one.position.size for one in records if isinstance(one, Record))
+
+
+def _why_further(shown: Mapping[str, Any], verified: Mapping[str, Any]) -> str:
+    """Why a further record would bring the design nearer to the specification; empty where it would not."""
+    if verified["met"]:
+        return ""
+    if any(NARROWED in text for text in shown["unmet"]):
+        return "the design is not sure to meet the specification; this record narrows the parameters that decide it"
+    (taken,) = (row for row in shown["designs"] if row["taken"])
+    if verified["met"] is False and taken["settling"]["high"] <= shown["specified"]["settling_s"] * JUST:
+        return "the specification is missed, though the model expects it to be met; this record tells what it lacks"
+    return ""
+
+
+def _was_run(circle: Circle, text: str) -> bool:
+    """Whether a record of this table is in the folder."""
+    table = (asked.asked("suite", text),)
+    records = [one.loaded.content for one in circle.of("diagnose")]
+    return any(isinstance(one, Record) and asked.ran(one, table) is not None for one in records)
+
+
+def _more_samples(circle: Circle, text: str) -> str:
+    """What to give along with the record of a table, where it makes them more samples than a diagnosis takes."""
+    count = math.ceil(ROOM * (text.count("\n") - 1)) + _held(circle)
+    if count <= circle.options.most_samples:
+        return ""
+    most = math.ceil(count / 1000) * 1000
+    memory = most * DIAGNOSED / 1e9
+    return f"; with its record, give --most-samples {most}, which takes about {memory:.2g} GB of memory"
 
 
 def _run(name: str, files: Mapping[str, Any], machine: Machine, why: str) -> dict[str, Any]:
@@ -361,35 +357,24 @@ def _tell(circle: Circle, share: float, step: str, *, again: bool) -> None:
     circle.progress(share, f"{step}: {'nothing it is made from has changed, reused' if again else 'done'}")
 
 
-def _checks(results: Mapping[str, Any]) -> list[Check]:
-    """That the redesign, once it was run, is not worse than the design in place."""
-    verified = results["verified"]
-    if verified["state"] not in {"holds", "rolled back"}:
-        return []
-    name = "in how much the redesign is worse than the design in place, of settling and 3 sigma"
-    return [Check(name, float(len(verified["worse"])), "1", 0.0, "the records of both")]
-
-
 def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
-    rows, shown = list[tuple[str, str]](), results["redesign"]
+    rows, shown, verified = list[tuple[str, str]](), results["redesign"], results["verified"]
     counts = {role: sum(one["role"] == role for one in results["records"]) for role in ("identify", "diagnose")}
     rows.append(("records", f"{counts['identify']} to identify from, {counts['diagnose']} to diagnose"))
     if results["diagnosis"] is not None:
         rows += [(part, results["diagnosis"]["answer"][part]) for part in ("outcome", "which")]
     rows.append(("design to run", shown["chosen"]))
     for row in shown["designs"]:
-        settles, spread = row["settling"], row["dispersion"]
-        rows.append(
-            (
-                f"  expected of the {row['name']}",
-                f"settles in {show(settles['low'], 's', 3)} to {show(settles['high'], 's', 3)}, 3 sigma "
-                f"{show(spread['low'], 'm', 2)} to {show(spread['high'], 'm', 2)}",
-            )
-        )
-    for row in results["verified"]["rows"]:
-        told = f"settles in {show(row['settling_s'], 's', 3)}, 3 sigma {show(row['dispersion_m'], 'm', 2)}"
+        settling, spread = row["settling"], row["dispersion"]
+        told = verification.expected_to_settle(settling["low"], settling["high"], verified["interval_s"])
+        told = f"{told}, 3 sigma {show(spread['low'], 'm', 2)} to {show(spread['high'], 'm', 2)}"
+        rows.append((f"  expected of the {row['name']}", told))
+    for row in verified["rows"]:
+        told = f"{verification.settles(row)}, 3 sigma {show(row['dispersion_m'], 'm', 2)}"
         rows.append((f"  measured in {row['record']} ({row['design']})", told))
-    rows.append(("verification", results["verified"]["state"]))
+    rows.append(("verification", verification.sentence(verified, shown["specified"]["settling_s"])))
     rows += [("not met", text) for text in shown["unmet"]]
     rows += [("run next", f"{one['file']} ({show(one['seconds'], 's', 3)}): {one['why']}") for one in results["next"]]
-    return rows if results["next"] else [*rows, ("run next", "nothing: the circle is closed")]
+    if not results["next"]:
+        rows.append(("run next", f"nothing: {verification.closing(verified, shown['unmet'])}"))
+    return rows

@@ -10,6 +10,7 @@ import numpy as np
 
 from reports.report import Figure, Report
 from studies.full_circle import figures, figures_withheld, scoring
+from studies.full_circle.verification import closing, settles, time_to_settle
 from studies.gap_diagnosis import course
 from studies.wording import effect, filters
 
@@ -155,7 +156,13 @@ def _own_axis(whole: Results) -> Report:
     question = (
         "Which machine is it, what does its model lack, which design follows from it, and what is to be run next?"
     )
-    extra: dict[str, Callable[..., Any]] = {"headline": headline, "role": ROLES.__getitem__}
+    extra: dict[str, Callable[..., Any]] = {
+        "headline": headline,
+        "role": ROLES.__getitem__,
+        "time_to_settle": time_to_settle,
+        "in_its_interval": in_its_interval,
+        "closing": closing,
+    }
     title = f"Full circle: {whole['machine']['name']}"
     return Report(title, question, HERE / "own_axis.md", shown, {**filters(), **extra}, tables)
 
@@ -167,17 +174,34 @@ def headline(redesign: Results, verified: Results) -> str:
     if redesign["kept"]:
         return "The design in place stays: no other one is surely better on the machines that the records allow."
     before, after = redesign["designs"][0], rows[redesign["chosen"]]
-    gain = (
-        f"the slowest motion is expected to settle in {show(after['settling']['median'], 's', 3)} instead of "
-        f"{show(before['settling']['median'], 's', 3)}"
-    )
-    if verified["state"] == "holds":
-        was, now = verified["before"], verified["after"]
-        return (
-            f"The redesign holds: the slowest motion settled in {show(now['settling_s'], 's', 3)} instead of "
-            f"{show(was['settling_s'], 's', 3)}, with a 3 sigma of {show(now['dispersion_m'], 'm', 3)} instead of "
-            f"{show(was['dispersion_m'], 'm', 3)}."
-        )
+    was, now = (time_to_settle(one["settling"]["median"], verified["interval_s"]) for one in (before, after))
+    gain = f"the slowest motion is expected to settle in {now} instead of {was}"
+    if now == "never":
+        was, now = (show(one["dispersion"]["median"], "m", 3) for one in (before, after))
+        gain = f"its 3 sigma is expected to be {now} instead of {was}"
+    if verified["state"] in {"holds", "missed"}:
+        return _tried(verified, redesign["specified"]["settling_s"])
     if verified["state"] == "rolled back":
         return "The redesign was run and was worse, so that the design in place comes back."
     return f"There is a better design, to be verified: {gain}."
+
+
+def _tried(verified: Results, specified: float) -> str:
+    """What the redesign achieved, against the specified settling time [s] and the design in place."""
+    show, now, was = filters()["show"], verified["after"], verified["before"]
+    came = "holds" if verified["state"] == "holds" else "misses the specification"
+    told = f"The redesign {came}: it {settles(now)}, and {show(specified, 's')} are specified"
+    spread = f"Its 3 sigma is {show(now['dispersion_m'], 'm', 3)}"
+    if was is None:
+        return f"{told}. {spread}. What the design in place achieves is not in the records."
+    return f"{told}; the design in place {settles(was)}. {spread} instead of {show(was['dispersion_m'], 'm', 3)}."
+
+
+def in_its_interval(inside: Results) -> str:
+    """Which of what the redesign achieved was in the interval in which it was expected, as a sentence."""
+    settling, spread = inside["settling"], inside["dispersion"]
+    if settling == spread:
+        both = "Settling and 3 sigma were both in their expected intervals"
+        return both if settling else "Neither settling nor 3 sigma was in its expected interval"
+    within, beyond = ("settling", "3 sigma") if settling else ("3 sigma", "settling")
+    return f"{within[0].upper()}{within[1:]} was in its expected interval, {beyond} was not"

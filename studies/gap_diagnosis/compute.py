@@ -15,7 +15,7 @@ from diagnosis.baseline import driven, refit_and_null
 from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
-from diagnosis.experiments.schedules import suite, to_csv
+from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
@@ -110,7 +110,7 @@ def answered(
     if options.looks is not None:
         written |= copies(options.record, options.looks)
     if not options.record:
-        written["suite.csv"] = to_csv(suite(given.machine), given.machine.sample_time)
+        written["suite.csv"] = to_csv(suite(given.machine, SUITE_SAMPLES), given.machine.sample_time)
     if beside.proposal is not None:
         written["next_experiment.csv"] = to_csv(beside.proposal.schedule, given.machine.sample_time)
     summary = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from models.records.tables.formats import LISTED
 from studies.options import files, path, paths, quantity, text, texts, whole
@@ -13,6 +13,17 @@ from studies.record_options import RecordOptions
 # Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
 # sample, and what two threads compute of them at a time the rest.
 MOST_SAMPLES: Final = 120_000
+
+
+def samples_at_most() -> Any:
+    """A field: how many samples all records of a diagnosis may have together."""
+    return whole(
+        "N",
+        "of all records together; more are refused, as each takes about 14 kB of memory "
+        f"(default: {MOST_SAMPLES:,}, which take 2 GB)",
+        1,
+        default=MOST_SAMPLES,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +76,4 @@ class DiagnosisOptions(RecordOptions):
         "where a law is learned, as no effect explains the records: write it as a draft of an effect, a file for "
         "models/effects, such as my_law.py",
     )
-    most_samples: int = whole(
-        "N",
-        "of all records together; more are refused, as each takes about 14 kB of memory "
-        f"(default: {MOST_SAMPLES:,}, which take 2 GB)",
-        1,
-        default=MOST_SAMPLES,
-    )
+    most_samples: int = samples_at_most()

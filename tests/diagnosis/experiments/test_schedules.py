@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from diagnosis.experiments.schedules import menu, suite
-from models.machine import load
+from diagnosis.experiments.schedules import SUITE_SAMPLES, menu, suite
+from models.machine import DEFAULT, Machine, load
+from studies.gap_diagnosis.options import MOST_SAMPLES
 
 MACHINE = load()
+EMPS = load(Path(DEFAULT).parent / "emps.toml")
 
 
 @pytest.mark.parametrize("rated_speed", [2.4, 0.3, 0.03])
@@ -25,3 +29,29 @@ def test_a_speed_is_not_tried_twice() -> None:
     (ladder,) = (one for one in menu(slow) if "speed ladder" in one.words)
     (stroke,) = (one for one in menu(slow) if one.words.startswith("a slow stroke"))
     assert ladder.schedule.target.size < 4 * stroke.schedule.target.size
+
+
+@pytest.mark.parametrize("machine", [MACHINE, EMPS], ids=["default", "EMPS"])
+@pytest.mark.parametrize("sample_time", [62.5e-6, 125e-6, 250e-6, 500e-6, 1e-3, 2e-3])
+def test_a_suite_that_is_to_be_run_is_one_that_a_diagnosis_takes(machine: Machine, sample_time: float) -> None:
+    """With room for other records, and with motions within the ratings, from rest to rest where it began."""
+    sampled = replace(machine, control=replace(machine.control, sample_time=sample_time))
+    asked = suite(sampled, SUITE_SAMPLES)
+    assert asked.target.size <= SUITE_SAMPLES < MOST_SAMPLES
+    path, force = asked.given.position, asked.given.feedforward
+    assert np.ptp(path) >= 0.09 * sampled.specification.stroke  # the least stroke of the suite
+    assert path[0] == 0.0
+    assert path[-1] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(force).max() <= sampled.drive.rated_thrust
+    assert np.abs(np.diff(path)).max() <= sampled.drive.rated_speed * sample_time
+
+
+def test_a_suite_within_the_limit_is_the_whole_one() -> None:
+    np.testing.assert_array_equal(suite(MACHINE, SUITE_SAMPLES).given.position, suite(MACHINE).given.position)
+
+
+def test_the_more_samples_a_suite_may_have_the_longer_it_is() -> None:
+    fine = replace(MACHINE, control=replace(MACHINE.control, sample_time=125e-6))
+    sizes = [suite(fine, most).target.size for most in (40_000, 90_000, 150_000, 1_000_000)]
+    assert sizes == sorted(set(sizes))
+    assert sizes[-1] == suite(fine).target.size

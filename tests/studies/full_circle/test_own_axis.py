@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -15,11 +16,16 @@ from design.redesign.outcome import judged_target
 from models.controller import References, load
 from models.machine import Machine
 from models.machine_file import to_toml
+from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
-from studies.full_circle import asked
+from studies.full_circle import asked, own_axis
 from studies.full_circle.__main__ import STUDY
+from studies.full_circle.folder_of_records import loaded
+from studies.full_circle.options import CircleOptions
 from studies.full_circle.redesigning import old_design, references_of, table
+from studies.full_circle.steps import Steps
+from studies.study import Progress
 from tests.design.redesign.axes import KNOWN, TRUE
 
 HEADER = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
@@ -52,10 +58,23 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return base
 
 
+def command(base: Path) -> list[str]:
+    given = ["--machine", str(base / "my.toml"), "--records", str(base / "records"), "--output", str(base / "out")]
+    return [*given, "--no-report"]
+
+
+def slow_loops(base: Path) -> None:
+    """A record of slow loops, which the axis is identified from."""
+    t = np.arange(round(6.0 / KNOWN.sample_time)) * KNOWN.sample_time
+    wide = 2.5 * max(KNOWN.friction.limit)
+    slow = np.column_stack([t, 0 * t, wide * np.sin(np.pi * t / 3), 0 * t])
+    np.savetxt(base / "slow.csv", slow, delimiter=",", header="time_s,target_m,reference_m,feedforward_N", comments="")
+    axis_runs(base / "slow.csv", base / "records" / "slow.csv", 5)
+
+
 def circle(base: Path, *more: str) -> tuple[int, dict[str, Any]]:
     """The status of the command, and its results."""
-    given = ["--machine", str(base / "my.toml"), "--records", str(base / "records"), "--output", str(base / "out")]
-    status = main(STUDY, [*given, "--no-report", *more])
+    status = main(STUDY, [*command(base), *more])
     return status, json.loads((base / "out" / "results.json").read_text(encoding="utf-8"))["results"]
 
 
@@ -94,6 +113,74 @@ def test_its_record_closes_the_circle_and_nothing_is_computed_again(
     assert (verified["state"], verified["worse"], results["next"]) == ("holds", [], [])
     assert verified["after"]["settling_s"] <= KNOWN.specification.settling_time < verified["before"]["settling_s"]
     assert verified["inside"]["settling"]
+    assert verified["met"]
+
+
+def test_a_redesign_that_is_better_but_late_is_missed_and_asks_for_another_record(begun: Path, tmp_path: Path) -> None:
+    """On its way to rest the axis is off by more than the tolerance, until ten samples after the specified time."""
+    base, wanted = copied(begun, tmp_path), KNOWN.specification
+    out, record = base / "out", base / "records" / "new.csv"
+    axis_runs(out / "run_redesign.csv", record, 7, out / "controller.json")
+    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    late = round(wanted.settling_time / KNOWN.sample_time) + 10
+    for step in np.flatnonzero(np.diff(rows[:, 1])) + 1:
+        rows[step : step + late, 5] += 2 * wanted.tolerance
+    np.savetxt(record, rows, delimiter=",", header=HEADER, comments="", fmt="%.10g")
+    status, results = circle(base)
+    assert status == CHECK_MISSED
+    verified = results["verified"]
+    assert (verified["state"], verified["met"]) == ("missed", False)
+    assert wanted.settling_time < verified["after"]["settling_s"] < verified["before"]["settling_s"]
+    (further,) = results["next"]
+    assert further["file"] in {"next_experiment.csv", "suite.csv"}
+    assert "specification" in further["why"]
+    assert load(out / "controller.json") != old_design(KNOWN).controller
+
+
+def test_a_table_whose_record_is_too_long_comes_with_the_option_that_takes_it(begun: Path, tmp_path: Path) -> None:
+    base = copied(begun, tmp_path)
+    (base / "records" / "strokes of May.csv").unlink()
+    slow_loops(base)
+    _, results = circle(base, "--quick", "--most-samples", "5000")
+    (asked_for,) = (one for one in results["next"] if one["file"] == "suite.csv")
+    most = int(re.findall(r"--most-samples (\d+)", asked_for["why"])[0])
+    assert most >= len((base / "out" / "suite.csv").read_text(encoding="utf-8").splitlines()) - 1
+
+
+def test_a_record_of_an_experiment_that_was_asked_for_is_diagnosed(begun: Path) -> None:
+    """Whatever its kind, and known by its table, so that it is not asked for again."""
+    text = (begun / "strokes.csv").read_text(encoding="utf-8")
+    options = CircleOptions(machine=begun / "my.toml", records=begun / "records")
+    for kind, role in (("suite", "diagnose"), ("next_experiment", "diagnose"), ("current", "current")):
+        (one,) = loaded(KNOWN, options, (asked.asked(kind, text),), Progress())
+        assert one.table is not None
+        assert (one.role, one.table.kind) == (role, kind)
+        assert (one.run is not None) == (role == "current")
+
+
+def test_a_suite_leaves_room_for_the_records_that_are_there(begun: Path, tmp_path: Path) -> None:
+    """It is shorter by then, and with its record the samples are within the limit."""
+    base = copied(begun, tmp_path)
+    redesign = json.loads((base / "out" / "steps" / "redesign.json").read_text(encoding="utf-8"))["found"]
+    options = CircleOptions(machine=base / "my.toml", records=base / "records", most_samples=60_000)
+    given = loaded(KNOWN, options, (), Progress())
+    circled = own_axis.Circle(KNOWN, options, given, Steps(base / "steps", ""), Progress())
+    late = {"met": False, "before": {}, "state": "missed"}
+    found = {"next_experiment": None, "verdict": {"outcome": "parameters"}, "improved": ""}
+    files, (further,) = own_axis._next(circled, found, redesign, late)
+    held = sum(one.loaded.content.position.size for one in given if isinstance(one.loaded.content, Record))
+    assert further["file"] == "suite.csv"
+    assert held + files["suite.csv"].count("\n") - 1 <= options.most_samples
+    assert "--most-samples" not in further["why"]
+
+
+def test_more_samples_than_the_option_says_are_refused(
+    begun: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base = copied(begun, tmp_path)
+    (base / "out" / "steps" / "diagnose.json").unlink()
+    assert main(STUDY, [*command(base), "--most-samples", "100"]) == BAD_INPUT
+    assert "or give --most-samples" in capsys.readouterr().err
 
 
 def test_a_design_that_turns_out_worse_is_taken_back(begun: Path, tmp_path: Path) -> None:
@@ -111,11 +198,7 @@ def test_a_design_that_turns_out_worse_is_taken_back(begun: Path, tmp_path: Path
 def test_a_folder_that_holds_only_what_is_identified_from_asks_for_more(begun: Path, tmp_path: Path) -> None:
     base = copied(begun, tmp_path)
     (base / "records" / "strokes of May.csv").unlink()
-    t = np.arange(round(6.0 / KNOWN.sample_time)) * KNOWN.sample_time
-    wide = 2.5 * max(KNOWN.friction.limit)
-    slow = np.column_stack([t, 0 * t, wide * np.sin(np.pi * t / 3), 0 * t])
-    np.savetxt(base / "slow.csv", slow, delimiter=",", header="time_s,target_m,reference_m,feedforward_N", comments="")
-    axis_runs(base / "slow.csv", base / "records" / "slow.csv", 5)
+    slow_loops(base)
     status, results = circle(base, "--quick")
     assert status == DONE
     assert [one["role"] for one in results["records"]] == ["identify"]
