@@ -85,7 +85,8 @@ def worse(before: Outcome, after: Outcome, machine: Machine) -> tuple[str, ...]:
     found = []
     for name, unit in UNITS.items():
         old, new = float(getattr(before, name)), float(getattr(after, name))
-        if new > old * (1 + WORSE) + _least(machine)[name]:
+        never = name == "settling" and not before.never and after.never > 0  # however long its motions were watched
+        if never or new > old * (1 + WORSE) + _least(machine)[name]:
             told = [_told(one, name, unit) for one in (after, before)]
             found.append(f"{CALLED[name]}: {told[0]} instead of {told[1]}")
     return tuple(found)

@@ -64,5 +64,7 @@ def test_a_verification_is_worse_beyond_five_per_cent_and_noise() -> None:
         "settling of the slowest motion: 44 ms instead of 40 ms",
     )
     assert len(worse(before, Outcome(50e-3, 2e-6, 10, 0), KNOWN)) == 2
+    (lost,) = worse(replace(before, settling=145e-3), Outcome(150e-3, before.dispersion, 10, 1), KNOWN)
+    assert lost.endswith("never in 1 of 10 motions instead of 145 ms")
     fine = replace(before, dispersion=1e-9)
     assert worse(fine, replace(fine, dispersion=5e-8), KNOWN) == ()  # below three deviations of a reading
