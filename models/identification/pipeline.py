@@ -9,10 +9,13 @@ knows it best gives.
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from models.identification.joint.fast_records import from_dynamics
 from models.identification.joint.motion_records import from_motion
@@ -24,6 +27,11 @@ from models.machine import Machine
 from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.tables.sizes import RecordError
+
+UNSOLVED: Final = (
+    "no machine near the one of the machine file explains this record, taken as {kind}; check its units and signs, and "
+    "mass, friction and control of the machine file"
+)
 
 
 def identify(
@@ -65,10 +73,17 @@ def identify(
         if tell is not None:
             tell(i / len(loaded), f"identifying from {one.name} ({kind})")
         try:
-            found = _METHODS[kind](found, kind, one, settings)
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # ends in a refusal, not in warnings
+                found = _METHODS[kind](found, kind, one, settings)
         except ValueError as error:
-            raise RecordError(f"{one.name}: {error}") from error
+            raise RecordError(f"{one.name}: {error if _is_ours(error) else UNSOLVED.format(kind=kind)}") from error
     return found
+
+
+def _is_ours(error: ValueError) -> bool:
+    """Whether this program raised an error, and no library, whose words say nothing to who gave the record."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    return str(frame.f_globals["__name__"]).partition(".")[0] == __name__.partition(".")[0]
 
 
 _METHODS: Final[Mapping[str, Callable[[Identified, str, Loaded, Settings], Identified]]] = {

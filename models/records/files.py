@@ -72,8 +72,9 @@ def load(
             return Loaded(path.name, digest, response, (), (), recognised(table, columns, used, response))
         record, given, placed = _record(table, columns, facts.sample_time)
         _check_units(table, columns, given, facts)
-        said = (*placed, *findings(_as_it_ran(record, columns, facts), given, facts))
-        doubted = doubts(record, set(given), facts)
+        ran = _as_it_ran(record, columns, facts)
+        said = (*placed, *findings(ran, given, facts))
+        doubted = doubts(record, set(given), facts, ran)
         if trusted:
             said = (*(f"{one[0].upper()}{one[1:]}." for one in doubted), *said)
         elif (one := next(doubted, None)) is not None:

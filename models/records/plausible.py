@@ -7,19 +7,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.quantity import show
-from models.records.checks import INERTIA, Facts, fitted_mass, quantisation, smoothed
-from models.records.feedback_sign import acts_against_the_reference
+from models.records.checks import INERTIA, Facts, fitted_mass, quantisation, replay, smoothed
+from models.records.feedback_sign import Mistake, mistake
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
 THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its inverse
+# A loop keeps the position to the reference, so that a ratio beyond this one, where they go together so CLOSELY, is a
+# factor of units wherever the error would have made the stated controller put out so many TIMES what was logged.
+APART: Final = 1.5
+CLOSELY: Final = 0.98  # correlation
+TIMES: Final = 3.0
+IDLE: Final = 1e-3  # of the command: a feedback that adds less was switched off
 PEAK: Final = 100.0  # times the rated thrust, which no drive gives
 # A speed beyond so many times the one that the rated thrust gives over the whole way is an error of units, as it would
 # take a hundred times the force, or a hundredth of the mass.
@@ -29,12 +36,18 @@ SMOOTHED: Final = 20  # samples over which accelerations are taken
 FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit
 
 
-def doubts(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
-    """Why a record can't be what it says, in whole sentences, the plainest first. given: signals that the file has."""
+def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | None = None) -> Iterator[str]:
+    """Why a record can't be what it says, in whole sentences, the plainest first. given: signals that the file has.
+
+    as_it_ran: the record as the stated feedback made it, where that differs, as for a derivative of the position.
+    """
+    ran = as_it_ran or record
     yield from _against_sample_time(record, facts)
     yield from _swapped(record, given)
+    if {"reference", "target"} & given:
+        yield from _against_feedback(ran, facts)
     if "reference" in given and np.ptp(record.reference) > 0:
-        yield from _against_reference(record)
+        yield from _against_reference(ran, facts)
     yield from _against_scale(record, facts)
     yield from _jumps(record, facts)
     yield from _against_force(record, facts)
@@ -87,16 +100,38 @@ def _swapped(record: Record, given: set[str]) -> Iterator[str]:
             "position and command look swapped: the command is what follows the reference, or is the smoother one; "
             "map each to its column"
         )
-    if moved and acts_against_the_reference(record):
-        yield (
-            "reference and position look swapped: the command falls where the reference rises, and rises with the "
-            "position, which no stable loop does; map each to its column"
-        )
 
 
-def _against_reference(record: Record) -> Iterator[str]:
+def _against_feedback(record: Record, facts: Facts) -> Iterator[str]:
+    """A command that answers the wrong way round."""
+    match mistake(record, facts.pid, facts.reference_delay):
+        case Mistake.SWAPPED:
+            yield (
+                "reference and position look swapped: the stated controller makes the logged command where the two are "
+                "exchanged, and not as they are; map each to its column"
+            )
+        case Mistake.TURNED:
+            yield (
+                "the sign of the command looks turned: the stated controller makes -1 times what is logged; turn it by "
+                '"NAME * -1"'
+            )
+        case Mistake.FEEDFORWARD:
+            yield (
+                "the sign of the feedforward looks turned: the stated controller makes the logged command with -1 "
+                'times the feedforward, and not with it as it is; turn it by "NAME * -1"'
+            )
+        case Mistake.EITHER:
+            yield (
+                "reference and position look swapped, or the sign of the command turned: the command falls where the "
+                "reference rises, which no stable loop does; map each to its column, or "
+                'turn the command by "NAME * -1"'
+            )
+
+
+def _against_reference(record: Record, facts: Facts) -> Iterator[str]:
     """A wrong unit or a turned sign between position and reference."""
-    if abs(_correlation(record.reference, record.position)) <= 0.9:
+    correlation = abs(_correlation(record.reference, record.position))
+    if correlation <= 0.9:
         return
     slope = float(np.polyfit(record.reference, record.position, 1)[0])
     if _off(slope):
@@ -106,6 +141,22 @@ def _against_reference(record: Record) -> Iterator[str]:
         )
     elif slope < 0:
         yield 'the position moves against the reference: a sign is wrong; turn it by "NAME * -1"'
+    elif correlation > CLOSELY and not 1 / APART < slope < APART and (times := _asked_for(record, facts)) > TIMES:
+        yield (
+            f"the position moves {slope:.4g} times as far as the reference, and at such an error the stated controller "
+            f"would put out {times:.3g} times the command that is logged: the unit or factor of one of them is wrong; "
+            'mark it, as in [mm], or correct it, as in "NAME * 1 nm"'
+        )
+
+
+def _asked_for(record: Record, facts: Facts) -> float:
+    """What the stated feedback makes of a record's error, over the command of the record: each without its constant and
+    as standard deviations [1]; 0 where no feedback is stated or none acted."""
+    acted = float(np.std(record.command - record.feedforward))
+    if facts.pid is None or acted <= IDLE * float(np.std(record.command)):
+        return 0.0
+    alone = replace(record, feedforward=np.zeros(record.command.size))
+    return float(np.std(replay(alone, facts.pid, facts.reference_delay)) / np.std(record.command))
 
 
 def _against_scale(record: Record, facts: Facts) -> Iterator[str]:

@@ -22,7 +22,7 @@ from models.records.record import Record, cut
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_controller
 from studies.effort import IDENTIFIED, IDENTIFYING, foresee, seconds_a_sample
-from studies.identify_machine import own_records, round_trip
+from studies.identify_machine import controllers, own_records, round_trip
 from studies.identify_machine.options import IdentificationOptions
 from studies.identify_machine.shown import checks_of, results_of
 from studies.options import BadInputError
@@ -54,14 +54,15 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     except RecordError as error:
         raise BadInputError(str(error)) from error
     shown = results_of(found, options.pass_band)
-    checks = [*checks_of(found, shown)]
+    said, checks = controllers.judged(machine, given if options.record else ())
+    checks = [*checks_of(found, shown), *checks]
     results: dict[str, Any] = {
         "quick": options.quick,
         "own_records": not options.record,
         "records": [_record(kind, record) for kind, record in given],
         **shown,
         "parameters": [_parameter(p) for p in parameters(found.machine) if p.provenance.kind == "identified"],
-        "said": list(found.remarks),
+        "said": [*said, *found.remarks],
         "sure": SURE,
     }
     if not options.record:

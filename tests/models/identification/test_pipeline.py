@@ -79,6 +79,22 @@ def test_a_response_that_shows_nothing_is_refused_with_the_reason() -> None:
         identify(MACHINE, [replace(one, content=vague)])
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_record_that_no_machine_explains_is_refused_in_words_of_its_own() -> None:
+    """A command whose sign is turned, which is trusted: no message and no warning of NumPy comes through."""
+    record = own_records.motions(MACHINE, 1)
+    turned = Loaded("turned.csv", "0", replace(record, command=-record.command), (), ())
+    with pytest.raises(RecordError, match=r"turned\.csv: (no machine near|the fit of its motions does not converge)"):
+        identify(MACHINE, [turned], kinds=["motion"])
+
+
+def test_the_words_of_a_library_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion, "identify", lambda *_, **__: np.linalg.inv(np.zeros((2, 2))))  # "Singular matrix"
+    record = Loaded("flat.csv", "0", own_records.motions(MACHINE, 1), (), ())
+    with pytest.raises(RecordError, match=r"flat\.csv: no machine near the one of the machine file explains"):
+        identify(MACHINE, [record], kinds=["motion"])
+
+
 def test_no_record_leaves_the_machine_but_for_what_was_published_of_it() -> None:
     found = identify(MACHINE, [])
     assert found.steps == ()

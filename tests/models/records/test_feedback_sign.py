@@ -14,7 +14,7 @@ from scipy.signal import cont2discrete
 
 from models.machine import load
 from models.records.checks import Facts
-from models.records.feedback_sign import acts_against_the_reference
+from models.records.feedback_sign import Mistake, acts_against_the_reference, mistake
 from models.records.plausible import doubts
 from models.records.record import Record
 from studies.identify_machine import own_records
@@ -65,6 +65,72 @@ def test_records_of_the_table_are_told_too(kind: str) -> None:
     record = make[kind](own_records.noisy(MACHINE), 1)
     assert not acts_against_the_reference(record)
     assert acts_against_the_reference(swapped(record))
+
+
+def under(reference: Array, feedforward: Array, held: Callable[[float, float], float], limit: float = np.inf) -> Record:
+    """A mass of 10 kg with friction under a PID law of 40 kN/m, whose proportional part takes `held` of error and
+    position [m]; its thrust is cut off at a limit [N]. The log is rounded, as the scale is."""
+    ts, kp, ki, kd = 1e-3, 4e4, 8e5, 400.0
+    x = v = integral = before = 0.0
+    position, command = np.empty(reference.size), np.empty(reference.size)
+    for k, wanted in enumerate(reference):
+        position[k] = round(x / 1e-9) * 1e-9
+        error = wanted - position[k]
+        moved = held(error, position[k])
+        force = kp * moved + integral + kd * (moved - before) / ts + feedforward[k]
+        command[k] = min(max(force, -limit), limit)
+        integral += ki * ts * error if abs(force) < limit else 0.0
+        before = moved
+        v += ts / 10.0 * (command[k] - 5.0 * np.tanh(v / 1e-4) - 50.0 * v)
+        x += ts * v
+    logged = np.round(reference / 1e-8) * 1e-8
+    return Record(ts, logged, logged, feedforward, command, position)
+
+
+STROKES = 1e-2 * np.sin(2 * np.pi * 0.7e-3 * np.arange(4000)) ** 3
+NOTHING = np.zeros(STROKES.size)
+INERTIA = 10.0 * np.gradient(np.gradient(STROKES, 1e-3), 1e-3)
+LOOPS = {
+    "of the error": under(STROKES, NOTHING, lambda error, _: error),
+    "with feedforward": under(STROKES, INERTIA, lambda error, _: error),
+    "set-point weights of zero": under(STROKES, NOTHING, lambda _, position: -position),
+    "a set-point weight of 0.3": under(STROKES, NOTHING, lambda error, position: 0.3 * error - 0.7 * position),
+    "saturated": under(3 * STROKES, NOTHING, lambda error, _: error, 12.0),
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_what_a_loop_of_unknown_gains_makes_is_taken_as_it_is(name: str) -> None:
+    assert mistake(LOOPS[name], None, 0) is None
+
+
+@pytest.mark.parametrize("name", ["of the error", "with feedforward"])
+def test_a_set_point_that_is_rounded_in_the_log_does_not_hide_a_swap(name: str) -> None:
+    """The rounding makes coefficients of a smooth set point look sure, which are nothing beside those of the scale."""
+    assert mistake(swapped(LOOPS[name]), None, 0) is Mistake.EITHER
+
+
+def test_a_turned_command_of_unknown_gains_shows_beside_its_feedforward() -> None:
+    record = LOOPS["with feedforward"]
+    assert mistake(replace(record, command=-record.command), None, 0) is Mistake.EITHER
+
+
+@pytest.mark.parametrize("kind", ["excitation", "hysteresis", "motions"])
+def test_the_stated_controller_tells_a_turned_command_from_swapped_signals(kind: str) -> None:
+    make: Mapping[str, Callable[..., Record]] = vars(own_records)
+    record, control = make[kind](own_records.noisy(MACHINE), 2), MACHINE.control
+    law = control.feedback, control.reference_delay
+    assert mistake(record, *law) is None
+    assert mistake(swapped(record), *law) is Mistake.SWAPPED
+    assert mistake(replace(record, command=-record.command), *law) is Mistake.TURNED
+
+
+def test_a_turned_command_shows_at_a_reference_that_stands_still() -> None:
+    still = own_records.run(own_records.noisy(MACHINE), NOTHING, 20 * np.sin(np.arange(STROKES.size) / 50), 3)
+    law = MACHINE.control.feedback, MACHINE.control.reference_delay
+    assert mistake(still, *law) is None
+    assert mistake(replace(still, command=-still.command), *law) is Mistake.TURNED
+    assert mistake(replace(still, feedforward=-still.feedforward), *law) is Mistake.FEEDFORWARD
 
 
 @pytest.mark.parametrize("digits", [6, 8, 10, 12, 15])

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from models.controller import PID
 from models.machine import load
 from models.records.checks import Facts
 from models.records.plausible import doubts
@@ -36,11 +38,41 @@ def records() -> Mapping[str, Record]:
 
 
 KINDS = ("excitation", "hysteresis", "motions", "short")
+OF_THE_LOOP = replace(FACTS, pid=MACHINE.control.feedback, reference_delay=MACHINE.control.reference_delay)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_the_table_makes_is_not_doubted(kind: str, records: Mapping[str, Record]) -> None:
     assert list(doubts(records[kind], GIVEN, FACTS)) == []
+    assert list(doubts(records[kind], GIVEN, OF_THE_LOOP)) == []
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.5, 2.0, 10.0])
+@pytest.mark.parametrize("signal", ["position", "reference"])
+@pytest.mark.parametrize("kind", ["excitation", "hysteresis", "motions"])
+def test_a_position_that_a_loop_can_not_have_kept_so_far_from_its_reference_is_doubted(
+    kind: str, signal: str, factor: float, records: Mapping[str, Record]
+) -> None:
+    wrong = replace(records[kind], **{signal: factor * getattr(records[kind], signal)})
+    assert any("times as far as the reference" in doubt for doubt in doubts(wrong, GIVEN, OF_THE_LOOP))
+
+
+def test_a_loop_that_is_too_soft_to_follow_is_not_doubted() -> None:
+    """Against a spring, a controller without an integral stays behind by its share of the stiffness, as it says."""
+    pid, reference = PID(1e4, 0.0, 0.0, 1e-3), 1e-5 * np.sin(np.arange(4000) / 100)
+    position = 0.2 * reference
+    record = Record(5e-4, reference, reference, np.zeros(4000), pid.kp * (reference - position), position)
+    facts = Facts(pid=pid)
+    assert list(doubts(record, GIVEN, facts)) == []
+    assert any("times as far" in doubt for doubt in doubts(replace(record, position=10 * reference), GIVEN, facts))
+
+
+def test_without_a_feedback_that_acts_a_position_may_go_its_own_way(records: Mapping[str, Record]) -> None:
+    record = records["motions"]
+    alone = replace(record, feedforward=record.command, position=2 * record.position)
+    assert not any("as far as" in doubt for doubt in doubts(alone, GIVEN, OF_THE_LOOP))
+    constant = replace(record, reference=np.zeros(record.position.size))
+    assert not any("as far as" in doubt for doubt in doubts(constant, GIVEN, OF_THE_LOOP))
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1e-6, 1e6, 1e9])
