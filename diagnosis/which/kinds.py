@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, coordinates, unrepeated
+from diagnosis.model.fit import Fit, coordinates
 from diagnosis.which.free_form import free_form, member_columns
 from diagnosis.which.scan import NuisanceProjection, by_segment, judged, linear_columns, partial_out
 from diagnosis.which.stage import Proposal
@@ -52,33 +52,30 @@ class OfKind:
 
 def of_kind(effect: Effect, beside: Fit, proposals: Sequence[Proposal], baseline: Baseline) -> OfKind:
     """What free forms explain of what a fit without the effect leaves; proposals: those whose kinds may compete. Shares
-    are 0 where what is left is not surely above the noise floor: of next to nothing any gain would be a large share."""
-    own, records = partial_out(beside, baseline.segment), baseline.records
-    excess, kind = above_floor(beside, own.e, baseline), type(effect).kind()
-    if excess <= 0:
-        return OfKind(kind, 0.0, 0.0)
+    are 0 where what is left is not surely above the noise floor: of next to nothing any gain would be a large share.
 
-    def share(one: Effect) -> float:
-        return free_form(one, beside, records, own).gain / excess
-
-    others = [one.effect for one in proposals if one.effect is not None and type(one.effect).kind() != kind]
-    return OfKind(kind, share(effect), max((share(one) for one in others[:RIVALS]), default=0.0))
-
-
-def above_floor(fitted: Fit, e: Array, baseline: Baseline) -> float:
-    """The chi-square [1] by which a fit's projected innovations e (n,) [1] surely exceed the noise floor, else 0.
-
-    A drive that is rougher than its model has weights by which it leaves one per sample, whatever is wrong: there it is
-    what repeats between equal motions, and 0 where none are equal.
+    A drive that is rougher than its model has weights by which it leaves one per sample, whatever is wrong. There the
+    shares are of what the effect's own kind gains, which leaves it to the closure of the unknown force how much of the
+    gap that is (`diagnosis.answer.closes_too_little`).
     """
-    criteria = baseline.criteria
+    own, records = partial_out(beside, baseline.segment), baseline.records
+    kind = type(effect).kind()
+
+    def gain(one: Effect) -> float:
+        return free_form(one, beside, records, own).gain
+
+    whole = gain(effect) if beside.candidate.rough else above_floor(own.e, baseline)
+    if whole <= 0:
+        return OfKind(kind, 0.0, 0.0)
+    others = [one.effect for one in proposals if one.effect is not None and type(one.effect).kind() != kind]
+    share = 1.0 if beside.candidate.rough else gain(effect) / whole
+    return OfKind(kind, share, max((gain(one) / whole for one in others[:RIVALS]), default=0.0))
+
+
+def above_floor(e: Array, baseline: Baseline) -> float:
+    """The chi-square [1] by which innovations e (n,) [1] surely exceed the noise floor, else 0."""
     excess = float(e @ e - np.mean(baseline.floors))
-    if fitted.candidate.rough:
-        apart = unrepeated(fitted, baseline.records, baseline.pieces, criteria.min_equal_motions)
-        known = ~np.isnan(apart)
-        part = float(np.sum(apart[known] ** 2) / np.sum(fitted.innovations[known] ** 2)) if known.any() else 1.0
-        excess = (1 - part) * float(e @ e)
-    return excess if excess > criteria.shown_by * float(np.std(baseline.floors)) else 0.0
+    return excess if excess > baseline.criteria.shown_by * float(np.std(baseline.floors)) else 0.0
 
 
 def forms(fitted: Fit, gained: Mapping[str, float], baseline: Baseline) -> dict[str, Form]:
