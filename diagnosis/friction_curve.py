@@ -2,10 +2,10 @@
 
 A few elements draw the friction's curve to a percent, as well as most data sheets know it. A fine scale sees what that
 leaves in every motion, and the search would take it for an effect, or for one that the catalogue lacks. So a force of
-elements with other limits is tried beside the fit, with its stiffnesses free: it is linear in them, and what it gains
-on motions to which they were not fitted is no effect's, as a path's elements remember nothing but the path (Masing's
-rule). Where that is far more than noise, every element of the file becomes two of half its stiffness. The machine as
-delivered stays what it was, and the re-fit moves them apart.
+elements with other limits is tried beside the fit, with its stiffnesses free: it is linear in them, and gains little
+from effects on motions to which they were not fitted, as elements remember nothing but the path (Masing's rule). Where
+it gains far more than effects were seen to give it, every element of the file becomes two of half its stiffness. The
+machine as delivered stays what it was, and the re-fit moves them apart.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 GRID: Final = 24  # limits that are tried, from a third of the shortest to half as much again as the longest
 SHORTEST, LONGEST = 1 / 3, 1.5
-MOST: Final = 32  # elements: more take a re-fit longer and a record shows no more
+MOST: Final = 32  # elements: a re-fit's time grows with their square
 ITERATIONS: Final = 12
 FREE_STIFFNESS: Final = 0.7  # deviation of the logarithm of a half's stiffness: it may be nearly all or nearly nothing
 
@@ -40,8 +40,8 @@ FREE_STIFFNESS: Final = 0.7  # deviation of the logarithm of a half's stiffness:
 def with_finer_friction(
     fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64], criteria: Criteria = Criteria()
 ) -> Fit:
-    """The fit as it is, or with twice or four times as many elements where the records show the curve between them by
-    far; segment (n,): the number of each sample's motion [1]."""
+    """The fit as it is, or with twice as many elements, or more, where the records show the curve between them by far;
+    segment (n,): the number of each sample's motion [1]."""
     least = criteria.finer_friction * fitted.innovations.size
     while _may_have_more(fitted, least) and curve_gain(fitted, records, segment) > least:
         finer = _halved(fitted, records)
