@@ -54,7 +54,7 @@ def motions(whole: Results) -> Drawing:
         measured = pictures["measured"][which]
         shown = measured or pictures["expected"][which]
         draw_errors(ax, shown, wanted)
-        ax.set_title(f"{title}, {'measured' if measured else 'simulated on the improved machine'}", fontsize=7.5)
+        ax.set_title(f"{title},\n{'measured' if measured else 'simulated on the improved machine'}", fontsize=7.5)
     axes[0, 0].set_ylabel("error towards the target [µm]")
     axes[0, 0].legend(loc="lower right")
     return figure
