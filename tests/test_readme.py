@@ -17,6 +17,7 @@ from models.machine import load
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+GUIDE = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "reports" / "guide").glob("*.md")}
 
 
 def test_the_figures_of_the_table_are_computed_ones() -> None:
@@ -84,5 +85,19 @@ def test_its_layout_names_every_room_of_a_library_and_no_other() -> None:
 
 
 def test_the_files_that_it_names_exist() -> None:
-    for name in re.findall(r"`((?:models|tests|reports/baseline)/[\w/.]+)`|\]\((reports/[\w/.]+)\)", README):
-        assert (ROOT / (name[0] or name[1])).exists(), name
+    for text in (README, *GUIDE.values()):
+        for name in re.findall(r"`((?:models|tests|reports/baseline)/[\w/.]+)`|\]\((reports/[\w/.]+)\)", text):
+            assert (ROOT / (name[0] or name[1])).exists(), name
+
+
+def test_it_leads_to_every_page_of_the_guide_and_is_read_in_minutes() -> None:
+    assert set(re.findall(r"\]\(reports/guide/(\w+\.md)\)", README)) == set(GUIDE)
+    assert len(README.split()) < 3500  # a guide page holds the rest
+
+
+def test_tables_that_a_page_of_the_guide_repeats_are_the_same() -> None:
+    """A trial's figures stand in the README and on the page that tells their story."""
+    rows = {row for row in README.splitlines() if row.startswith("| ") and ("missed |" in row or "holds |" in row)}
+    there = {row for row in GUIDE["trials.md"].splitlines() if row.startswith("| ")}
+    assert len(rows) >= 18
+    assert rows <= there

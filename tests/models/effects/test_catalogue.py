@@ -38,8 +38,8 @@ AGREED = {
 
 ASKED = ("velocity_strengthening", "gravity")  # looked for only where a machine file states their sizes
 
-README = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-OWN = textwrap.dedent(README[README.index('    """Friction that grows') :].partition("\n\nThe simulator")[0]) + "\n"
+GUIDE = (Path(__file__).parents[3] / "reports" / "guide" / "diagnosis.md").read_text(encoding="utf-8")
+OWN = textwrap.dedent(GUIDE[GUIDE.index('    """Friction that grows') :].partition("\n\nThe simulator")[0]) + "\n"
 
 
 def machine_file(folder: Path, effects: str) -> Path:

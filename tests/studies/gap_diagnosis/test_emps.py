@@ -106,8 +106,9 @@ def strongest_period(record: Record) -> float:
     return float(1 / waves[np.argmax(power)])
 
 
-def test_the_readme_quotes_what_is_computed(results: dict[str, Any]) -> None:
-    readme, far = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split()), results["how_far"]
+def test_the_guide_quotes_what_is_computed(results: dict[str, Any]) -> None:
+    page = ROOT / "reports" / "guide" / "trials.md"
+    guide, far = " ".join(page.read_text(encoding="utf-8").split()), results["how_far"]
     before, after, (low, high) = far["gap_refitted"], far["gap_after"], far["closure_interval"]
     told, way = results["verdict"], results["verdict"]["direction"]
     (elsewhere,) = (one for one in far["hold_out"]["files"] if one["file"] == far["adopted_file"])
@@ -125,7 +126,10 @@ def test_the_readme_quotes_what_is_computed(results: dict[str, Any]) -> None:
         f"The input delay is {1e3 * told['input_delay']['total_s']:.2f} ms, the hold included",
         f"the file leaves {elsewhere['force_N'][0]:.2f} N and {1e6 * elsewhere['position_m'][0]:.1f} µm (as delivered",
     ):
-        assert text in readme
+        assert text in guide
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    (left,) = re.findall(r"the improved file leaves (.+?) \(as", readme)
+    assert left == f"{elsewhere['force_N'][0]:.2f} N and {1e6 * elsewhere['position_m'][0]:.1f} µm"
 
 
 def test_the_written_file_leaves_what_the_answer_says(data: Path, folder: Path, results: dict[str, Any]) -> None:
