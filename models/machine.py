@@ -36,7 +36,7 @@ from models.machines.plain import Parameter, left_out, plain_of, range_rows, row
 from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
 from models.machines.reading import read, read_table
 from models.plant import Plant
-from models.quantity import QuantityError, check, cut, declaration, rotary, show
+from models.quantity import AXES, QuantityError, check, cut, declaration, rotary, show
 from models.records.columns import Columns
 
 __all__ = [
@@ -74,7 +74,6 @@ NAME: Final = 200  # characters
 PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.
 MODE_SHARES: Final = (1e-7, 1e4)  # of the size of a mode's gain in the rigid body's: others are neither seen nor its
 MASSES: Final = (1e-6, 1e9)  # kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons
-AXES: Final = ("linear", "rotary")
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
 
@@ -183,7 +182,7 @@ class Machine:
     @property
     def kinds(self) -> Mapping[str, type[Effect]]:
         """The effects by name that may be in this machine; their ranges: `parameters(kind, machine.priors)` [SI]."""
-        return catalogue.looked_for(self.priors)
+        return catalogue.looked_for(self.priors, self.axis)
 
 
 def load(path: str | Path = DEFAULT) -> Machine:

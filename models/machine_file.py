@@ -9,8 +9,8 @@ from typing import Any
 
 from models.effects import catalogue
 from models.effects.priors import Priors
-from models.machine import AXES, Machine, Provenance, left_out, range_rows
-from models.quantity import declaration
+from models.machine import Machine, Provenance, left_out, range_rows
+from models.quantity import AXES, declaration
 from models.records.columns import Columns
 
 

@@ -129,12 +129,16 @@ def _plainly(machine: Machine, record: Record, criteria: Criteria) -> tuple[Repl
 
 def added_signals(machine: Machine, record: Record) -> Record:
     """The record with everything as feedforward [N] that its commands hold beyond the machine's law, replayed on the
-    logged error: pulses behind the controller, say. Before the replay has settled the feedforward stays as logged."""
+    logged error: pulses behind the controller, say. Before the replay has settled the feedforward stays as logged.
+
+    What an integral held before the record is a constant of the replay. It is taken from where the replay has settled,
+    as a law whose integral drifts away from the logged one differs by far more later on."""
     feedback, delay = machine.control.feedback, machine.control.reference_delay
     alone = replace(record, feedforward=np.zeros(record.command.size))
     beyond = record.command - replay(alone, feedback, delay, machine.drive.rated_thrust)
     begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
-    held = float(np.median(beyond[begin:] - record.feedforward[begin:])) if _integrates(feedback) else 0.0
+    settled = slice(begin, begin + STARTING)
+    held = float(np.median((beyond - record.feedforward)[settled])) if _integrates(feedback) else 0.0
     return replace(record, feedforward=np.concatenate([record.feedforward[:begin], beyond[begin:] - held]))
 
 

@@ -185,14 +185,14 @@ def _spread_of(effect: Effect, here: Array, covariance: Array, priors: Priors) -
     if not here.size:
         return {}
     steps = 0.3 * np.sqrt(np.diag(covariance))
-    base = effect.values()
-    slopes = np.stack(
-        [
-            (with_coordinates(effect, here + step * (np.arange(here.size) == i), priors).values() - base) / step
-            for i, step in enumerate(steps)
-        ],
-        axis=1,
-    )
-    std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     items = parameters_of(type(effect))
+    turns = np.array([item.role == "phase" for item in items])
+
+    def moved(i: int) -> Array:
+        """By how much the parameters change with a step of one coordinate; a phase by the shorter way round."""
+        by = with_coordinates(effect, here + steps[i] * (np.arange(here.size) == i), priors).values() - effect.values()
+        return np.where(turns, (by + np.pi) % (2 * np.pi) - np.pi, by)
+
+    slopes = np.stack([moved(i) / steps[i] for i in range(here.size)], axis=1)
+    std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     return {item.name: float(s) for item, s in zip(items, std, strict=True) if item.role != "switch"}

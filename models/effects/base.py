@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from models.compiled import compiled
 from models.effects.priors import REFERENCE, USUAL, Powers, Priors, Range, Units
 from models.plant import Mode
-from models.quantity import value
+from models.quantity import AXES, value
 
 Array = NDArray[np.float64]
 
@@ -259,10 +259,11 @@ class Effect(ABC):
     """One effect and the values of its parameters (SI). A subclass is a frozen dataclass whose fields are `parameter`s.
 
     equation: LaTeX. source: where the law and its typical sizes come from. hooks: by the Place where they act.
-    depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common: any
-    positioning table may have it; what is not is considered only in a machine whose file states its sizes. shows_in:
-    where it shows in a record of position and command: as a "force", in the scale's "reading", only in the "log" of
-    what the controller did and when, or in "nothing"; left empty where the hooks tell, see `shown_in`. coordinate,
+    depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common_on: the
+    axes, "linear" or "rotary", any of which may have it; in others it is considered only where the machine's file
+    states its sizes. shows_in: where it shows in a record of position and command: as a "force", in the scale's
+    "reading", only in the "log" of what the controller did and when, or in "nothing"; left empty where the hooks tell,
+    see `shown_in`. coordinate,
     parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its own. delayed_by: the
     parameter [s] by which a thrust acts later than its command in all but fast changes, if there is one. tabulated: its
     fields are measured values of one machine: a file may hold it, but nothing looks for it, and it has no `parameters`.
@@ -274,7 +275,7 @@ class Effect(ABC):
     source: ClassVar[str]
     hooks: ClassVar[Mapping[Place, Hook]] = {}
     depends_on_time: ClassVar[bool] = False
-    common: ClassVar[bool] = True
+    common_on: ClassVar[tuple[str, ...]] = AXES
     shows_in: ClassVar[str] = ""
     coordinate: ClassVar[str] = ""
     parity: ClassVar[str] = ""

@@ -43,11 +43,11 @@ def range_declarations(kind: type[Effect]) -> Mapping[str, Declaration]:
     }
 
 
-def looked_for(priors: Priors = USUAL) -> Mapping[str, type[Effect]]:
-    """The effects by name that may be in a machine with these priors, in their order: the usual ones and those of which
-    it states sizes [SI]."""
+def looked_for(priors: Priors = USUAL, axis: str = "linear") -> Mapping[str, type[Effect]]:
+    """The effects by name that may be in a machine with these priors, in their order: the usual ones of its axis and
+    those of which it states sizes [SI]."""
     stated = priors.by_effect()
-    return {name: kind for name, kind in every().items() if kind.common or name in stated}
+    return {name: kind for name, kind in every().items() if axis in kind.common_on or name in stated}
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:

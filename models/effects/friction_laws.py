@@ -175,7 +175,7 @@ class VelocityStrengthening(Effect):
         "film); Dieterich 1979, Modeling of rock friction (the logarithm); smooth at rest, and sizes: assumed"
     )
     hooks: ClassVar = {Place.LIMIT: _strengthening}
-    common: ClassVar = False  # rolling guides have none: a machine file that states its sizes asks for it
+    common_on: ClassVar = ()  # rolling guides have none: a machine file that states its sizes asks for it
     rise: float = parameter("1", "rise a of the limits with each e-fold of speed", 0.02, 0.5, "amplitude", at_least=0)
     speed: float = parameter("m/s", "speed v_0 above which it is a logarithm", 1e-4, 1e-2, "shape", above=0)
 

@@ -72,7 +72,7 @@ class Gravity(Effect):
     equation: ClassVar = r"d=-A\sin(x/\mathrm{rad}+\varphi)"
     source: ClassVar = "assumed: statics, A = m g r of a centre of mass at a distance r from the axis"
     hooks: ClassVar = {Place.FORCE: _falling}
-    common: ClassVar = False  # a table on a level base has none; a machine file that states its size has it
+    common_on: ClassVar = ("rotary",)  # a table on a level base has none, but what turns may be out of balance
     amplitude: float = parameter(
         "N", "torque A while the centre of mass is level with the axis", 0.1, 10.0, "amplitude", at_least=0
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -97,8 +98,9 @@ def _which(results: Results) -> str:
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
             told += (
-                f". In part it resembles {listed(shown)}, with which the unknown force falls from "
-                f"{show(before, 'N', 3)} to {show(after, 'N', 3)} (rms)"
+                f". In part it resembles {listed(shown)}, with which the unknown force "
+                f"{'falls' if after < before else 'does not fall: it goes'} from {show(before, 'N', 3)} to "
+                f"{show(after, 'N', 3)} (rms)"
             )
         told += f"{_rough(results)}.{unknown_law.told(results.get('learned'))}"
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
@@ -116,9 +118,14 @@ def _which(results: Results) -> str:
 
 def _beyond_the_catalogue(results: Results) -> str:
     """What else the cause may be, where no effect explains the gap."""
+    causes = ["is out of catalogue"]
     if results.get("friction_elements"):
-        return "the cause is out of catalogue, or is what so few elements leave of the friction's curve"
-    return "the cause is out of catalogue"
+        causes.append("is what so few elements leave of the friction's curve")
+    if untried := results.get("not_looked_for"):
+        causes.append(
+            f"is {effects_listed(untried, 'or')}, tried only where the machine file has a [priors.NAME] for it"
+        )
+    return f"the cause {listed(causes, 'or')}"
 
 
 def _elements(results: Results) -> str:
@@ -147,9 +154,11 @@ def _said_beside(verdict: Results) -> str:
         )
     if verdict["excluded"]:
         told += f" Excluded, as its size would have the wrong sign: {effects_listed(verdict['excluded'])}."
-    if delay["std_s"] > 0 and abs(delay["total_s"] - delay["delivered_s"]) > MOVED * delay["std_s"]:
-        total, std, before = (1e3 * delay[name] for name in ("total_s", "std_s", "delivered_s"))
-        told += f" The input delay, the hold included, is {total:.2f} ± {std:.2g} ms instead of {before:.2f} ms."
+    total, std, before = (1e3 * delay[name] for name in ("total_s", "std_s", "delivered_s"))
+    if std > 0 and abs(total - before) > MOVED * std:
+        digits = max(2, 1 - math.floor(math.log10(std)))  # as many as the deviation has
+        now, then = f"{total:.{digits}f} ± {std:.2g} ms", f"{before:.{digits}f} ms"
+        told += f" The input delay, the hold included, is {now} instead of {then}."
     return told
 
 

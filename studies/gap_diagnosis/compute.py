@@ -216,7 +216,7 @@ def _results(
             "re_fitted": variance_by_record(found.baseline.nominal).tolist(),
             "with_effects": variance_by_record(found.final).tolist(),
         },
-        "not_looked_for": [name for name in every() if name not in given.machine.kinds],
+        "not_looked_for": _not_looked_for(given.machine),
         "catalogue": {name: _entry(name) for name in given.machine.kinds},
         "pictures": pictures(
             beside.where, found.baseline.nominal.candidate, found.baseline.records, found.baseline.pieces
@@ -256,9 +256,16 @@ def _entry(name: str) -> dict[str, Any]:
     return {"family": kind.family, "equation": kind.equation, "meaning": doc, "shown_in": kind.shown_in()}
 
 
+def _not_looked_for(machine: Machine) -> list[str]:
+    """The effects that this machine may have, and that were not tried since its file states none of their sizes."""
+    elsewhere = (kind.common_on and machine.axis not in kind.common_on for kind in every().values())
+    return [name for name, no in zip(every(), elsewhere, strict=True) if not no and name not in machine.kinds]
+
+
 def _white_force(found: Diagnosis) -> dict[str, Any]:
     """Of a drive as smooth as its model, of the roughest record, and of each [N]."""
-    candidate, usual = found.baseline.nominal.candidate, found.baseline.nominal.candidate.usual_white_force
+    candidate = found.final.candidate
+    usual = candidate.usual_white_force
     by_record = [usual * candidate.roughness_of(i) for i in range(len(found.baseline.records))]
     return {"usual": usual, "taken": candidate.white_force, "by_record": by_record}
 

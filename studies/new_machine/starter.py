@@ -17,10 +17,10 @@ import numpy as np
 from design.controller import design_deadbeat
 from design.deadbeat import DesignError
 from design.pid.rules import simc
-from models.machine import AXES, Machine, MachineError, from_table
+from models.machine import Machine, MachineError, from_table
 from models.machines.parts import MOST_COMPENSATED
 from models.plant import Mode, Plant, delay_split
-from models.quantity import QuantityError, is_rotary, listed, parse, rotary, show
+from models.quantity import AXES, QuantityError, is_rotary, listed, parse, rotary, show
 from studies.beforehand import require_designable
 from studies.new_machine.answers import ANSWERS, OPTIONAL
 from studies.options import BadInputError
@@ -148,7 +148,7 @@ noise = {number(0, "m", "assumed: not known")} # 0: 0.3 steps of the resolution 
 
 [plant]
 thrust_constant = {_entry(_quoted("1"), f"assumed: the reference is in {torque}")} # {torque} per {torque} commanded
-dead_time = {delay} # from command to thrust, the hold included
+dead_time = {delay} # from command to thrust; the hold's half sample comes on top
 
 [[plant.modes]] # the rigid body; each vibration mode is one more [[plant.modes]] with its frequency and damping
 gain = {number(1 / numbers["mass"], "1/kg", f"given: 1 / M, --mass {answers['mass']}")}

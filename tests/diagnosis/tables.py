@@ -45,7 +45,7 @@ def asking(machine: Machine) -> Machine:
         (name, item.name): (item.low, item.high)
         for name, kind in every().items()
         for item in ranges_of(kind)
-        if not kind.common and name != "gravity" and item.role in SIZES
+        if "linear" not in kind.common_on and name != "gravity" and item.role in SIZES
     }
     return replace(machine, priors=Priors.of(stated))
 

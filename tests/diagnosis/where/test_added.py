@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from diagnosis.baseline import with_what_was_added
 from diagnosis.model.motions import pieces, repeated
 from diagnosis.where.added import with_the_added
-from diagnosis.where.controller import replayed
+from diagnosis.where.controller import added_signals, replayed, starting
 from diagnosis.where.sentences import added_in_words
-from models.controller import PID
+from models.controller import PID, References
 from models.machine import Machine, load
 from models.records.checks import replay
 from models.records.record import Column, Record
+from models.simulation.simulator import simulate
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import loaded
 from tests.diagnosis.where.test_structure import recorded, under
@@ -185,3 +186,20 @@ def test_pulses_of_a_measured_axis_are_found_without_their_column(emps: Machine)
     assert found.added.column is None
     assert found.added.largest == pytest.approx(178.2, abs=0.3)
     assert len(found.added.stretches) == 25
+
+
+def test_a_replay_that_drifts_hands_no_step_to_a_simulation() -> None:
+    """The integral of a law with another reference delay is off in proportion to the way from the start. What the
+    record's commands hold beyond it begins where the replay has settled, at nothing."""
+    stated = under(PID(3e5, 2e7, 4e3, 0.3e-3), reference_delay=1)
+    path = np.concatenate([np.zeros(300), np.linspace(0, 50e-3, 1500), np.full(300, 50e-3)])
+    record = simulate(MACHINE, MACHINE.feedback_only(), path).record
+    begin = starting(stated.control.feedback, record.sample_time)
+    drives = added_signals(stated, record)
+    drift = float(np.ptp(drives.feedforward))
+    assert drift > 0.3 * 2e7 * record.sample_time * 50e-3
+    assert abs(drives.feedforward[begin] - drives.feedforward[begin - 1]) < 1e-3 * drift
+    again = simulate(
+        stated, stated.feedback_only(), path, given=References(path, drives.feedforward, np.zeros(path.size))
+    )
+    assert np.max(np.abs(again.record.position - record.position)) < 1e-7

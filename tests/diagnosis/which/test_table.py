@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.criteria import Criteria
+from diagnosis.model.fit import coordinates
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which import table as candidates
@@ -17,6 +18,7 @@ from diagnosis.which.table import EffectRow, probability, unsure
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.effects.motor import AmplifierDeadband, Cogging
+from models.effects.priors import USUAL
 from models.machine import load
 
 
@@ -32,6 +34,17 @@ def test_the_stronger_member_comes_first_and_the_machine_files_own_is_none(monke
     assert [effect for effect, _ in members["directional_friction"]] == [found[1], found[0]]
     assert [effect for effect, _ in members["cogging"]] == [found[2]]
     assert members["directional_friction"][0][1] == {"number": float(effects.index(found[1]))}
+
+
+def test_a_phase_beside_the_end_of_its_turn_has_the_deviation_that_it_has_elsewhere() -> None:
+    covariance = np.diag([1e-4, 1e-4, 1e-10])  # of the sine's and the cosine's part, and of the pitch
+    stds = []
+    for phase in (1.0, 1e-6, 2 * np.pi - 1e-6):
+        effect = Cogging(2.0, 0.03, phase)
+        here = coordinates(effect)
+        stds.append(candidates._spread_of(effect, here, covariance[: here.size, : here.size], USUAL)["phase"])
+    assert stds[0] == pytest.approx(1e-2 / 2.0, rel=0.02)
+    assert stds[1:] == pytest.approx([stds[0]] * 2, rel=0.01)
 
 
 def test_a_further_name_is_unsure_whose_size_is_within_its_deviations_of_none(monkeypatch: pytest.MonkeyPatch) -> None:

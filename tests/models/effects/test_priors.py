@@ -152,7 +152,11 @@ def test_every_effect_can_have_its_usual_sizes_stated(name: str) -> None:
 
 def test_without_any_the_common_effects_are_looked_for() -> None:
     assert list(load().kinds.items()) == list(looked_for().items())
-    assert all(kind.common for kind in looked_for().values())
+    assert all("linear" in kind.common_on for kind in looked_for().values())
+
+
+def test_what_turns_may_be_out_of_balance() -> None:
+    assert set(looked_for(axis="rotary")) - set(looked_for()) == {"gravity"}
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,24 @@ def test_every_outcome_has_its_sentences(
     assert told["how_far"].endswith(".")
 
 
+def test_what_was_not_tried_is_said_where_nothing_explains_the_records(results: dict[str, Any]) -> None:
+    assert results["not_looked_for"] == ["velocity_strengthening"]  # not gravity, which no linear axis has
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
+    told = sentences({**results, "verdict": verdict})["which"]
+    assert "or is velocity strengthening, tried only where the machine file has a [priors.NAME] for it" in told
+    tried = sentences({**results, "verdict": verdict, "not_looked_for": []})["which"]
+    assert "the cause is out of catalogue." in tried
+
+
+def test_the_input_delay_has_as_many_digits_as_its_deviation(results: dict[str, Any]) -> None:
+    delay = {"total_s": 1.0429e-3, "std_s": 7.6e-7, "delivered_s": 1.04e-3}
+    told = sentences({**results, "verdict": {**results["verdict"], "input_delay": delay}})["which"]
+    assert "is 1.0429 ± 0.00076 ms instead of 1.0400 ms" in told
+    wide = {**delay, "std_s": 1e-6, "total_s": 1.06e-3}
+    told = sentences({**results, "verdict": {**results["verdict"], "input_delay": wide}})["which"]
+    assert "is 1.060 ± 0.001 ms instead of 1.040 ms" in told
+
+
 def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
     details = {**results["where"]["details"], "controller": [{"replays": False}]}
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
