@@ -43,7 +43,7 @@ from models.variation import Variation, known, varied
 Array = NDArray[np.float64]
 
 FARTHEST: Final = 20.0  # times what is known, of mass, friction and length: beyond, a fit has run away
-MOST_SAMPLES: Final = 700_000  # that 2 GB hold: slopes, draws of the noise and held values take 2.8 kB for each
+MOST_SAMPLES: Final = 700_000  # that 2 GB hold: slopes, draws of noise and held values take 2 to 2.5 kB for each
 ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
 FAR: Final = 0.98  # of the longest way from the start: from there on friction has forgotten what it can forget
@@ -124,8 +124,9 @@ def identify(
     still = replace(machine, scale=replace(machine.scale, noise=0.0, resolution=0.0))
     job = _Job(record, machine, still, begin(record), friction_covariance)
     theta, filter_ = _converged(job, np.array([1.0, 1.0, 1.0, machine.plant.dead_time]), iterations)
-    found = _near(job, np.append(theta, 0.0), filter_)
-    plain, whole = _solved(found, PLAIN), _solved(found, STEPS.size)
+    near = _near(job, np.append(theta, 0.0), filter_)
+    plain, whole = _solved(near, PLAIN), _solved(near, STEPS.size)
+    del near  # the next one is as large
     if _shows(plain, whole):
         theta, filter_ = _converged(job, whole.values[:-1], iterations)
         plain = whole = _solved(_near(job, theta, filter_), STEPS.size)
@@ -189,9 +190,12 @@ def _near(job: _Job, theta: Array, filter_: Array) -> _Near:
     left, slopes = _linearised(job, theta)
     noisy = replace(job.machine, scale=job.machine.scale.noisy())
     clean = _simulated(job.record, job.still, theta)
-    runs = [_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, DRAWS + 1)]
-    parts = (left, slopes, np.column_stack(runs), _unsure(job, theta))
-    return _Near(theta, _phases(job.record)[job.first + ORDER :], *(job.whitened(filter_, part) for part in parts))
+    shaken = (_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, DRAWS + 1))
+    # One by one, as all of them before and behind the filter would take twice the memory.
+    many = ([job.whitened(filter_, one) for one in signals] for signals in (shaken, _unsure(job, theta)))
+    noise, held = (np.column_stack(signals) for signals in many)
+    phase = _phases(job.record)[job.first + ORDER :]
+    return _Near(theta, phase, job.whitened(filter_, left), job.whitened(filter_, slopes), noise, held)
 
 
 def _phases(record: Record) -> NDArray[np.int64]:
@@ -221,14 +225,12 @@ def _parts(phase: NDArray[np.int64], slopes: Array) -> NDArray[np.int64]:
     return np.minimum((PARTS_LEFT_OUT * so_far).astype(np.int64), PARTS_LEFT_OUT - 1)[phase]
 
 
-def _unsure(job: _Job, theta: Array) -> Array:
-    """By how much u [N] changes with what the fit holds as known, by one standard deviation each (samples, M)."""
-    changes = []
+def _unsure(job: _Job, theta: Array) -> Iterator[Array]:
+    """By how much u (samples,) [N] changes with each value that the fit holds as known, by its standard deviation."""
     for moved, size in _held(job):
         step = min(1.0, SMALL / max(size, 1e-300)) * size  # so far that it is seen, so near that it is in proportion
         more, less = (_simulated(job.record, moved(sign * step), theta) for sign in (1, -1))
-        changes.append((more - less) * (0.5 * size / max(step, 1e-300)))
-    return np.column_stack(changes) if changes else np.zeros((job.record.command.size, 0))
+        yield (more - less) * (0.5 * size / max(step, 1e-300))
 
 
 Moved = Callable[[float], Machine]

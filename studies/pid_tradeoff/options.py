@@ -40,8 +40,8 @@ class TradeoffOptions(Options):
     mode_error: float | None = quantity(
         "1",
         "RATIO",
-        "relative error of the modes' frequencies, either way (default: 0.03, or three deviations that the machine file "
-        "states, where they are more)",
+        "relative error of the modes' frequencies, either way (default: 0.03, or three deviations that the machine "
+        "file states, where they are more)",
         at_least=0,
         below=0.5,
     )
