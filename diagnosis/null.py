@@ -28,7 +28,7 @@ from diagnosis.model.fit import Fit, largest, one_step
 from diagnosis.model.kalman import STARTING
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.parameters import Parameters, bounded, initial_state
+from diagnosis.model.parameters import Parameters, bounded, initial_state, parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import WhiteForce, variance_by_record
 from diagnosis.model.units import loop_time, slow_walk
@@ -256,8 +256,9 @@ def _draw(drawn: Drawn, known: Columns) -> Chance:
 
 
 def _key(machine: Machine, records: Sequence[Record], draws: int, roughness: Sequence[float]) -> str:
-    """A hash of all that the null depends on: machine, references, roughness, this program."""
+    """A hash of all that the null depends on: machine and how well it is known, references, roughness, this program."""
     digest = hashlib.sha256(json.dumps(to_json(machine), sort_keys=True).encode())
+    digest.update(parameters(machine, 1).deviation.tobytes())
     for record in records:
         for signal in (record.target, record.reference, record.feedforward):
             digest.update(np.ascontiguousarray(signal).tobytes())

@@ -5,18 +5,19 @@ rigid body alone; the vibration modes keep their gains. A wrong *mass*, or a wro
 all modes, the rigid body's and the others'.
 
 The friction may be off in two ways, which multiply: as a whole, by its force and its presliding length, or contact by
-contact, by stiffness and limit.
+contact, by stiffness and limit. How far off a machine is likely to be, `known` tells for each of its values.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
 from models.friction import Friction, elements
-from models.machine import Machine
+from models.machine import Machine, parameters
 from models.plant import Mode, Plant
 
 MOST_DAMPING: Final = 0.99  # a mode stays below critical damping, which the closed forms of the plant need
@@ -146,3 +147,88 @@ def _each(error: Each, count: int, name: str) -> tuple[float, ...]:
     if len(error) != count:
         raise ValueError(f"a variation has {len(error)} numbers for {count} {name}s; give one for all or one for each")
     return error
+
+
+Origin = Literal["value", "tolerance", "usual"]
+
+
+@dataclass(frozen=True)
+class Known:
+    """How well one entry of a machine file is known: its numbers and their standard deviations, both in its unit (SI),
+    and where the latter are from: stated beside the "value" itself, by the file's [tolerance], or the "usual" one.
+
+    >>> from models.machine import load
+    >>> next(one for one in known(load()) if one.name == "plant.dead_time").deviations
+    (2e-05,)
+    """
+
+    name: str
+    unit: str
+    numbers: tuple[float, ...]
+    deviations: tuple[float, ...]
+    origin: Origin
+
+    @property
+    def relative(self) -> tuple[float, ...]:
+        """The deviations over the sizes of their numbers [1]; infinite where a number is 0."""
+        pairs = zip(self.deviations, self.numbers, strict=True)
+        return tuple(std / abs(number) if number else np.inf for std, number in pairs)
+
+
+def known(machine: Machine) -> tuple[Known, ...]:
+    """How well each value is known that this machine may be off in, in the order of its file (SI).
+
+    A standard deviation that the file states beside a value goes before its tolerance. "friction.level" is the force of
+    all contacts together, a factor, where the stiffnesses have no deviations of their own.
+
+    >>> from models.machine import load
+    >>> {one.origin for one in known(load())}
+    {'usual'}
+    """
+    found, rows = list(_nominal(machine)), parameters(machine)
+    listed = {one.name for one in found}
+    for one in rows:
+        if one.name not in listed and not one.name.startswith(("tolerance.", "priors.")):
+            numbers = _numbers(one.number) if not isinstance(one.number, str) else ()
+            std = _stated(machine, one.name, len(numbers))
+            found += [Known(one.name, one.unit, numbers, std, "value")] if std else []
+    order = {one.name: i for i, one in enumerate(rows)}
+    return tuple(sorted(found, key=lambda one: order.get(one.name.replace(".level", ".stiffness"), -1)))
+
+
+def _nominal(machine: Machine) -> Iterator[Known]:
+    """How well the values are known that a machine file states a tolerance for."""
+    plant, friction, tolerance = machine.plant, machine.friction, machine.tolerance
+
+    def entry(name: str, unit: str, numbers: tuple[float, ...], by: str, *, share: bool = True) -> Known:
+        std, unit = _stated(machine, name, len(numbers)), machine.unit(unit)
+        if std:
+            return Known(name, unit, numbers, std, "value")
+        size = float(getattr(tolerance, by))
+        origin: Origin = "tolerance" if f"tolerance.{by}" in machine.sources else "usual"
+        return Known(name, unit, numbers, tuple(size * abs(one) if share else size for one in numbers), origin)
+
+    for i, mode in enumerate(plant.modes, start=1):
+        rigid = mode.frequency == 0
+        yield entry(f"plant.modes.{i}.gain", "1/kg", (mode.gain,), "mass" if rigid else "mode_gain")
+        if not rigid:
+            yield entry(f"plant.modes.{i}.frequency", "Hz", (mode.frequency,), "frequency")
+            yield entry(f"plant.modes.{i}.damping", "1", (mode.damping,), "damping")
+    yield entry("plant.dead_time", "s", (plant.dead_time,), "dead_time", share=False)
+    yield entry("drive.offset", "N", (machine.drive.offset,), "offset", share=False)
+    stiffness = entry("friction.stiffness", "N/m", friction.stiffness, "stiffness")
+    if stiffness.origin != "value":
+        yield entry("friction.level", "1", (1.0,), "friction_level")
+    yield stiffness
+    yield entry("friction.limit", "m", friction.limit, "limit")
+
+
+def _stated(machine: Machine, name: str, count: int) -> tuple[float, ...]:
+    """The deviations (count,) [SI] beside a value of the file; empty where it states none, or not one for each."""
+    source = machine.sources.get(name)
+    std = () if source is None or source.std is None else _numbers(source.std)
+    return std if len(std) == count and np.all(np.isfinite(std)) else ()
+
+
+def _numbers(value: float | tuple[float, ...]) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (float(value),)

@@ -17,6 +17,7 @@ from models.machine import Machine
 from models.quantity import show
 from models.simulation.simulator import simulate
 from studies.options import BadInputError, Options
+from studies.study import between
 
 LONGEST: Final = 4 * 3600.0  # s that a study may be expected to take where --time-limit does not say otherwise
 MOST: Final = 4 << 30  # bytes that it may be expected to hold
@@ -27,6 +28,7 @@ DIAGNOSED: Final = 14_000  # bytes that a sample takes in a diagnosis: 150,000 s
 IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
 DIAGNOSING: Final = 300  # samples simulated in the time in which one is diagnosed
 IDENTIFYING: Final = 35  # samples simulated in the time in which one is identified from
+OFF: Final = 3.0  # factor by which what is foreseen may be off, either way
 
 
 def seconds_a_sample(machine: Machine) -> float:
@@ -60,7 +62,8 @@ def foresee(
     """
     whole, limit = sum(seconds.values()), LONGEST if options.time_limit is None else options.time_limit
     longest = max(seconds, key=lambda what: seconds[what])
-    said = f"about {lasting(whole)} and {memory / 1e9:.2g} GB, most of the time for {longest}"
+    held = f"{memory / 1e9:.2g} GB, most of the time for {longest}"
+    said = f"about {lasting(whole)} and {held}"
     if memory > most:
         raise BadInputError(
             f"--machine: this would take {said}; more than {most / 1e9:.1f} GB is refused: give fewer or shorter "
@@ -72,7 +75,10 @@ def foresee(
             f'tables, --quick, or --time-limit "{lasting(1.5 * whole)}"'
         )
     if whole > SAID:
-        progress(0.0, f"this will take {said}")
+        progress(
+            0.0,
+            f"this will take {between(whole / OFF, whole * OFF)} of a processor that does nothing else, and {held}",
+        )
 
 
 def lasting(seconds: float) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from studies.options import BadInputError, Options
 
@@ -108,19 +108,50 @@ class Study:
         return report
 
 
-class Progress:
-    """Says on stderr what is being done, how far it is and, for work over five seconds, how long it still takes."""
+ENOUGH: Final = 0.2  # of the work that has to be done before the rest is estimated from it
+OFF: Final = 4.0  # factor by which such an estimate may be off, either way: in five of six on ten runs of other axes
+SHORT: Final = 5.0  # s below which nothing is said of the time left
 
-    def __init__(self, stream: Any = None) -> None:
-        self._stream = stream or sys.stderr
-        self._begin = time.monotonic()
+
+class Progress:
+    """Says on stderr what is being done, how far it is and, for work over five seconds, how long it may still take.
+
+    The shares are those of the default machine, so that a time is told as a range. What goes before the first word,
+    such as compiling, says nothing of the rest.
+    """
+
+    def __init__(self, stream: Any = None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream, self._clock = stream or sys.stderr, clock
+        self._begin = clock()
+        self._first: tuple[float, float] | None = None
+        self._share = 0.0
 
     def __call__(self, share: float, text: str) -> None:
         """`share` (0 .. 1) of the work is done; `text` is what comes next."""
-        elapsed = time.monotonic() - self._begin
-        left = elapsed * (1 / share - 1) if share > 0.02 else 0.0
-        rest = f", about {left:.0f} s left" if elapsed + left > 5 and left > 1 else ""
+        elapsed = self._clock() - self._begin
+        rest = self._left(share, elapsed)
         print(f"[{share:4.0%} after {elapsed:.1f} s{rest}] {text}", file=self._stream, flush=True)
+
+    def _left(self, share: float, elapsed: float) -> str:
+        """What may be left, where enough is done and the share has grown since it was last told."""
+        grown, self._share = share > self._share, max(share, self._share)
+        if self._first is None:
+            self._first = share, elapsed
+        done = share - self._first[0]
+        if not grown or done < ENOUGH:
+            return ""
+        left = (elapsed - self._first[1]) * (1 - share) / done
+        return f", {between(left / OFF, left * OFF)} left" if left > SHORT else ""
+
+
+def between(least: float, most: float) -> str:
+    """A range of times [s] in words, each to one digit, as nobody knows them better: "30 s to 5 min"."""
+
+    def told(time: float) -> str:
+        size, unit = next(((size, unit) for size, unit in ((3600, "h"), (60, "min")) if time >= 2 * size), (1, "s"))
+        return f"{float(f'{time / size:.1g}'):g} {unit}"
+
+    return " to ".join(dict.fromkeys((told(least), told(most))))
 
 
 def machine_for(options: Options) -> tuple[Machine, Path | None]:

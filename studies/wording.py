@@ -63,9 +63,14 @@ def length_or_dash(length: float | None) -> str:
 
 
 def cited(machine: Machine, name: str) -> str:
-    """Where a value of the machine comes from, as the source of a check against it: "paper: II.D"."""
+    """Where a value of the machine comes from, as the source of a check against it: "paper: II.D".
+
+    What was given was given to whoever wrote the machine file, not to the study at hand, which may have an option of
+    the same name.
+    """
     said = machine.sources.get(name, Provenance("assumed", "set in a program"))
-    return f"{said.kind}: {said.detail}" if said.detail else said.kind
+    text = f"{said.kind}: {said.detail}" if said.detail else said.kind
+    return f"machine file, {text}" if said.kind == "given" else text
 
 
 def beyond_records(one: Mapping[str, Any]) -> str:

@@ -5,14 +5,13 @@ Values are drawn one by one, as a file holds no correlations, so that the spread
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.machine import Machine, parameters
-from models.variation import Variation, varied
+from models.variation import Variation, known, varied
 
 Array = NDArray[np.float64]
 
@@ -33,25 +32,18 @@ def machines_as_stated(machine: Machine, count: int, seed: int = 0) -> tuple[Mac
 
 
 def _drawn(machine: Machine, rng: np.random.Generator) -> Machine:
-    stated = dict(_stated(machine))
-    found = varied(machine, _tolerated(machine, set(stated), rng))
-    for name, (number, std) in stated.items():
-        moved = np.array(number, float) + np.array(std, float) * _normal(rng, np.shape(number))
-        found = _with_value(found, machine, name, moved)
+    stated = [one for one in known(machine) if one.origin == "value"]
+    found = varied(machine, _tolerated(machine, {one.name for one in stated}, rng))
+    for one in stated:
+        moved = np.array(one.numbers) + np.array(one.deviations) * _normal(rng, (len(one.numbers),))
+        found = _with_value(found, machine, one.name, moved)
     return found
-
-
-def _stated(machine: Machine) -> Iterator[tuple[str, tuple[Any, Any]]]:
-    """Values with a standard deviation, by name."""
-    for one in parameters(machine):
-        std = one.provenance.std
-        if std is not None and np.all(np.isfinite(std)):
-            yield one.name, (one.number, std)
 
 
 def _with_value(found: Machine, machine: Machine, name: str, moved: Array) -> Machine:
     """The machine with a value, which keeps its sign; as it is where the draw leaves the declared range."""
     before = np.array(next(one.number for one in parameters(machine) if one.name == name), float)
+    moved = moved.reshape(before.shape)
     kept = np.where(np.sign(moved) == np.sign(before), moved, 0.05 * before)
     number = float(kept) if kept.ndim == 0 else tuple(kept.tolist())
     try:
@@ -62,26 +54,26 @@ def _with_value(found: Machine, machine: Machine, name: str, moved: Array) -> Ma
 
 def _tolerated(machine: Machine, stated: set[str], rng: np.random.Generator) -> Variation:
     """Errors of the values that have no stated deviation, drawn within the file's tolerances."""
-    known, modes, contacts = machine.tolerance, len(machine.plant.modes), len(machine.friction.limit)
+    tolerance, modes, contacts = machine.tolerance, len(machine.plant.modes), len(machine.friction.limit)
 
     def of(deviation: float, names: list[str]) -> tuple[float, ...]:
         drawn = np.exp(deviation * _normal(rng, (len(names),))) - 1
         return tuple(0.0 if name in stated else float(one) for name, one in zip(names, drawn, strict=True))
 
     numbers = [f"plant.modes.{i + 1}" for i in range(modes)]
-    gain = list(of(known.mode_gain, [f"{name}.gain" for name in numbers]))
+    gain = list(of(tolerance.mode_gain, [f"{name}.gain" for name in numbers]))
     rigid = machine.plant.rigid
-    gain[rigid] = of(known.mass, [f"{numbers[rigid]}.gain"])[0]
-    together = of(known.friction_level, ["friction.stiffness"])[0]
+    gain[rigid] = of(tolerance.mass, [f"{numbers[rigid]}.gain"])[0]
+    together = of(tolerance.friction_level, ["friction.stiffness"])[0]
     return Variation(
         friction_force=together,
-        stiffness=of(known.stiffness, ["friction.stiffness"] * contacts),
-        limit=of(known.limit, ["friction.limit"] * contacts),
+        stiffness=of(tolerance.stiffness, ["friction.stiffness"] * contacts),
+        limit=of(tolerance.limit, ["friction.limit"] * contacts),
         modal_gain=tuple(gain),
-        frequency=of(known.frequency, [f"{name}.frequency" for name in numbers]),
-        damping=of(known.damping, [f"{name}.damping" for name in numbers]),
-        dead_time=0.0 if "plant.dead_time" in stated else known.dead_time * float(_normal(rng, ())),
-        offset=0.0 if "drive.offset" in stated else known.offset * float(_normal(rng, ())),
+        frequency=of(tolerance.frequency, [f"{name}.frequency" for name in numbers]),
+        damping=of(tolerance.damping, [f"{name}.damping" for name in numbers]),
+        dead_time=0.0 if "plant.dead_time" in stated else tolerance.dead_time * float(_normal(rng, ())),
+        offset=0.0 if "drive.offset" in stated else tolerance.offset * float(_normal(rng, ())),
     )
 
 

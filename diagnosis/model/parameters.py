@@ -3,6 +3,10 @@
 The vector theta (P,) holds deviations: relative ones as logarithms (for the payload's mass, of the rigid body's gain),
 the dead time [s], the offset [N], and the friction elements' displacements [m] at the start of each record. An effect
 counts only for what it explains beyond these, because a gap that a re-fit closes needs no new physics.
+
+A deviation that a machine file states beside a value widens its prior and never narrows it: it says how well records
+once told the value, while a diagnosis asks about an axis that may have changed since, by as much as is usual. A prior
+that is too narrow would make a change that needs no new physics look like an effect.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from numpy.typing import NDArray
 
 from models.friction import elements
 from models.machine import Machine
-from models.variation import Variation, varied
+from models.variation import Origin, Variation, known, varied
 
 Array = NDArray[np.float64]
 
@@ -24,7 +28,21 @@ Array = NDArray[np.float64]
 FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
 FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
 LOADED: Final = 20.0  # bound of the mass: a load may have been left on the table
+MOST: Final = 1.0  # relative deviation of a value at most, as of a stated tolerance
+ABSOLUTE: Final = ("plant.dead_time", "drive.offset")  # values whose deviation is not a share of them
 UNKNOWN_DELAY: Final = 0.5  # sample times: deviation of a dead time that a file neglects; drives take one or two
+TOLERANCES: Final = {  # of the file that each parameter's prior is from, and the unit of its deviation
+    "mode_gain": ("mode_gain", "1"),
+    "payload_mass": ("mass", "1"),
+    "mode_frequency": ("frequency", "1"),
+    "mode_damping": ("damping", "1"),
+    "dead_time": ("dead_time", "s"),
+    "thrust_constant": ("thrust_constant", "1"),
+    "amplifier_offset": ("offset", "N"),
+    "friction_level": ("friction_level", "1"),
+    "presliding_stiffness": ("stiffness", "1"),
+    "presliding_limit": ("limit", "1"),
+}
 LOOSE: Final = (
     "mode_gain",
     "mode_frequency",
@@ -61,34 +79,71 @@ class Parameters:
 def parameters(machine: Machine, records: int) -> Parameters:
     """The parameters of a machine, with priors by its tolerance, in so many records."""
     rows = list(_rows(machine, records))
-    names, deviation = zip(*rows, strict=True)
+    names, usual, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
     far = np.where(np.isin(names, LOOSE), FURTHER, FAR)
     far[np.array(names) == "payload_mass"] = LOADED
-    high = far * wide
+    high = np.maximum(far * np.array(usual), FAR * wide)
     start = np.array(names) == "initial_friction_state"
-    farthest = np.array(machine.friction.limit) * np.exp(FAR * machine.tolerance.limit)  # the limits are fitted, too
+    longer = np.exp(FAR * wide[np.array(names) == "presliding_limit"])  # the limits are fitted, too
+    farthest = np.array(machine.friction.limit) * longer
     high[start] = np.tile(farthest, records)
     low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
     return Parameters(machine, records, names, wide, low, high)
 
 
-def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float]]:
-    modes, friction, tolerance = machine.plant.modes, machine.friction, machine.tolerance
-    flexible = [mode for mode in modes if mode.frequency > 0]
-    for mode in modes:
-        yield ("mode_gain", tolerance.mode_gain) if mode.frequency > 0 else ("payload_mass", tolerance.mass)
-    yield from (("mode_frequency", tolerance.frequency) for _ in flexible)
-    yield from (("mode_damping", tolerance.damping) for _ in flexible)
-    yield "dead_time", _delay_deviation(machine)
+def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
+    """Name, usual deviation and deviation of each parameter: what the file states beside a value where that is more."""
+    plant, friction, tolerance = machine.plant, machine.friction, machine.tolerance
+    stated = {one.name: one for one in known(machine) if one.origin == "value"}
+
+    def each(name: str, usual: float, path: str, count: int = 1) -> Iterator[tuple[str, float, float]]:
+        one = stated.get(path)
+        said = (0.0,) * count if one is None else one.deviations if path in ABSOLUTE else one.relative
+        yield from ((name, usual, max(usual, min(std, np.inf if path in ABSOLUTE else MOST))) for std in said)
+
+    flexible = [f"plant.modes.{i + 1}" for i in plant.flexible]
+    for i, mode in enumerate(plant.modes, start=1):
+        name, usual = ("mode_gain", tolerance.mode_gain) if mode.frequency > 0 else ("payload_mass", tolerance.mass)
+        yield from each(name, usual, f"plant.modes.{i}.gain")
+    for path in flexible:
+        yield from each("mode_frequency", tolerance.frequency, f"{path}.frequency")
+    for path in flexible:
+        yield from each("mode_damping", tolerance.damping, f"{path}.damping")
+    yield from each("dead_time", _delay_deviation(machine), "plant.dead_time")
     if tolerance.thrust_constant > 0:
-        yield "thrust_constant", tolerance.thrust_constant
-    yield "amplifier_offset", tolerance.offset
-    yield "friction_level", tolerance.friction_level
-    yield from (("presliding_stiffness", tolerance.stiffness) for _ in friction.stiffness)
-    yield from (("presliding_limit", tolerance.limit) for _ in friction.limit)
+        yield "thrust_constant", tolerance.thrust_constant, tolerance.thrust_constant
+    yield from each("amplifier_offset", tolerance.offset, "drive.offset")
+    yield "friction_level", tolerance.friction_level, tolerance.friction_level
+    yield from each("presliding_stiffness", tolerance.stiffness, "friction.stiffness", len(friction.stiffness))
+    yield from each("presliding_limit", tolerance.limit, "friction.limit", len(friction.limit))
     for _ in range(records):
-        yield from (("initial_friction_state", 0.6 * limit) for limit in friction.limit)
+        yield from (("initial_friction_state", 0.6 * limit, 0.6 * limit) for limit in friction.limit)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """The prior of all parameters of one name: the least and the largest standard deviation [SI; 1 for logarithms], and
+    where the largest is from: stated beside a "value" of the file, its "tolerance", or the "usual" tolerance."""
+
+    name: str
+    unit: str
+    deviations: tuple[float, float]
+    origin: Origin
+
+
+def priors(layout: Parameters) -> tuple[Prior, ...]:
+    """How far nominal values may move for little, by their names, without the friction's state at the start [SI]."""
+    rows, machine = list(_rows(layout.machine, 0)), layout.machine
+    found = []
+    for name, (tolerance, unit) in TOLERANCES.items():
+        each = [(usual, deviation) for own, usual, deviation in rows if own == name]
+        if each:
+            wider = any(deviation > usual for usual, deviation in each)
+            stated: Origin = "tolerance" if f"tolerance.{tolerance}" in machine.sources else "usual"
+            sizes = [deviation for _, deviation in each]
+            found.append(Prior(name, machine.unit(unit), (min(sizes), max(sizes)), "value" if wider else stated))
+    return tuple(found)
 
 
 def _delay_deviation(machine: Machine) -> float:

@@ -110,3 +110,29 @@ def newey_west(jacobian: Array, residual: Array, lags: int) -> Array:
         cross = scores[lag:].T @ scores[:-lag]
         middle += (1 - lag / (lags + 1)) * (cross + cross.T)
     return np.asarray(bread @ middle @ bread * n / max(n - p, 1))
+
+
+def left_out(slopes: Array, errors: Array, part: NDArray[np.int64]) -> Array:
+    """Covariance (p, p) [parameters squared] of a least-squares estimate by how it moves when parts are left out.
+
+    slopes (n, p) of the errors (n,); part (n,): which part each sample belongs to. A formula that takes errors for
+    noise is too sure of what a model lacks, which stays the same however often it is repeated; this one is not, if
+    equal samples are in one part: the delete-a-group jackknife (Shao and Tu, 1995, 2.3).
+    """
+    scale = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    parts = [(slopes[part == one] / scale, errors[part == one]) for one in np.unique(part)]
+    normal, pull = (np.array(sums) for sums in zip(*((a.T @ a, a.T @ e) for a, e in parts), strict=True))
+    without = zip(normal.sum(0) - normal, pull.sum(0) - pull, strict=True)
+    found = np.array([-np.linalg.pinv(matrix) @ right for matrix, right in without]) / scale
+    apart = found - found.mean(axis=0)
+    return np.asarray((len(parts) - 1) / len(parts) * apart.T @ apart)
+
+
+def wider(one: Array, other: Array) -> Array:
+    """The covariance (p, p) [parameters squared] that is in no direction surer than either; `one` has full rank."""
+    values, vectors = np.linalg.eigh(one)
+    root = vectors * np.sqrt(np.maximum(values, 1e-12 * values.max()))
+    inverse = np.linalg.pinv(root)
+    sizes, turned = np.linalg.eigh(inverse @ other @ inverse.T)
+    spread = root @ turned
+    return np.asarray(spread * np.maximum(sizes, 1.0) @ spread.T)

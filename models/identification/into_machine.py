@@ -20,6 +20,7 @@ from models.identification.force_fit import DAMPING, SURE, ForceFit
 from models.identification.motion import MotionFit
 from models.machine import Machine, Provenance, Tolerance, with_derived_presliding
 from models.records.files import Loaded
+from models.variation import known
 
 Array = NDArray[np.float64]
 
@@ -146,25 +147,37 @@ def with_inertia(machine: Machine, estimate: Estimate, found: Found) -> Machine:
 
 
 def with_scaled_plant(machine: Machine, fit: MotionFit, found: Found) -> Machine:
-    """The machine with the mass and dead time of a motion record, which scales all modes alike."""
-    e, plant = fit.estimate, fit.machine.plant
+    """The machine with the mass and dead time of a motion record, which scales all modes alike; their ratios are no
+    surer than they were."""
+    e, plant, own = fit.estimate, fit.machine.plant, _relative(machine)
     machine = machine.with_value("plant.dead_time", plant.dead_time, found.by(e.deviation("dead time")))
     for i, mode in enumerate(plant.modes):
-        std = abs(mode.gain) * e.deviation("mass") / e.value("mass")
-        machine = machine.with_value(f"plant.modes.{i + 1}.gain", mode.gain, found.by(std))
+        name = f"plant.modes.{i + 1}.gain"
+        held = 0.0 if i == plant.rigid else own[name][0]
+        std = abs(mode.gain) * math.hypot(e.deviation("mass") / e.value("mass"), held)
+        machine = machine.with_value(name, mode.gain, found.by(std))
     return machine
 
 
 def with_scaled_friction(machine: Machine, fit: MotionFit, found: Found) -> Machine:
-    """The machine with the friction of a motion record, which scales all elements alike; its damping stays."""
-    friction = fit.machine.friction
-    level, length = fit.estimate.deviation("friction level"), fit.estimate.deviation("presliding length")
+    """The machine with the friction of a motion record, which scales all elements alike; its damping stays, and the
+    elements' ratios are no surer than they were."""
+    friction, e, own = fit.machine.friction, fit.estimate, _relative(machine)
+    level, length = (e.deviation(name) / e.value(name) for name in ("friction level", "presliding length"))
+    stiffness, limit = (own[f"friction.{name}"] for name in ("stiffness", "limit"))
     sources = dict(machine.sources_of("friction")) | {
-        "stiffness": found.by([k * math.hypot(level, length) for k in friction.stiffness]),
-        "limit": found.by([x * length for x in friction.limit]),
+        "stiffness": found.by(
+            [k * math.hypot(level, length, held) for k, held in zip(friction.stiffness, stiffness, strict=True)]
+        ),
+        "limit": found.by([x * math.hypot(length, held) for x, held in zip(friction.limit, limit, strict=True)]),
     }
     elements = replace(friction, damping=machine.friction.damping)
     return with_derived_presliding(machine.with_part("friction", elements, sources))
+
+
+def _relative(machine: Machine) -> dict[str, tuple[float, ...]]:
+    """How well each value was known, as shares of it [1]."""
+    return {one.name: one.relative for one in known(machine)}
 
 
 def with_damping_of_motion(machine: Machine, fit: MotionFit, found: Found) -> Machine:

@@ -11,12 +11,20 @@ theta scales the mass, the friction and its presliding lengths, and shifts the d
 in where it shows. What the friction remembers at the record's start is not known: the fit begins where the axis first
 is as far away as it gets, and what an element that did not slip until then still carries acts as a constant force,
 part of the offset. So the offset's deviation covers all that it may carry. n samples.
+
+What the fit holds as known (the modes, the shape of the friction) is off as well, by as much as the machine file says
+or tolerates. A fit takes such an error up into the mass and the friction, and its errors hardly show it; so one
+deviation in each of these values is carried through the fit and makes what it finds unsure. What the model lacks
+altogether is no noise either: every equal motion makes the same error again, so that more of them tell no more. The
+deviations are therefore at least those by which the fit moves when the same part of all equal motions is left out.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -25,17 +33,17 @@ from scipy.signal import lfilter
 
 from models.controller import References
 from models.friction import elements
-from models.identification.estimate import STRONG, Estimate
+from models.identification.estimate import STRONG, Estimate, left_out, wider
 from models.identification.force_fit import DAMPING, SURE
 from models.machine import Machine
-from models.records.record import Record
+from models.records.record import Record, cut
 from models.simulation.simulator import simulate
-from models.variation import Variation, varied
+from models.variation import Variation, known, varied
 
 Array = NDArray[np.float64]
 
 FARTHEST: Final = 20.0  # times what is known, of mass, friction and length: beyond, a fit has run away
-MOST_SAMPLES: Final = 1_000_000  # that 2 GB hold, as the filtered slopes and draws of the noise take 1.8 kB for each
+MOST_SAMPLES: Final = 700_000  # that 2 GB hold: slopes, draws of noise and held values take 2 to 2.5 kB for each
 ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
 FAR: Final = 0.98  # of the longest way from the start: from there on friction has forgotten what it can forget
@@ -43,6 +51,8 @@ DRAWS: Final = 60  # of the noise, for the covariance
 PARTS: Final = (("mass", "1"), ("friction level", "1"), ("presliding length", "1"), ("dead time", "s"), (DAMPING, "s"))
 STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 1e-5])  # of the numerical derivatives, in the order of PARTS
 SMALL: Final = 0.05  # relative change of stiffnesses and limits up to which the command changes in proportion
+PARTS_LEFT_OUT: Final = 20  # of the information on all parameters, one after another
+ALIKE: Final = 100  # times that motions' lengths are told apart, over the longest one
 PLAIN: Final = 4  # parts that are always identified; the damping only where it shows
 
 
@@ -70,7 +80,7 @@ class MotionFit:
 @dataclass(frozen=True)
 class _Job:
     """The record, the machine with its noise and without, the sample at which the fit begins, and how sure the shape of
-    the friction is (None: taken as known)."""
+    the friction is (None: as the machine's file has it)."""
 
     record: Record
     machine: Machine
@@ -90,7 +100,8 @@ def identify(
     """Fits a motion record to the machine that is nominally known, its PID among it; see the module's head.
 
     friction_covariance (2 N, 2 N): of the stiffnesses [N/m] and limits [m] that the machine's friction has from another
-    record. The fit can only scale them, so that what is unsure of their shape makes all that it finds unsure.
+    record. The fit can only scale them, so that what is unsure of their shape makes all that it finds unsure; so do the
+    deviations of the modes and, without that covariance, of the elements, as the machine's file has or tolerates them.
     Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
     none. What the machine has of it is not used, nor is its offset: motions show both better.
     Raises ValueError if the record's sample time is another than the machine's, nothing moves, it is too long [s], or
@@ -113,8 +124,9 @@ def identify(
     still = replace(machine, scale=replace(machine.scale, noise=0.0, resolution=0.0))
     job = _Job(record, machine, still, begin(record), friction_covariance)
     theta, filter_ = _converged(job, np.array([1.0, 1.0, 1.0, machine.plant.dead_time]), iterations)
-    found = _near(job, np.append(theta, 0.0), filter_)
-    plain, whole = _solved(found, PLAIN), _solved(found, STEPS.size)
+    near = _near(job, np.append(theta, 0.0), filter_)
+    plain, whole = _solved(near, PLAIN), _solved(near, STEPS.size)
+    del near  # the next one is as large
     if _shows(plain, whole):
         theta, filter_ = _converged(job, whole.values[:-1], iterations)
         plain = whole = _solved(_near(job, theta, filter_), STEPS.size)
@@ -151,10 +163,12 @@ def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
 @dataclass(frozen=True)
 class _Near:
     """All near theta (5,), whitened: the command that is left (n,), its slopes by theta and by the offset (n, 6), and
-    what is made of it by the scale's noise and rounding (n, DRAWS), and by one standard deviation in each of the
-    directions in which the friction's shape is unsure (n, M)."""
+    what is made of it by the scale's noise and rounding (n, DRAWS), and by one standard deviation of each value that is
+    held as known (n, M). phase (n,): the same number for samples at the same place
+    of equal motions, in the order of kinds and time."""
 
     theta: Array
+    phase: NDArray[np.int64]
     left: Array
     slopes: Array
     shaken: Array
@@ -163,10 +177,12 @@ class _Near:
 
 @dataclass(frozen=True)
 class _Solution:
-    """Values of the first parts and, last, of the offset (p,), their covariance, and the errors e left (n,)."""
+    """Values of the first parts and, last, of the offset (p,), their covariance, in all and by noise alone, and the
+    errors e left (n,)."""
 
     values: Array
     covariance: Array
+    by_noise: Array
     error: Array
 
 
@@ -174,28 +190,88 @@ def _near(job: _Job, theta: Array, filter_: Array) -> _Near:
     left, slopes = _linearised(job, theta)
     noisy = replace(job.machine, scale=job.machine.scale.noisy())
     clean = _simulated(job.record, job.still, theta)
-    runs = [_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, DRAWS + 1)]
-    parts = (left, slopes, np.column_stack(runs), _unsure(job, theta))
-    return _Near(theta, *(job.whitened(filter_, part) for part in parts))
+    shaken = (_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, DRAWS + 1))
+    # One by one, as all of them before and behind the filter would take twice the memory.
+    many = ([job.whitened(filter_, one) for one in signals] for signals in (shaken, _unsure(job, theta)))
+    noise, held = (np.column_stack(signals) for signals in many)
+    phase = _phases(job.record)[job.first + ORDER :]
+    return _Near(theta, phase, job.whitened(filter_, left), job.whitened(filter_, slopes), noise, held)
 
 
-def _unsure(job: _Job, theta: Array) -> Array:
-    """By how much u [N] changes with the friction's shape, by one standard deviation in each direction (samples, M)."""
-    if job.friction_covariance is None:
-        return np.zeros((job.record.command.size, 0))
-    friction = job.still.friction
-    values = np.concatenate([friction.stiffness, friction.limit])
-    sizes, directions = np.linalg.eigh(job.friction_covariance / np.outer(values, values))
-    changes = []
-    for size, direction in zip(np.sqrt(np.maximum(sizes, 0.0)), directions.T, strict=True):
+def _phases(record: Record) -> NDArray[np.int64]:
+    """The place (n,) of each sample in the motions that are not equal to an earlier one, one after another.
+
+    Motions are equal if they go as far in the same direction, behind one in the same direction or the other.
+    """
+    moves = cut(record)
+    longest = max((abs(one.target - one.origin) for one in moves), default=0.0) or 1.0
+    kinds: dict[tuple[int, bool], int] = {}
+    phase = np.arange(record.position.size)  # before the first motion, and where none is found
+    end = phase.size
+    for one in moves:
+        kind = (round(ALIKE * (one.target - one.origin) / longest), one.reversal)
+        begin = kinds.setdefault(kind, end)
+        end = max(end, begin + one.stop - one.start)
+        phase[one.start : one.stop] = begin + np.arange(one.stop - one.start)
+    return phase
+
+
+def _parts(phase: NDArray[np.int64], slopes: Array) -> NDArray[np.int64]:
+    """Which part (n,) each sample belongs to: places of the motions that follow each other and tell equally much of
+    the parameters, by the leverage of their slopes (n, p)."""
+    leverage = np.sum(np.linalg.qr(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300))[0] ** 2, axis=1)
+    told = np.bincount(phase, leverage)
+    so_far = np.cumsum(told) / np.sum(told)
+    return np.minimum((PARTS_LEFT_OUT * so_far).astype(np.int64), PARTS_LEFT_OUT - 1)[phase]
+
+
+def _unsure(job: _Job, theta: Array) -> Iterator[Array]:
+    """By how much u (samples,) [N] changes with each value that the fit holds as known, by its standard deviation."""
+    for moved, size in _held(job):
         step = min(1.0, SMALL / max(size, 1e-300)) * size  # so far that it is seen, so near that it is in proportion
-        runs = []
-        for sign in (1, -1):
-            stiffness, limit = np.split(values * np.exp(sign * step * direction), 2)
-            moved = replace(job.still, friction=elements(stiffness, limit, friction.damping))
-            runs.append(_simulated(job.record, moved, theta))
-        changes.append((runs[0] - runs[1]) * (0.5 * size / max(step, 1e-300)))
-    return np.column_stack(changes)
+        more, less = (_simulated(job.record, moved(sign * step), theta) for sign in (1, -1))
+        yield (more - less) * (0.5 * size / max(step, 1e-300))
+
+
+Moved = Callable[[float], Machine]
+
+
+def _held(job: _Job) -> Iterator[tuple[Moved, float]]:
+    """What is held as known: the machine that is off by so much of a value [1], and the value's deviation [1]."""
+    still = job.still
+    if job.friction_covariance is not None:
+        yield from _shapes(still, job.friction_covariance)
+    for one in known(still):
+        *path, part = one.name.split(".")
+        name = {"gain": "modal_gain"}.get(part, part)
+        if path[:2] == ["plant", "modes"]:
+            index, count, fitted = int(path[2]) - 1, len(still.plant.modes), int(path[2]) - 1 == still.plant.rigid
+        else:
+            index, count = 0, len(one.numbers)
+            fitted = one.name not in {"friction.stiffness", "friction.limit"} or job.friction_covariance is not None
+        for i, size in enumerate(() if fitted else one.relative):
+            if math.isfinite(size):
+                yield partial(_off, still, name, index + i, count), size
+
+
+def _off(machine: Machine, name: str, index: int, count: int, error: float) -> Machine:
+    """The machine with one mode's or contact's error [1] of the variation's field `name`."""
+    each = tuple(error if i == index else 0.0 for i in range(count))
+    return varied(machine, Variation(**{name: each}))  # type: ignore[arg-type]
+
+
+def _shapes(machine: Machine, covariance: Array) -> Iterator[tuple[Moved, float]]:
+    """The directions in which stiffnesses [N/m] and limits [m] are unsure together, by their covariance (2 N, 2 N)."""
+    friction = machine.friction
+    values = np.concatenate([friction.stiffness, friction.limit])
+
+    def moved(direction: Array, step: float) -> Machine:
+        stiffness, limit = np.split(values * np.exp(step * direction), 2)
+        return replace(machine, friction=elements(stiffness, limit, friction.damping))
+
+    sizes, directions = np.linalg.eigh(covariance / np.outer(values, values))
+    for size, direction in zip(np.sqrt(np.maximum(sizes, 0.0)), directions.T, strict=True):
+        yield partial(moved, direction), float(size)
 
 
 def _solved(near: _Near, parts: int) -> _Solution:
@@ -203,25 +279,29 @@ def _solved(near: _Near, parts: int) -> _Solution:
 
     Both by simulating the fitted loop with the scale's noise and rounding, through the estimator (a parametric
     bootstrap; Efron and Tibshirani, 1993): the noise goes through the friction's memory, which no stationary model of a
-    disturbance follows, and shakes the elements, so that its mean effect is not zero. If the record's errors are larger
-    than these, so is the covariance, by the ratio of their variances.
+    disturbance follows, and shakes the elements, so that its mean effect is not zero. What is held as known adds its
+    own. If the record's errors are larger than what both make, so is the covariance, by the ratio of their variances;
+    and it is no surer than the fit without a part.
     """
     slopes = near.slopes[:, [*range(parts), -1]]
     estimator = _estimator(slopes)
-    step, draws = estimator @ near.left, estimator @ near.shaken
+    step, draws, apart = (estimator @ signals for signals in (near.left, near.shaken, near.unsure))
     error = near.left + slopes @ step
-    size = float(np.var(error)) / max(float(np.var(near.shaken)), 1e-300)
-    covariance = np.cov(draws) * (1 + 1 / DRAWS) * max(1.0, size)
-    apart = estimator @ near.unsure
-    covariance = covariance + apart @ apart.T
-    return _Solution(np.append(near.theta[:parts], 0.0) + step - np.mean(draws, axis=1), covariance, error)
+    noise = float(np.var(near.shaken))
+    expected = noise + float(np.sum(np.var(near.unsure + slopes @ apart, axis=0)))
+    size = float(np.var(error)) / max(expected, 1e-300)
+    by_noise = np.cov(draws) * (1 + 1 / DRAWS) * max(1.0, float(np.var(error)) / max(noise, 1e-300))
+    covariance = (np.cov(draws) * (1 + 1 / DRAWS) + apart @ apart.T) * max(1.0, size)
+    covariance = wider(covariance, left_out(slopes, near.left, _parts(near.phase, slopes)))
+    return _Solution(np.append(near.theta[:parts], 0.0) + step - np.mean(draws, axis=1), covariance, by_noise, error)
 
 
 def _shows(plain: _Solution, whole: _Solution) -> bool:
-    """Whether BIC falls by ten with the damping, and it is surely above none."""
+    """Whether BIC falls by ten with the damping, and it is surely above none beside noise: whether this record shows
+    it, which is another question than how well it is known beside what the fit holds."""
     n = plain.error.size
     fallen = n * math.log(float(plain.error @ plain.error) / float(whole.error @ whole.error)) - math.log(n)
-    return fallen > STRONG and bool(whole.values[-2] > SURE * math.sqrt(whole.covariance[-2, -2]))
+    return fallen > STRONG and bool(whole.values[-2] > SURE * math.sqrt(whole.by_noise[-2, -2]))
 
 
 def _told(job: _Job, found: _Solution, whole: _Solution) -> MotionFit:

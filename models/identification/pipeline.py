@@ -22,8 +22,9 @@ from models.identification.joint.motion_records import from_motion
 from models.identification.joint.response_records import from_response
 from models.identification.joint.slow_records import from_hysteresis
 from models.identification.joint.steps import Identified, Settings
-from models.identification.recognise import read, recognised
+from models.identification.recognise import read, recognised, replayable
 from models.machine import Machine
+from models.records.columns import Columns
 from models.records.files import Loaded
 from models.records.kinds import KINDS
 from models.records.tables.sizes import RecordError
@@ -65,6 +66,10 @@ def identify(
     known = [
         recognised(machine, one) if kind == "auto" else kind
         for one, kind in zip(loaded, kinds or ["auto"] * len(loaded), strict=True)
+    ]
+    loaded = [
+        one if given is one else replayable(machine, one, kind, machine.record or Columns())
+        for given, one, kind in zip(records, loaded, known, strict=True)
     ]
     # What an experiment on another machine showed is left out.
     found = Identified(replace(machine, name=f"{machine.name}, identified", published=None))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from models.identification.response import FrequencyResponse, period
 from models.machine import Machine
+from models.records.checks import derivative_of_error
 from models.records.columns import Columns
 from models.records.files import Loaded, load
 from models.records.record import Record
@@ -61,6 +63,18 @@ def recognised(machine: Machine, loaded: Loaded) -> str:
     smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
     inertia = np.diff(smooth, 2) / record.sample_time**2 / machine.plant.rigid_gain
     return "hysteresis" if np.std(inertia) < SLOW * np.std(record.command) else "dynamics"
+
+
+def replayable(machine: Machine, loaded: Loaded, kind: str, columns: Columns) -> Loaded:
+    """A motion record [SI] as the controller of the machine file made it, which is replayed to identify from it: that
+    controller takes the derivative of the error, and the one that ran may have taken the position's, as columns say.
+
+    Other kinds are identified from command and position alone, and stay as they are.
+    """
+    control, record = machine.control, loaded.content
+    if kind != "motion" or columns.derivative == "error" or not isinstance(record, Record):
+        return loaded
+    return replace(loaded, content=derivative_of_error(record, control.pid, control.reference_delay))
 
 
 def _straight(record: Record) -> bool:

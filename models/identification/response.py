@@ -14,6 +14,7 @@ the noise of a periodic excitation and of a sweep is what is left beside it (mod
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,11 +23,15 @@ from numpy.typing import NDArray
 
 from models.identification.modal.local_rational import LOCAL as NOISE_LOCAL
 from models.identification.modal.local_rational import noise_between_lines, noise_under_sweep
+from models.records.checks import quantisation
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+ROLLED: Final = 20  # samples over which an axis that rolls has moved on,
+STEPPED: Final = 5.0  # and steps of its scale
+BEGUN: Final = 6  # samples after which a sweep's axis has half of its speed, unless friction still builds up
 WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below are not looked at
 LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks into them
 ONCE: Final = 0.5  # of a line's power in a single window: a sweep went by there
@@ -106,7 +111,7 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     count = 0.6 * r.shape[0]  # windows that overlap by half are not independent
     cross_u = np.mean(u * np.conj(r), axis=0)
     variance = error * np.mean(np.abs(r) ** 2, axis=0) / (count * np.abs(cross_u) ** 2)
-    rolling = _rolling(record.position, record.sample_time)
+    rolling = _rolling(record.position)
     return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling)
 
 
@@ -132,7 +137,7 @@ def _repeated(record: Record, length: int) -> FrequencyResponse:
     noise = noise_between_lines(whole_x, whole_u, z, count * np.flatnonzero(used), count)
     noise = _apart(noise, _typical(noise))
     command = np.mean(u[:, used], axis=0)
-    rolling = _rolling(part.position, ts)
+    rolling = _rolling(part.position)
     return FrequencyResponse(
         frequency[used], response, noise / np.abs(command) ** 2, coherence, ts, rolling, command, length * ts
     )
@@ -198,8 +203,8 @@ def _swept(record: Record) -> FrequencyResponse:
         raise ValueError(
             f"the sweep shows {f[0]:.3g} to {f[-1]:.3g} Hz only; sweep over {OCTAVES:g} octaves, with more force"
         )
-    rolling = _rolling(part.position, ts)
-    begun, moved = max(round(0.003 / ts), 1), abs(part.position - part.position[0])
+    rolling = _rolling(part.position)
+    begun, moved = _samples_to_move(part.position, BEGUN), abs(part.position - part.position[0])
     if rolling and moved[begun] < 0.5 * moved[-1] * begun / n:
         raise ValueError("the sweep begins before the axis rolls: friction still builds up; let it roll for a second")
     return FrequencyResponse(f, x[used] / u, noise / np.abs(u) ** 2, coherence[used], ts, rolling, u)
@@ -280,8 +285,17 @@ def _smooth(power: Array, lines: NDArray[np.intp]) -> Array:
     return np.asarray(np.exp(np.interp(np.log(lines), np.log(lines[centres]), np.log(medians))), np.float64)
 
 
-def _rolling(position: Array, sample_time: float) -> bool:
-    """Whether the axis moved in one direction throughout, judged over 10 ms so that noise does not count."""
-    span = max(round(0.01 / sample_time), 1)
+def _rolling(position: Array) -> bool:
+    """Whether the axis, at position (n,) [m], moved in one direction throughout; over so many samples that noise does
+    not count."""
+    span = _samples_to_move(position, ROLLED)
     moved = position[span:] - position[:-span]
     return bool(np.all(moved > 0) or np.all(moved < 0))
+
+
+def _samples_to_move(position: Array, least: int) -> int:
+    """Samples in which the axis, at position (n,) [m], moves on at its mean speed: `least`, or as many more as STEPPED
+    steps of the scale need, since a slow axis that rolls stays on one reading for a while."""
+    speed = abs(float(position[-1] - position[0])) / max(position.size - 1, 1)
+    steps = STEPPED * quantisation(position) / speed if speed > 0 else 0.0
+    return min(max(least, math.ceil(steps)), position.size - 1)

@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -36,10 +37,12 @@ from models.friction import Friction, branch
 from models.machine import Machine
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
-from models.variation import Variation, at_mode, varied_plant
+from models.variation import Variation, at_mode, known, varied_plant
+from studies.as_known import in_short, on_allowed_machines
+from studies.as_known import row as known_row
 from studies.beforehand import require_designable
 from studies.compensator import with_elements
-from studies.deadbeat_design.effects import compensate
+from studies.deadbeat_design.effects import Written, compensate
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.deadbeat_design.outcomes import beside_the_paper, checks_of, reproduction, validation_results
@@ -72,64 +75,52 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         raise BadInputError(f"--settling-time, --stroke: {error}{longer}") from error
     counted = with_elements(machine, options, progress, plain, shares=(0.1, 0.15))
     machine = counted.machine
-    controller = assemble(machine, plain)
     progress(0.15, "trade-off of settling time and thrust")
     trade_off = _trade_off(machine, wanted, quick=options.quick)
-    progress(0.3, "sensitivity to the modes' frequencies")
-    sensitivity = _sensitivity(machine, plain, robust, quick=options.quick)
-    progress(0.4, "validating on the nonsmooth machine")
-    with_rfm = validate(machine, controller, stroke=wanted["stroke_m"], seed=options.seed)
-    progress(0.55, "validating without friction compensation")
-    without = validate(machine, controller.without_compensation(), stroke=wanted["stroke_m"], seed=options.seed)
-    known = None
-    if machine.effects:
-        progress(0.65, "meeting the machine's effects")
-        known = compensate(
-            machine,
-            plain,
-            (without, with_rfm),
-            lambda other: _synthesise(other, wanted, wanted["objective"]),
-            options.seed,
-        )
+    without, written = _validated(machine, plain, wanted, options, progress)
+    controller, deadbeat, judged = written.controller, written.deadbeat, written.validation
+    progress(0.6, "sensitivity to the modes' frequencies")
+    if written.plant != machine.plant:
+        robust = _synthesise(replace(machine, plant=written.plant), wanted, "mode_robustness")
+    sensitivity = _sensitivity(replace(machine, plant=written.plant), deadbeat, robust, quick=options.quick)
     progress(0.7, "collecting the results")
-    proof = _proof(machine.plant, plain)
+    proof = _proof(written.plant, deadbeat)
     results = {
         "quick": options.quick,
         "wanted": wanted,
-        "deadbeat": _deadbeat(plain, proof),
+        "deadbeat": _deadbeat(deadbeat, proof),
         "robust": {"thrust_N": robust.thrust, "position_m": robust.position},
         "bode": _bode(machine, quick=options.quick),
         "trade_off": trade_off,
         "sensitivity": sensitivity,
         "friction": _friction(machine, controller),
         "without": validation_results(machine.specification, without),
-        "with": validation_results(machine.specification, with_rfm),
-        "paper": beside_the_paper(machine, wanted, without, with_rfm),
+        "with": validation_results(machine.specification, judged),
+        "paper": beside_the_paper(machine, wanted, without, judged),
         **counted.results,
+        **written.results,
     }
-    judged, deadbeat = with_rfm, plain
-    if known is not None:
-        results["effects"], controller = known.results, known.controller
-        judged, deadbeat, proof = known.validation, known.deadbeat, _proof(known.plant, known.deadbeat)
     progress(0.75, "repeating the motions with a dither and from other pasts of the friction")
     results["settling"] = _settling(machine, controller, without, judged, options)
     checks = checks_of(machine, wanted, deadbeat, proof, judged, results["settling"]["with"])
+    progress(0.8, "on machines that the file allows")
+    results["as_known"] = on_allowed_machines(machine, controller, judged, options, wanted["stroke_m"])
     progress(0.85, "longer moves")
     moved = long_moves(machine, controller, options)
     results["long_moves"], checks = moved.results, (*checks, *moved.checks)
     results["beyond"] = [*excess_to_json("the specified motion", excess_of(judged)), *moved.beyond]
     progress(0.9, "starting from what random motions left in the friction")
     results["wipe"], results["starts"] = wipe_to_json(wipe(machine)), _starts(machine, controller, wanted, options)
-    written = controller_to_json(machine, controller, plain.stroke, plain.settling_time)
-    written["long_moves"] = moves_to_json(machine, controller, moved.moves)
+    file = controller_to_json(machine, controller, plain.stroke, plain.settling_time)
+    file["long_moves"] = moves_to_json(machine, controller, moved.moves)
     if counted.choice is not None:
-        written["compensator_elements"] = counted.choice.count
-    files = {"controller.json": written}
+        file["compensator_elements"] = counted.choice.count
     summary = [
-        ("x_T* rests on the target after (--settling-time)", show(wanted["settling_time_s"], "s")),
+        (f"x_T* rests on the target after ({_asked_by(options)})", show(wanted["settling_time_s"], "s")),
         ("motions are checked to settle within (machine file)", show(machine.specification.settling_time, "s")),
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
         *counted.summary,
+        ("machines that the file allows on which all motions settle in time", in_short(results["as_known"])),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
         *((f"{show(one['stroke_m'], 'm')} along a profile", _told(one)) for one in results["long_moves"]["rows"]),
         *reproduction(results["paper"]),
@@ -137,7 +128,28 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     if machine.control.law is not None:
         results["feedback"] = machine.control.in_words
         summary.append(("feedback kept, its reference entering as the position does", machine.control.in_words))
-    return Answer(results, checks, files, summary)
+    return Answer(results, checks, {"controller.json": file}, summary)
+
+
+def _validated(
+    machine: Machine, plain: Deadbeat, wanted: Mapping[str, Any], options: DeadbeatOptions, progress: Progress
+) -> tuple[Validation, Written]:
+    """The validation without friction compensation, and the controller that is written, with its own."""
+    controller, stroke, seed = assemble(machine, plain), wanted["stroke_m"], options.seed
+    progress(0.3, "validating on the nonsmooth machine")
+    with_rfm = validate(machine, controller, stroke=stroke, seed=seed)
+    progress(0.45, "validating without friction compensation")
+    without = validate(machine, controller.without_compensation(), stroke=stroke, seed=seed)
+    if not machine.effects:
+        return without, Written(controller, plain, machine.plant, with_rfm, {})
+    progress(0.5, "meeting the machine's effects")
+    synthesised = partial(_synthesise, wanted=wanted, objective=wanted["objective"])
+    return without, compensate(machine, plain, (without, with_rfm), synthesised, seed)
+
+
+def _asked_by(options: DeadbeatOptions) -> str:
+    """Where the settling time of x_T* is from."""
+    return "machine file" if options.settling_time is None else "--settling-time"
 
 
 def _is_longer(machine: Machine, options: DeadbeatOptions) -> bool:
@@ -296,6 +308,7 @@ def _trade_off(machine: Machine, wanted: Mapping[str, Any], *, quick: bool) -> d
 def _sensitivity(machine: Machine, plain: Deadbeat, robust: Deadbeat, *, quick: bool) -> dict[str, Any]:
     """Largest |x - r| [m] of the linear plant after the settling time with one mode off; feedforward alone."""
     errors = np.linspace(-0.05, 0.05, 11 if quick else 41)
+    deviations = {one.name: one for one in known(machine)}
     begin = plain.settling_time + machine.plant.dead_time
     times = begin + np.arange(0.0, VIBRATION_WINDOW, plain.sample_time / 2)
 
@@ -309,6 +322,7 @@ def _sensitivity(machine: Machine, plain: Deadbeat, robust: Deadbeat, *, quick: 
             "frequency_Hz": machine.plant.modes[mode].frequency,
             "plain_m": [left(plain, mode, error) for error in errors],
             "robust_m": [left(robust, mode, error) for error in errors],
+            "known": known_row(deviations[f"plant.modes.{mode + 1}.frequency"]),
         }
         for mode in machine.plant.flexible
     ]

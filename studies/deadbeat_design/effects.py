@@ -19,8 +19,9 @@ from models.plant import Plant
 
 
 @dataclass(frozen=True)
-class Known:
-    """The controller that knows the effects, its feedforward, its plant, and their part of results.json."""
+class Written:
+    """The controller that is written, which knows the machine's effects, its feedforward, the plant that this is for,
+    its validation, and what the effects add to results.json."""
 
     controller: Controller
     deadbeat: Deadbeat
@@ -35,7 +36,7 @@ def compensate(
     judged: tuple[Validation, Validation],
     synthesise: Callable[[Machine], Deadbeat],
     seed: int,
-) -> Known:
+) -> Written:
     """The controller that compensates the machine's effects, beside the one that does not.
 
     judged: the latter's validations, without and with its RFM. synthesise: the feedforward for another plant.
@@ -68,7 +69,7 @@ def compensate(
         "refused": refused,
         "left_out": left_out(machine),
     }
-    return Known(knowing, deadbeat, whole.plant, found, results)
+    return Written(knowing, deadbeat, whole.plant, found, {"effects": results})
 
 
 def _row(one: Validation) -> dict[str, float]:

@@ -15,6 +15,7 @@ from models.quantity import show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from studies import as_known
 from studies.diagrams import loop_figure
 from studies.wording import filters
 
@@ -49,12 +50,14 @@ def tell(whole: Results) -> Report:
     question = (
         "Which deadbeat feedforward suits this machine, and does it meet the specification on the nonsmooth machine?"
     )
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), filters(), tables)
+    words = filters() | as_known.filters()
+    return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), words, tables)
 
 
 TABLES = {
     "settling": ("results.settling",),
     "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
+    "as_known": ("results.as_known",),
     "starts": ("results.starts", "machine.specification"),
     "moves": ("results.long_moves", "machine.specification"),
     "steps": ("results.long_moves", "machine.drive"),
@@ -69,8 +72,8 @@ BODE = Markdown(
     "spring; dead time included."
 )
 FEEDFORWARD = Markdown(
-    "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the chosen design, and of the one whose free "
-    "parameters are used for robustness against wrong mode frequencies."
+    "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the design that is written, and of the one whose "
+    "free parameters are used for robustness against wrong mode frequencies."
 )
 TRADE_OFF = Markdown(
     "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: a lower bound for every deadbeat of this stroke. "
@@ -90,8 +93,8 @@ ELEMENTS = (
     "Filled: the specification is met; circled: the chosen number; dotted: across numbers that were not tried."
 )
 RESPONSES = (
-    "Positive motions on the nonsmooth machine, without (left) and with (right) friction compensation: distance "
-    "travelled and rolling friction (compare Figs. 7, 12 and 14 of the paper)."
+    "Positive motions on the nonsmooth machine, without friction compensation (left) and with the controller that is "
+    "written (right): distance travelled and rolling friction (compare Figs. 7, 12 and 14 of the paper)."
 )
 DISPERSION = "Dispersion of the positive motions over time: three standard deviations of the position."
 LISSAJOUS = (

@@ -20,7 +20,7 @@ from diagnosis.handover.files import Content
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
 from diagnosis.model.motions import LONGEST, Piece
-from diagnosis.model.parameters import moved
+from diagnosis.model.parameters import moved, priors
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import loop_time
 from diagnosis.where.controller import replayed
@@ -237,6 +237,7 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
     usual = found.baseline.nominal.candidate.layout
     refitted, adopted = found.how_far.handover.named(Content.REFITTED), found.how_far.handover.adopted
     fits = [file.finished.fitted.candidate for file in (refitted, adopted) if file is not None and file.finished]
+    known = {one.name: one for one in priors(usual)}
     rows = []
     for name in dict.fromkeys(fits[0].layout.names):
         if name != "initial_friction_state":
@@ -244,9 +245,9 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
             most = [float(one[abs(one).argmax()]) for one in away]
             in_file = most[-1] if adopted.finished else 0.0
             bound = float((usual.high / usual.deviation)[usual.of(name)].max())
-            rows.append(
-                {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
-            )
+            row = {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
+            prior = known[name]
+            rows.append({**row, "unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin})
     return rows
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from studies import as_known
 from studies.gap_diagnosis import course, figures, unknown_law
 from studies.gap_diagnosis.answer import bounds_told, effects_listed, harm_told
 from studies.wording import filters, fitted
@@ -58,7 +59,14 @@ def tell(whole: Results) -> Report:
         "looks": results.get("asked") is not None,
     }
     tables = {name: keys for name, keys in TABLES.items() if there.get(name, True)}
-    return Report(title, question, Path(__file__).parent / "report.md", tuple(shown), {**filters(), **extra}, tables)
+    return Report(
+        title,
+        question,
+        Path(__file__).parent / "report.md",
+        tuple(shown),
+        {**filters(), **extra, **as_known.filters()},
+        tables,
+    )
 
 
 TABLES = {

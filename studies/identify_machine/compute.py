@@ -12,7 +12,7 @@ from design.judging.known_range import with_covered
 from models.friction import branch
 from models.identification.force_fit import SURE
 from models.identification.pipeline import identify
-from models.identification.recognise import read, recognised
+from models.identification.recognise import read, recognised, replayable
 from models.machine import Machine, Parameter, parameters
 from models.machine_file import to_toml
 from models.quantity import show
@@ -102,12 +102,14 @@ def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress
     found = []
     for kind, path in zip(kinds, options.record, strict=True):
         progress(0.02, f"reading {path}")
+        columns = mapping.columns(path)
         try:
-            loaded = read(machine, path, mapping.columns(path), trusted=options.trust_records)
+            loaded = read(machine, path, columns, trusted=options.trust_records)
         except RecordError as error:
             raise BadInputError(str(error)) from error
         progress(0.02, "\n".join([f"read {path}", *loaded.recognised]))
-        found.append((recognised(machine, loaded) if kind == "auto" else kind, loaded))
+        known = recognised(machine, loaded) if kind == "auto" else kind
+        found.append((known, replayable(machine, loaded, known, columns)))
     return found
 
 

@@ -18,7 +18,7 @@ from models.friction import elements
 from models.machine import Machine
 from models.records.record import Record, feeding_sequence
 from models.simulation.simulator import simulate
-from models.variation import Variation, varied
+from models.variation import Variation, known, varied
 
 Array = NDArray[np.float64]
 
@@ -51,19 +51,38 @@ def another(machine: Machine, seed: int) -> Machine:
     return replace(varied(machine, variation), friction=elements(force / limit, limit))
 
 
-def drawn_from(machine: Machine, seed: int) -> tuple[Machine, Array]:
+def drawn_from(machine: Machine, seed: int, *, held: bool = False) -> tuple[Machine, Array]:
     """A table with other values of what a motion fit identifies: its (mass, friction level, presliding length)
-    [1], dead time [s] and offset [N]."""
+    [1], dead time [s] and offset [N].
+
+    held: what the fit takes as known, the modes and the friction's shape, is off by its deviations, too; level and
+    length are then those of the table before that.
+    """
     draw = np.random.default_rng(seed)
     mass, level, length = (np.exp(np.array([0.05, 0.1, 0.05]) * draw.standard_normal(3)) - 1).tolist()
     delay = 0.2 * machine.sample_time * float(draw.uniform(-1, 1))
     offset = float(draw.standard_normal())
     variation = Variation(friction_force=level, friction_length=length, mass=mass, dead_time=delay, offset=offset)
-    moved = varied(machine, variation)
+    moved = varied(_with_held(machine, draw) if held else machine, variation)
     undamped = elements(moved.friction.stiffness, moved.friction.limit)  # as the identification assumes
     moved = replace(moved, friction=undamped)
     truth = np.array([1 + mass, 1 + level, 1 + length, moved.plant.dead_time, moved.drive.offset])
     return moved, truth
+
+
+def _with_held(machine: Machine, draw: np.random.Generator) -> Machine:
+    """The machine whose modes and elements are off by their deviations [1], each on its own."""
+    off: dict[str, list[float]] = {name: [] for name in ("gain", "frequency", "damping", "stiffness", "limit")}
+    size = {one.name: one.relative for one in known(machine)}
+    for i, mode in enumerate(machine.plant.modes, start=1):
+        for name in ("gain", "frequency", "damping"):
+            rigid = mode.frequency == 0
+            off[name].append(0.0 if rigid else size[f"plant.modes.{i}.{name}"][0] * draw.standard_normal())
+    for name in ("stiffness", "limit"):
+        off[name] = [one * draw.standard_normal() for one in size[f"friction.{name}"]]
+    gain, frequency, damping, stiffness, limit = (tuple(one) for one in off.values())
+    held = Variation(modal_gain=gain, frequency=frequency, damping=damping, stiffness=stiffness, limit=limit)
+    return varied(machine, held)
 
 
 def excitation(machine: Machine, seed: int) -> Record:

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from models.identification import force, modes, motion, response
 from models.identification.estimate import Estimate
-from models.machine import Machine
+from models.identification.pipeline import identify
+from models.machine import Machine, Parameter, Provenance, parameters
+from models.records.files import Loaded
+from models.variation import known
 from studies.identify_machine import own_records
 
 Array = NDArray[np.float64]
@@ -42,9 +45,9 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
             rows["hysteresis"].append((curve.estimate.values[last] - wanted) / curve.estimate.deviations[last])
         else:
             missed += 1
-        moved, wanted = own_records.drawn_from(machine, own)
-        record = own_records.motions(moved, own, machine)
-        rows["motions"].append(errors_of_motion(motion.identify(record, machine), wanted))
+        moved, _ = own_records.drawn_from(machine, own, held=True)
+        record = Loaded("motions", "", own_records.motions(moved, own, machine), (), ())
+        rows["motions"].append(errors_of_file(identify(machine, [record], kinds=["motion"]).machine, moved))
     return _summary(rows, tables, missed)
 
 
@@ -60,6 +63,20 @@ def true_modes(machine: Machine) -> Array:
 def _delay(machine: Machine) -> float:
     """From a command to the middle of the time over which it acts [s]."""
     return machine.plant.dead_time + 0.5 * machine.sample_time
+
+
+def errors_of_file(found: Machine, truth: Machine) -> Array:
+    """Errors (p,), in standard deviations, of every value that a machine has with a stated one, but for those of its
+    tolerances."""
+    right = {one.name: np.atleast_1d(np.array(one.number, float)) for one in numbers_of(truth)}
+    stated = [one for one in known(found) if one.origin == "value"]
+    return np.concatenate([(np.array(one.numbers) - right[one.name]) / one.deviations for one in stated])
+
+
+def numbers_of(machine: Machine) -> list[Parameter]:
+    """The values of a machine that are numbers, SI, an offset that no file states among them."""
+    stated = machine.with_value("drive.offset", machine.drive.offset, Provenance("assumed", "simulated"))
+    return [one for one in parameters(stated) if not isinstance(one.number, str)]
 
 
 def errors_of_motion(found: motion.MotionFit, truth: Array) -> Array:

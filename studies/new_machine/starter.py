@@ -116,7 +116,7 @@ def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -
     angle, torque = (rotary(unit) if kind else unit for unit in ("m", "N"))
 
     def given(key: str) -> str:
-        return _entry(_quoted(answers[key]), f"given: --{key.replace('_', '-')}")
+        return _entry(_quoted(answers[key]), f"given: new_machine --{key.replace('_', '-')}")
 
     def number(value: float, unit: str, source: str) -> str:
         unit = rotary(unit) if kind else unit
@@ -151,7 +151,7 @@ thrust_constant = {_entry(_quoted("1"), f"assumed: the reference is in {torque}"
 dead_time = {delay} # from command to thrust; the hold's half sample comes on top
 
 [[plant.modes]] # the rigid body; each vibration mode is one more [[plant.modes]] with its frequency and damping
-gain = {number(1 / numbers["mass"], "1/kg", f"given: 1 / M, --mass {answers['mass']}")}
+gain = {number(1 / numbers["mass"], "1/kg", f"given: 1 / M, new_machine --mass {answers['mass']}")}
 frequency = {_entry(_quoted("0 Hz"), "given: a rigid body")}
 damping = {_entry(_quoted("0"), "given: a rigid body")}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -29,6 +29,7 @@ from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
+from models.variation import known
 from studies.beforehand import require_controller
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
@@ -48,6 +49,10 @@ ASSESSMENTS: Final = 10  # of each plant's loop that the tuning of one level tak
 QUICK_MEMBERS: Final = 10  # A quick run takes one machine of an ensemble out of so many.
 SHOWN: Final = 4.0  # The figures show so many settling times of the reversal.
 BETWEEN: Final = 0.05  # s. The path between the samples is shown for so long after a step of friction.
+MODE_ERROR: Final = 0.03  # relative, of the modes' frequencies,
+MASS_ERROR: Final = 0.1  # and of the mass, that the family covers where neither options nor the file ask for more
+DEVIATIONS: Final = 3.0  # that it covers of a value that the file states one for,
+LARGEST_ERROR: Final = 0.49  # up to what the options may ask for
 PARTS: Final = 10  # That path has so many points a sample.
 
 
@@ -65,9 +70,9 @@ class _TradeOff:
 
 def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> Answer:
     """Answers the study's question for `machine`. Raises BadInputError for options that can't be met."""
-    wanted, others = _wanted(options), _ensemble(options)
+    wanted, others = _wanted(machine, options), _ensemble(options)
     controller = require_controller(machine)
-    _foresee(machine, options, len(others), progress)
+    _foresee(machine, options, wanted, len(others), progress)
     tuning = _tuned(machine, wanted, options, others, progress)
     members, limits, points, chosen = tuning.members, tuning.limits, tuning.front.points, tuning.chosen
     progress(0.55, "rules of thumb, and every point on the nonsmooth machine")
@@ -146,10 +151,12 @@ def _tuned(
     return _TradeOff(members, goal, replace(limits, ms=chosen.bound or wanted["ms"]), present, front, chosen)
 
 
-def _foresee(machine: Machine, options: TradeoffOptions, others: int, progress: Progress) -> None:
+def _foresee(
+    machine: Machine, options: TradeoffOptions, wanted: Mapping[str, Any], others: int, progress: Progress
+) -> None:
     """The time of all points and members over four periods, and of tuning: so many assessments of a loop a level."""
     levels = len(QUICK_LEVELS if options.quick else LEVELS) + 1
-    feedback, plants = machine.control.feedback, family(machine, options.mode_error, options.mass_error)
+    feedback, plants = machine.control.feedback, family(machine, wanted["mode_error"], wanted["mass_error"])
     begin = time.process_time()
     assess(plants[0].plant, feedback)
     loop = time.process_time() - begin
@@ -206,13 +213,24 @@ def _named(machine: Machine, tuning: _TradeOff, rows: Sequence[dict[str, Any]]) 
     }
 
 
-def _wanted(options: TradeoffOptions) -> dict[str, Any]:
+def _wanted(machine: Machine, options: TradeoffOptions) -> dict[str, Any]:
+    """What is asked for; the errors [1] that the family covers are usual ones, or what the file says that it knows less
+    well: a loop is not to hold on a narrower family than usual because an identification is sure of itself."""
+    stated = {one.name: max(one.relative) for one in known(machine) if one.origin == "value"}
+    modes = [stated.get(f"plant.modes.{i + 1}.frequency", 0.0) for i in machine.plant.flexible]
+    mass = stated.get(f"plant.modes.{machine.plant.rigid + 1}.gain", 0.0)
     return {
         "ms": options.ms,
         "mt": math.inf if options.mt is None else options.mt,
-        "mode_error": options.mode_error,
-        "mass_error": options.mass_error,
+        "mode_error": _covered(options.mode_error, MODE_ERROR, max(modes, default=0.0)),
+        "mass_error": _covered(options.mass_error, MASS_ERROR, mass),
+        "errors_from": "as asked for, else as usual, or three of the machine file's own deviations where they are more",
     }
+
+
+def _covered(asked: float | None, usual: float, deviation: float) -> float:
+    """The relative error [1] that the family covers: as asked, else the usual one or three stated deviations."""
+    return min(max(usual, DEVIATIONS * deviation), LARGEST_ERROR) if asked is None else asked
 
 
 def _noise(machine: Machine, asked: float | None, present: Point) -> float:

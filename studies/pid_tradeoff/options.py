@@ -37,21 +37,19 @@ class TradeoffOptions(Options):
         "STIFFNESS",
         'bound on |CS|, thrust per noise of the scale, such as "30000 N/mm" (default: what the present PID has)',
     )
-    mode_error: float = quantity(
+    mode_error: float | None = quantity(
         "1",
         "RATIO",
-        "relative error of the modes' frequencies, either way (default: 0.03)",
-        default=0.03,
-        text="0.03",
+        "relative error of the modes' frequencies, either way (default: 0.03, or three deviations that the machine "
+        "file states, where they are more)",
         at_least=0,
         below=0.5,
     )
-    mass_error: float = quantity(
+    mass_error: float | None = quantity(
         "1",
         "RATIO",
-        "relative error of the mass, either way (default: 0.1)",
-        default=0.1,
-        text="0.1",
+        "relative error of the mass, either way (default: 0.1, or three deviations that the machine file states, where "
+        "they are more)",
         at_least=0,
         below=0.5,
     )

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.friction import branch
-from models.machine import load
+from models.machine import Provenance, Tolerance, load
 from models.plant import Mode, frequency_response
-from models.variation import MOST_DAMPING, Variation, at_mode, drawn, varied, varied_friction, varied_plant
+from models.variation import MOST_DAMPING, Variation, at_mode, drawn, known, varied, varied_friction, varied_plant
 
 MACHINE = load()
 PLANT = MACHINE.plant
@@ -91,3 +91,31 @@ def test_drawn_machines_stay_within_their_ranges_and_repeat_with_their_seed() ->
 @pytest.mark.parametrize("name", [field.name for field in fields(Variation)])
 def test_every_error_changes_the_machine(name: str) -> None:
     assert varied(MACHINE, Variation(**{name: 1e-4})) != MACHINE
+
+
+def test_a_deviation_beside_a_value_goes_before_its_tolerance() -> None:
+    """Of each value: what the file states beside it, else its [tolerance], else the usual one."""
+    said = Provenance("identified", "a record", std=3e-6)
+    tolerance = replace(MACHINE.tolerance, mass=0.04)
+    machine = MACHINE.with_value("plant.dead_time", PLANT.dead_time, said)
+    machine = machine.with_part("tolerance", tolerance, {"mass": Provenance("given", "")})
+    found = {one.name: one for one in known(machine)}
+    rigid = f"plant.modes.{PLANT.rigid + 1}.gain"
+    origins = {name: one.origin for name, one in found.items()}
+    assert origins["plant.dead_time"] == "value"
+    assert found["plant.dead_time"].deviations == (3e-6,)
+    assert origins[rigid] == "tolerance"
+    assert found[rigid].relative == pytest.approx([0.04])
+    assert origins["friction.limit"] == origins["friction.level"] == "usual"
+    assert found["friction.limit"].relative == pytest.approx([Tolerance().limit] * len(MACHINE.friction.limit))
+    each = tuple(0.01 * k for k in MACHINE.friction.stiffness)
+    own = Provenance("identified", "a record", std=each)
+    stiff = known(machine.with_value("friction.stiffness", MACHINE.friction.stiffness, own))
+    assert {one.name: one.deviations for one in stiff}["friction.stiffness"] == each
+    assert "friction.level" not in {one.name for one in stiff}  # what all have together is in each of theirs
+
+
+def test_deviations_that_are_not_one_for_each_number_are_none() -> None:
+    short = Provenance("identified", "a record", std=(1.0,))
+    machine = MACHINE.with_value("friction.stiffness", MACHINE.friction.stiffness, short)
+    assert {one.name: one.origin for one in known(machine)}["friction.stiffness"] == "usual"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,9 @@ from studies.catalogue import every
 from studies.command import BAD_INPUT, main
 from studies.effort import MOST, SAID, foresee, lasting, period, seconds_a_sample
 from studies.options import BadInputError, Options
+from studies.study import Progress, between
 
+ALONE = "of a processor that does nothing else"
 TEXT = DEFAULT.read_text(encoding="utf-8")
 
 
@@ -26,10 +30,12 @@ def told(seconds: float, memory: float = 0.0, limit: float | None = None) -> lis
 
 def test_what_takes_long_is_said_and_what_takes_too_long_is_refused() -> None:
     assert told(0.9 * SAID) == []
-    assert told(600.0, 2e9) == ["this will take about 10 min and 2 GB, most of the time for other"]
+    assert told(600.0, 2e9) == [f"this will take 3 min to 30 min {ALONE}, and 2 GB, most of the time for other"]
     with pytest.raises(BadInputError, match=r'about 5 h .* more than 4 h; .* or --time-limit "7.5 h"'):
         told(5 * 3600.0)
-    assert told(5 * 3600.0, limit=6 * 3600.0) == ["this will take about 5 h and 0 GB, most of the time for other"]
+    assert told(5 * 3600.0, limit=6 * 3600.0) == [
+        f"this will take 100 min to 20 h {ALONE}, and 0 GB, most of the time for other"
+    ]
     with pytest.raises(BadInputError, match="more than 10 s"):
         told(15.0, limit=10.0)
     with pytest.raises(BadInputError, match=r"9 GB, .* is refused"):
@@ -77,3 +83,28 @@ def test_every_study_foresees_what_it_takes(
     error = capsys.readouterr().err.splitlines()[-1]
     assert re.match(r"error: --(time-limit|machine): this would take about ", error)
     assert not output.exists()
+
+
+def announced(steps: Sequence[tuple[float, float]]) -> list[str]:
+    """What is said of the time left at each share of the work, told so many seconds after the start."""
+    times, stream = iter([0.0, *(time for _, time in steps)]), io.StringIO()
+    progress = Progress(stream, clock=lambda: next(times))
+    for share, _ in steps:
+        progress(share, "x")
+    lines = stream.getvalue().splitlines()
+    return [found[1] if (found := re.search(r"s, (.*) left\]", line)) else "" for line in lines]
+
+
+def test_the_time_left_is_told_from_what_was_measured_and_as_a_range() -> None:
+    """30 s of compiling before the first word were taken for a twentieth of the work: of 58 s, 610 s were announced."""
+    said = announced([(0.05, 32.0), (0.1, 32.3), (0.15, 35.0), (0.3, 37.4), (0.65, 47.0), (0.65, 60.0), (1.0, 70.0)])
+    assert said[:3] == ["", "", ""]  # too little is done
+    assert said[3] == between(0.25 * 15.12, 4 * 15.12) == "4 s to 60 s"  # 5.4 s for 0.25: 15.1 s for 0.7
+    assert said[4] == "2 s to 40 s"  # 15 s for 0.6: 8.75 s for 0.35
+    assert said[5:] == ["", ""]  # the share did not grow, so that nothing was measured; done
+
+
+def test_times_are_told_to_one_digit_in_their_unit() -> None:
+    assert between(4.4, 340.0) == "4 s to 6 min"
+    assert between(130.0, 8000.0) == "2 min to 2 h"
+    assert between(20.0, 21.0) == "20 s"

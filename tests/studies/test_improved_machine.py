@@ -7,6 +7,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from models.machine import DEFAULT
@@ -63,3 +64,20 @@ def test_a_study_runs_on_the_improved_machine(
         "gain_asymmetry": {"asymmetry": 0.01},
     }
     assert "[effects.viscous_friction]" in (output / "machine.toml").read_text(encoding="utf-8")
+
+
+def test_the_deadbeat_report_is_of_the_controller_that_is_written(tmp_path: Path) -> None:
+    """Which meets the effects: its motions, its dispersion and its feedforward, not those without the effects' plan."""
+    study = import_module("studies.deadbeat_design.__main__").STUDY
+    file, output = improved(tmp_path, "500 us"), tmp_path / "out"
+    common = ["--quick", "--no-report", "--machine", str(file), "--output", str(output)]
+    assert main(study, common) in {DONE, CHECK_MISSED}
+    whole = json.loads((output / "results.json").read_text(encoding="utf-8"))
+    controller, results = json.loads((output / "controller.json").read_text(encoding="utf-8")), whole["results"]
+    *_, without, written = results["effects"]["rows"]
+    assert results["with"]["worst_dispersion_m"] == written["dispersion_m"] != without["dispersion_m"]
+    assert max(one["settling_s"] for one in results["with"]["motions"]) == written["settling_s"]
+    checks = {check["name"]: check["value"] for check in whole["checks"]}
+    assert checks["settling with compensation, all motions"] == written["settling_s"]
+    thrust = np.cumsum(controller["d_ff"]) * controller["stroke_m"]
+    assert np.array(results["deadbeat"]["thrust_N"]) == pytest.approx(thrust[: len(results["deadbeat"]["thrust_N"])])

@@ -12,8 +12,12 @@ import numpy as np
 import pytest
 
 from models.controller import load
+from models.machine import Provenance
+from models.machine import load as load_machine
 from studies.command import DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
+from studies.pid_tradeoff.compute import _wanted
+from studies.pid_tradeoff.options import TradeoffOptions
 
 TS = 5e-4
 
@@ -88,3 +92,16 @@ def test_the_ensembles_counts_are_those_of_its_members(folder: Path) -> None:
         assert row["faster"] == sum((here or math.inf) < (own or math.inf) for here, own in pairs)
         assert row["stable"] == sum(ms is not None for ms in row["ms"])
     assert rows["own"]["faster"] == 0
+
+
+@pytest.mark.parametrize(("deviation", "covered"), [(1e-6, 0.1), (0.05, 0.15), (0.4, 0.49)])
+def test_the_family_covers_what_the_file_knows_less_well_and_never_less_than_usual(
+    deviation: float, covered: float
+) -> None:
+    machine = load_machine()
+    rigid = machine.plant.rigid
+    name, gain = f"plant.modes.{rigid + 1}.gain", machine.plant.modes[rigid].gain
+    stated = machine.with_value(name, gain, Provenance("identified", "a record", std=deviation * gain))
+    wanted = _wanted(stated, TradeoffOptions())
+    assert (wanted["mode_error"], wanted["mass_error"]) == (0.03, pytest.approx(covered))
+    assert _wanted(stated, TradeoffOptions(mass_error=0.02))["mass_error"] == 0.02

@@ -72,6 +72,10 @@ def _differences(found: Identified, estimate: Estimate) -> Iterator[Difference]:
 
 def _on_motion(fit: motion.MotionFit) -> Iterator[str]:
     """What the motion record says of damping, and of what friction remembered when it began."""
+    yield (
+        "The deviations from motions hold beside what the fit takes as known: modes and the friction's shape, each off "
+        "by the deviation that the machine file states for it, or tolerates."
+    )
     time, std = (1e3 * number for number in fit.lag)
     if fit.damped:
         yield f"Motions show damped elements: D = {time:.3g} ms times K, with a standard deviation of {std:.2g} ms."

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from diagnosis.experiments.schedules import strokes
 from diagnosis.model.fit import _step_bounds
-from diagnosis.model.parameters import FURTHER, applied, bounded, moved, parameters
+from diagnosis.model.parameters import FAR, FURTHER, LOADED, applied, bounded, moved, parameters, priors
 from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit
 from models.friction import elements
-from models.machine import Provenance, load
+from models.machine import Machine, Provenance, load
 from tests.diagnosis.tables import recorded, table
 
 MACHINE = table()
@@ -129,3 +129,37 @@ def test_a_step_of_the_fit_takes_no_contact_beyond_its_fitted_limit(sign: int) -
         outwards = (high if sign > 0 else -low)[start] * layout.deviation[start]
         assert np.allclose(outwards, np.minimum(max(1 - share, 0.0) * limit, layout.deviation[start]), atol=1e-15)
         assert np.all((low <= 0) & (high >= 0))
+
+
+def test_a_stated_deviation_widens_a_prior_and_never_narrows_it() -> None:
+    """An identification that is too sure of its mass must not turn a load into an effect; one that hardly knows it must
+    not either. Bounds are as far as the usual ones, or three of the wider deviations."""
+    rigid = MACHINE.plant.rigid
+    name, gain, usual = f"plant.modes.{rigid + 1}.gain", MACHINE.plant.modes[rigid].gain, parameters(MACHINE, 1)
+
+    def stating(share: float) -> Machine:
+        return MACHINE.with_value(name, gain, Provenance("identified", "a record", std=share * gain))
+
+    sure, vague, lost = (parameters(stating(share), 1) for share in (1e-6, 0.2, 5.0))
+    assert np.array_equal(sure.deviation, usual.deviation)
+    assert np.array_equal(sure.high, usual.high)
+    (at,) = usual.of("payload_mass")
+    assert vague.deviation[at] == pytest.approx(0.2)
+    assert vague.high[at] == pytest.approx(max(LOADED * usual.deviation[at], FAR * 0.2))
+    assert lost.deviation[at] == 1.0
+    others = np.arange(usual.count) != at
+    assert np.array_equal(vague.deviation[others], usual.deviation[others])
+    told = {one.name: one for one in priors(vague)}
+    assert (told["payload_mass"].origin, told["payload_mass"].deviations) == ("value", (0.2, 0.2))
+    assert told["dead_time"].origin == "usual"
+    assert {one.name: one.origin for one in priors(sure)}["payload_mass"] == "usual"
+
+
+def test_each_contact_has_the_prior_that_the_file_knows_it_by() -> None:
+    limit = MACHINE.friction.limit
+    each = tuple((0.001 if i else 0.3) * one for i, one in enumerate(limit))
+    layout = parameters(MACHINE.with_value("friction.limit", limit, Provenance("identified", "x", std=each)), 2)
+    own, start = layout.of("presliding_limit"), layout.of("initial_friction_state")
+    assert layout.deviation[own] == pytest.approx([0.3, *[MACHINE.tolerance.limit] * (len(limit) - 1)])
+    assert layout.high[start[0]] == pytest.approx(limit[0] * np.exp(FAR * 0.3))
+    assert layout.high[start[1]] == pytest.approx(limit[1] * np.exp(FAR * MACHINE.tolerance.limit))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from models.effects.friction_laws import ViscousFriction
 from models.identification import motion
@@ -15,9 +17,11 @@ from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.machine import Machine, Provenance, Tolerance, load
 from models.plant import frequency_response
+from models.records.columns import Columns
 from models.records.files import Loaded
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
+from models.variation import Variation, varied
 from studies.identify_machine import own_records
 
 MACHINE = load()
@@ -151,5 +155,25 @@ def test_a_deviation_that_is_not_finite_is_not_known() -> None:
 def test_a_record_of_too_many_motions_is_refused_before_the_work() -> None:
     nothing = np.zeros(motion.MOST_SAMPLES + 1)
     record = Record(MACHINE.sample_time, nothing, nothing, nothing, nothing, nothing)
-    with pytest.raises(ValueError, match=r"1,000,001 samples are more than the 1,000,000 .* cut the record"):
+    with pytest.raises(ValueError, match=r"700,001 samples are more than the 700,000 .* cut the record"):
         motion.identify(record, MACHINE)
+
+
+def test_motions_of_a_derivative_of_the_position_are_replayed_as_they_ran(tmp_path: Path) -> None:
+    """The PID that ran took the derivative of the position alone; without its reference's, the commands are the same.
+    What is identified is the same, too, only where the columns' derivative reaches the replay."""
+    control, truth = MACHINE.control, varied(MACHINE, Variation(mass=0.04))
+    ran = own_records.motions(truth, 3, MACHINE)
+    waits = np.concatenate([np.full(control.reference_delay, ran.reference[0]), ran.reference])[: ran.reference.size]
+    keep = control.pid.pole(ran.sample_time)
+    slope = lfilter([1.0, -1.0], [ran.sample_time / (1 - keep), -keep * ran.sample_time / (1 - keep)], waits)
+    logged = replace(ran, feedforward=ran.feedforward + control.pid.kd * slope)  # so that u_fb + u_ff is the same
+    columns = {"time_s": np.arange(ran.position.size) * ran.sample_time, "target_m": ran.target}
+    columns |= {"reference_m": ran.reference, "feedforward_N": logged.feedforward}
+    columns |= {"command_N": ran.command, "position_m": ran.position}
+    path = tmp_path / "moves.csv"
+    np.savetxt(path, np.column_stack(list(columns.values())), "%.17g", ",", header=",".join(columns), comments="")
+    mapped = replace(MACHINE, record=replace(MACHINE.record or Columns(), derivative="position"))
+    found, plain = (identify(one, [path], kinds=["motion"]).machine for one in (mapped, MACHINE))
+    assert found.plant.mass == pytest.approx(truth.plant.mass, rel=2e-3)
+    assert abs(plain.plant.mass / truth.plant.mass - 1) > 5 * abs(found.plant.mass / truth.plant.mass - 1)

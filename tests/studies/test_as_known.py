@@ -1,0 +1,56 @@
+"""A design on machines that its file allows: varied by what the file states, and else by tolerances."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from design.controller import assemble, design_deadbeat
+from design.validation import validate
+from models.machine import Machine, Provenance, load
+from studies.as_known import _slowest, in_short, on_allowed_machines, origin, spread
+from studies.deadbeat_design.options import DeadbeatOptions
+
+MACHINE = load()
+CONTROLLER = assemble(MACHINE, design_deadbeat(MACHINE))
+JUDGED = validate(MACHINE, CONTROLLER)
+
+
+def stated(deviation: float) -> Machine:
+    """The default machine, whose file states a standard deviation of its dead time [s]."""
+    return MACHINE.with_value("plant.dead_time", MACHINE.plant.dead_time, Provenance("identified", "x", std=deviation))
+
+
+def found(machine: Machine) -> dict[str, object]:
+    stroke = MACHINE.specification.stroke
+    return on_allowed_machines(machine, CONTROLLER, JUDGED, DeadbeatOptions(quick=True), stroke)
+
+
+def test_what_the_file_states_decides_how_many_machines_settle_in_time() -> None:
+    """The same controller and values: only what the file says of how well it knows one of them differs."""
+    sure, vague = found(stated(1e-9)), found(stated(2e-3))
+    assert sure["in_time"] == sure["machines"]
+    assert int(str(vague["in_time"])) < int(str(vague["machines"]))
+    assert in_short(sure) == in_short(found(stated(1e-9)))
+    assert "the file's own deviations for 1 of" in in_short(sure)
+    assert "the usual tolerances" in in_short(found(MACHINE))
+
+
+def test_a_row_says_by_what_a_value_is_varied_and_from_where() -> None:
+    rows = {row["name"]: row for row in found(stated(4e-5))["known"]}  # type: ignore[attr-defined]
+    delay, limit = rows["plant.dead_time"], rows["friction.limit"]
+    assert delay["std"] == [4e-5, 4e-5]
+    assert (delay["origin"], origin(delay)) == ("value", "stated beside the value")
+    assert spread(delay) == f"{100 * 4e-5 / MACHINE.plant.dead_time:.2g} %"
+    assert (limit["origin"], spread(limit)) == ("usual", "3 %")
+    assert rows["drive.offset"]["share"] is None
+    assert spread(rows["drive.offset"]) == "0.2 N"
+
+
+def test_a_loop_that_runs_away_never_settles() -> None:
+    """A position that is not a number is not within any tolerance."""
+    position = JUDGED.response.position.copy()
+    assert _slowest(position, JUDGED, MACHINE) == JUDGED.slowest.settling_time
+    position[-3:] = np.nan
+    assert _slowest(position, JUDGED, MACHINE) == math.inf
