@@ -113,19 +113,17 @@ def _which(results: Results) -> str:
         return f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
-    return f"It is {listed(shown)}{_rough(results)}.{by_curve}{_said_beside(verdict)}"
+    return f"It is {listed(shown)}{_rough(results)}.{by_curve}{_said_beside(results)}"
 
 
 def _beyond_the_catalogue(results: Results) -> str:
     """What else the cause may be, where no effect explains the gap."""
-    causes = ["is out of catalogue"]
+    told = "the cause is out of catalogue"
     if results.get("friction_elements"):
-        causes.append("is what so few elements leave of the friction's curve")
+        told += ", or is what so few elements leave of the friction's curve"
     if untried := results.get("not_looked_for"):
-        causes.append(
-            f"is {effects_listed(untried, 'or')}, tried only where the machine file has a [priors.NAME] for it"
-        )
-    return f"the cause {listed(causes, 'or')}"
+        told += f". Not tried, as the machine file has no [priors.NAME] for it: {effects_listed(untried)}"
+    return told
 
 
 def _elements(results: Results) -> str:
@@ -144,8 +142,10 @@ def _another_form(verdict: Results, name: str) -> str:
     return " in another form than the catalogue's" if verdict["form"].get(name) == "other" else ""
 
 
-def _said_beside(verdict: Results) -> str:
-    """Which way friction is larger, which effects are excluded by their sign, and the input delay where it moved."""
+def _said_beside(results: Results) -> str:
+    """Which way friction is larger, which effects are excluded by their sign, and the input delay where it moved; not
+    where values are at their bounds or weights do not hold, as the delay then stands in for what the model lacks."""
+    verdict = results["verdict"]
     told, way, delay = "", verdict["direction"], verdict["input_delay"]
     if way and not set(way["effects"]).isdisjoint(verdict["effects"]):
         told += (
@@ -155,7 +155,7 @@ def _said_beside(verdict: Results) -> str:
     if verdict["excluded"]:
         told += f" Excluded, as its size would have the wrong sign: {effects_listed(verdict['excluded'])}."
     total, std, before = (1e3 * delay[name] for name in ("total_s", "std_s", "delivered_s"))
-    if std > 0 and abs(total - before) > MOVED * std:
+    if std > 0 and abs(total - before) > MOVED * std and not _far(results) and not results["how_far"]["at_bounds"]:
         digits = max(2, 1 - math.floor(math.log10(std)))  # as many as the deviation has
         now, then = f"{total:.{digits}f} ± {std:.2g} ms", f"{before:.{digits}f} ms"
         told += f" The input delay, the hold included, is {now} instead of {then}."
@@ -171,8 +171,7 @@ def _rough(results: Results) -> str:
             f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample "
             "to sample, which no effect of the catalogue describes"
         )
-    left = results["chi_square_per_sample"]["with_effects"]
-    far = [(number, one) for number, one in enumerate(left, 1) if not 1 / FAR < one < FAR]
+    left, far = results["chi_square_per_sample"]["with_effects"], _far(results)
     if far:
         each = listed(f"{one:.2g} in record {number}" if len(left) > 1 else f"{one:.2g}" for number, one in far)
         told += (
@@ -180,6 +179,12 @@ def _rough(results: Results) -> str:
             f"{'small' if far[0][1] > 1 else 'large'}"
         )
     return told
+
+
+def _far(results: Results) -> list[tuple[int, float]]:
+    """The records, by number, whose chi-square per sample [1] is far from what their weights promise, and that."""
+    left = results["chi_square_per_sample"]["with_effects"]
+    return [(number, one) for number, one in enumerate(left, 1) if not 1 / FAR < one < FAR]
 
 
 def _others(verdict: Results) -> str:

@@ -55,7 +55,7 @@ def test_what_was_not_tried_is_said_where_nothing_explains_the_records(results: 
     assert results["not_looked_for"] == ["velocity_strengthening"]  # not gravity, which no linear axis has
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
     told = sentences({**results, "verdict": verdict})["which"]
-    assert "or is velocity strengthening, tried only where the machine file has a [priors.NAME] for it" in told
+    assert "Not tried, as the machine file has no [priors.NAME] for it: velocity strengthening." in told
     tried = sentences({**results, "verdict": verdict, "not_looked_for": []})["which"]
     assert "the cause is out of catalogue." in tried
 
@@ -63,10 +63,21 @@ def test_what_was_not_tried_is_said_where_nothing_explains_the_records(results: 
 def test_the_input_delay_has_as_many_digits_as_its_deviation(results: dict[str, Any]) -> None:
     delay = {"total_s": 1.0429e-3, "std_s": 7.6e-7, "delivered_s": 1.04e-3}
     told = sentences({**results, "verdict": {**results["verdict"], "input_delay": delay}})["which"]
-    assert "is 1.0429 ± 0.00076 ms instead of 1.0400 ms" in told
+    assert "is 1.04290 ± 0.00076 ms instead of 1.04000 ms" in told
     wide = {**delay, "std_s": 1e-6, "total_s": 1.06e-3}
     told = sentences({**results, "verdict": {**results["verdict"], "input_delay": wide}})["which"]
-    assert "is 1.060 ± 0.001 ms instead of 1.040 ms" in told
+    assert "is 1.0600 ± 0.001 ms instead of 1.0400 ms" in told
+
+
+def test_a_delay_of_a_model_that_is_incomplete_is_not_said(results: dict[str, Any]) -> None:
+    verdict = {**results["verdict"], "input_delay": {"total_s": 0.71e-3, "std_s": 25e-6, "delivered_s": 1.04e-3}}
+    said = "The input delay"
+    assert said in sentences({**results, "verdict": verdict})["which"]
+    rough = {**results["chi_square_per_sample"], "with_effects": [14.0]}
+    assert said not in sentences({**results, "verdict": verdict, "chi_square_per_sample": rough})["which"]
+    bound = [{"part": "nominal", "name": "presliding_limit", "value": 6.0, "unit": "deviations of its tolerance"}]
+    far = {**results["how_far"], "at_bounds": bound}
+    assert said not in sentences({**results, "verdict": verdict, "how_far": far})["which"]
 
 
 def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
