@@ -7,7 +7,9 @@ through the same zero-phase low-pass, then as few samples are kept as the pass b
 of its own: a narrow one rounds the reversals, without one noise moves the elements. The covariance holds half of what a
 third of an octave of its cut-off changes. Damping is sought as one time tau = D_i / K_i of all elements: then f_i = K_i
 min(max(z_i + tau dx/dt, -X_i), X_i) stays linear in K_i, and tau is found with the limits. To first order a deflection
-with tau dz_i/dt added is the deflection at t + tau, so that an error of a known delay counts as an error of tau.
+with tau dz_i/dt added is the deflection at t + tau, so that an error of a known delay counts as an error of tau. An
+error of the scale that differs from pass to pass looks like damping, too, as passes differ in speed: damping counts
+only where it is sure beside such errors.
 Symbols as in models.friction; n samples kept, p parameters.
 """
 
@@ -17,13 +19,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
-from scipy.signal import butter, cheby1, sosfilt, sosfilt_zi, sosfiltfilt
+from scipy.signal import butter, cheby1, find_peaks, sosfilt, sosfilt_zi, sosfiltfilt
 
 from models.friction import deflections, elements
 from models.identification.estimate import STRONG, Estimate, newey_west
@@ -50,6 +53,8 @@ STEPS: Final = 4.0  # of the reading: the shortest limit looked at
 COARSE: Final = 4e-7  # m: the shortest one where the reading is so coarse
 AT_END: Final = 0.95  # of the longest limit looked at: an element from there on may be longer
 LONGER: Final = 2.0  # times as long as the search went, such an element is taken to be
+PASS: Final = 0.02  # of the path's span: the shortest way between two reversals
+ALIKE: Final = 0.1  # of their way: by less, passes from one reversal to the next are the same one again
 LAGS: Final = ("delay", DAMPING)  # parameters beside the limits [s]
 LAG_RANGE: Final = (np.array([-5.0, -5.0]), np.array([5.0, 100.0]))  # sample times
 LAG_ORIGIN: Final = 10.0  # sample times; steps of 1e-3 from there on are as long near no lag as elsewhere
@@ -126,9 +131,11 @@ def identify(
         return plain
     damped = _fitted(record, terms, pass_band, fit_until, most)
     lag = damped.estimate.value(DAMPING), damped.estimate.deviation(DAMPING)
+    freed = _lag_beside_the_scale(_prepared(record, terms, pass_band, fit_until), damped)
+    least = min((lag, freed), key=lambda one: one[0] / one[1])
     before, after = (fit.criterion[len(fit.friction.limit)] for fit in (plain, damped))
-    shown = after <= before - STRONG and lag[0] > SURE * lag[1]
-    return replace(damped if shown else plain, lag=lag)
+    shown = after <= before - STRONG and least[0] > SURE * least[1]
+    return replace(damped, lag=lag) if shown else replace(plain, lag=least)
 
 
 def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, most: int) -> ForceFit:
@@ -388,17 +395,7 @@ def _answer(data: _Data, limits: Array, lags: Array, criterion: tuple[float, ...
     columns, force = _columns(data, limits, lags)
     count = limits.size
     stiffness = weights[weights.size - count :]
-    jacobian = []
-    for step in np.eye(2)[data.terms.lags] * 1e-2 * data.sample_time:
-        ahead, behind = (_columns(data, limits, lags + s * step) for s in (1, -1))
-        change = (ahead[0] @ weights - ahead[1]) - (behind[0] @ weights - behind[1])
-        jacobian.append((change / (2 * np.sum(step)))[:, None])
-    jacobian.append(columns)
-    for i in range(count):
-        moved = [limits * np.where(np.arange(count) == i, 1 + s * 2e-3, 1.0) for s in (1, -1)]
-        more, less = (_columns(data, other, lags)[0] @ weights for other in moved)
-        jacobian.append(((more - less) / (4e-3 * limits[i]))[:, None])
-    whole = np.hstack(jacobian)[data.fitted]
+    whole = _slopes(data, limits, lags, weights)[data.fitted]
     scale = np.maximum(np.max(np.abs(whole), axis=0), 1e-300)
     covariance = newey_west(whole / scale, residual, TOGETHER)
     covariance = covariance / np.outer(scale, scale)
@@ -416,6 +413,64 @@ def _answer(data: _Data, limits: Array, lags: Array, criterion: tuple[float, ...
         columns[:, columns.shape[1] - count :] @ stiffness,
         data.fitted,
     )
+
+
+def _slopes(data: _Data, limits: Array, lags: Array, weights: Array) -> Array:
+    """Of the modelled force less the record's (n, p), by all parameters in the order of `_names`; weights: the linear
+    ones."""
+    columns, _ = _columns(data, limits, lags)
+    count, jacobian = limits.size, list[Array]()
+    for step in np.eye(2)[data.terms.lags] * 1e-2 * data.sample_time:
+        ahead, behind = (_columns(data, limits, lags + s * step) for s in (1, -1))
+        change = (ahead[0] @ weights - ahead[1]) - (behind[0] @ weights - behind[1])
+        jacobian.append((change / (2 * np.sum(step)))[:, None])
+    jacobian.append(columns)
+    for i in range(count):
+        moved = [limits * np.where(np.arange(count) == i, 1 + s * 2e-3, 1.0) for s in (1, -1)]
+        more, less = (_columns(data, other, lags)[0] @ weights for other in moved)
+        jacobian.append(((more - less) / (4e-3 * limits[i]))[:, None])
+    return np.hstack(jacobian)
+
+
+def _lag_beside_the_scale(data: _Data, found: ForceFit) -> tuple[float, float]:
+    """Tau and its standard deviation [s] by one step from a fit, with a gain of the reading of its own for every pass.
+
+    Over one pass, a periodic error of the scale is a gain (and an offset, which no force shows); passes of other places
+    or lengths have other ones. Those at other speeds look like damping where the gains are not free.
+    """
+    stiffness, limits = np.array(found.friction.stiffness), np.array(found.friction.limit)
+    lags = found.estimate.values[: np.count_nonzero(data.terms.lags)]
+    shift = np.zeros(2)
+    shift[data.terms.lags] = lags
+    weights, left, _ = _solved(data, limits, shift)
+    path = _beside(data, float(shift[0]))[0]
+    yielding = (np.abs(_states(limits, path, shift[1] / data.sample_time)) < limits) @ stiffness  # N/m
+    number, way = _passes(path)
+    gains = (yielding * way)[:, None] * (number[:, None] == np.arange(number.max() + 1))
+    slopes = np.hstack([_slopes(data, limits, shift, weights), _filtered(data, gains)])[data.fitted]
+    size = np.max(np.abs(slopes), axis=0)
+    slopes = slopes[:, size > 0] / size[size > 0]
+    step = np.linalg.lstsq(slopes, left, rcond=None)[0]
+    covariance = newey_west(slopes, left - slopes @ step, TOGETHER)
+    where = found.estimate.names.index(DAMPING)
+    return float(shift[1] + step[where] / size[where]), float(np.sqrt(covariance[where, where]) / size[where])
+
+
+def _passes(path: Array) -> tuple[NDArray[np.int64], Array]:
+    """Of every sample (n,) which pass it belongs to, from one reversal to the next, and how far it is from the one
+    before [m]. Passes that begin and end at the same places are one."""
+    least = PASS * np.ptp(path)
+    ends = np.sort(np.concatenate([find_peaks(sign * path, prominence=least)[0] for sign in (1, -1)]))
+    ends = np.unique(np.concatenate([[0], ends, [path.size - 1]]))
+    number, way, known = np.zeros(path.size, np.int64), np.zeros(path.size), list[tuple[float, float]]()
+    for begin, end in pairwise(ends):
+        here = path[begin], path[end]
+        close = ALIKE * abs(here[1] - here[0])
+        same = [i for i, one in enumerate(known) if np.max(np.abs(np.subtract(one, here))) < close]
+        number[begin : end + 1] = same[0] if same else len(known)
+        way[begin : end + 1] = path[begin : end + 1] - here[0]
+        known += [] if same else [here]
+    return number, way
 
 
 def _values(data: _Data, limits: Array, lags: Array) -> Array:
