@@ -109,7 +109,7 @@ class Study:
 
 
 ENOUGH: Final = 0.2  # of the work that has to be done before the rest is estimated from it
-OFF: Final = 4.0  # factor by which such an estimate may be off, either way: in five of six on ten runs of other axes
+OFF: Final = 4.0  # factor by which it may be off, either way: in five of six on eleven runs of another axis
 SHORT: Final = 5.0  # s below which nothing is said of the time left
 
 

@@ -90,7 +90,7 @@ def test_a_study_called_from_python_answers_as_its_command_does(quick_run: Calla
     assert [check.value for check in answer.checks] == [check["value"] for check in written["checks"]]
     assert told == sorted(told)
     assert told
-    assert repr(answer).startswith("Answer(7 of 7 checks hold; results: beyond, bode, ")
+    assert repr(answer).startswith("Answer(7 of 7 checks hold; results: as_known, beyond, bode, ")
     assert "\n" not in repr(answer)
 
 
