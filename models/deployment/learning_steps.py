@@ -91,7 +91,8 @@ def forget(one: Pupil, position: Array) -> None:
     one.told[:] = 0.0
     one.told[FACTOR], one.told[STRETCH], one.told[GAIN] = 1.0, 1.0, 1.0
     one.at[ROUND], one.at[SINCE], one.at[COUNTED], one.at[CHOSEN] = -1, -1, 0, -1
-    one.position[:] = position
+    for i in range(one.position.size):  # assigned as a whole, it would take the compiler many times as long
+        one.position[i] = position[i]
 
 
 @compiled

@@ -160,7 +160,8 @@ def _taught(
     half, change = numbers.wipe_count + numbers.wipe_still, memory.change[memory.at[NEWEST]]
     if learning.learn(lesson, pupil, numbers.stiffness, numbers.position, half, change, error, thrust):
         chosen = pupil.at[learning.CHOSEN]
-        memory.z[:] = pupil.bank[chosen]
+        for i in range(memory.z.size):  # assigned as a whole, it would take the compiler many times as long
+            memory.z[i] = pupil.bank[chosen, i]
         force = pupil.told[FACTOR] * learning.force_of(pupil, numbers.stiffness, chosen)
         memory.kept[ZERO] = force - compensation
 

@@ -222,16 +222,19 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
     phi, gamma, state = loop.phi, loop.gamma, run.state
     modes, n = state.shape[0], run.reference.size
     contact, elements = np.empty((3, run.z.size)), np.empty((2, run.z.size))
-    contact[0], contact[1], contact[2] = run.z, loop.stiffness, loop.limit
-    elements[0], elements[1] = loop.limit, loop.damping
+    for i in range(run.z.size):
+        contact[0, i], contact[1, i], contact[2, i] = run.z[i], loop.stiffness[i], loop.limit[i]
+        elements[0, i], elements[1, i] = loop.limit[i], loop.damping[i]
     now, taken = np.zeros(8), np.empty(n)
-    kept_memory, trial_contact = np.empty(hooks.memory.size), contact.copy()
-    kept_memory[:], now[H] = hooks.memory, 0.5 * loop.step[1]
+    kept_memory, trial_contact = np.empty(hooks.memory.size), np.empty(contact.shape)
+    put(hooks.memory, kept_memory)
+    now[H] = 0.5 * loop.step[1]
     held = act(FORCE, 0.0, hooks, now, contact)
     has_integral = law.has_integral if follows_law else loop.gains[KI] > 0.0
     start = run.start - held if has_integral else run.start
-    hooks.memory[:] = kept_memory
-    law.state[:] = law.hold * start
+    put(kept_memory, hooks.memory)
+    for i in range(law.state.size):
+        law.state[i] = law.hold[i] * start
     integral, slope, previous = start, 0.0, 0.0
     acceleration = x = v = 0.0
     for j in range(modes):
@@ -258,10 +261,12 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
         run.command[k] = act(CONTROL, command, hooks, now, contact)
         now[U] = run.command[k]
         taken[k] = act(COMMAND, run.command[k], hooks, now, contact)
-        kept_memory[:], trial_contact[:] = hooks.memory, contact  # the friction at x, but all contacts stay in place
+        put(hooks.memory, kept_memory)  # the friction at x, but all contacts stay in place
+        for i in range(3):
+            put(contact[i], trial_contact[i])
         now[H], now[MOVED] = elapsed if k > 0 else 0.5 * loop.step[1], x - at
         run.friction[k] = friction_step(x, contact_position, elements, hooks, now, trial_contact)[1]
-        hooks.memory[:] = kept_memory
+        put(kept_memory, hooks.memory)
         for part in range(2):
             sent = k - loop.delays[0] - 1 + part
             thrust = clipped(taken[sent] if sent >= 0 else start, loop.thrust_limit)
@@ -285,7 +290,15 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
                     x += state[j, 0]
                     v += state[j, 1]
                 acceleration = (v - before) / h
-    run.z[:] = contact[0]
+    put(contact[0], run.z)
+
+
+@inlined
+def put(numbers: Array, place: Array) -> None:
+    """Copies numbers (n,) [any unit] to where others stand. Where one array is assigned to another, the compiler adds
+    all that may be said of their shapes, which takes it longer than many a loop."""
+    for i in range(place.size):
+        place[i] = numbers[i]
 
 
 @inlined

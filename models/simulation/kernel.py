@@ -211,19 +211,25 @@ def _run_lanes(loop: Loop, run: Run, first: int) -> None:
     sent = np.empty((delay + 2, LANES))  # commands under way, in a ring
     given, logged = np.empty((3, CHUNK, LANES)), np.empty((4, CHUNK, LANES))
     _load(loop, run, first, mode, effect, element, fixed)
-    memory[INTEGRAL] = fixed[START]
-    sent[:] = fixed[START]
-    damped = element[:, DAMPING].max() > 0.0
+    damped = False
+    for lane in range(LANES):
+        memory[INTEGRAL, lane] = fixed[START, lane]
+        for i in range(delay + 2):
+            sent[i, lane] = fixed[START, lane]
+        for i in range(elements):
+            damped = damped or element[i, DAMPING, lane] > 0.0
     for j in range(modes):
         for lane in range(LANES):
             x[lane] += mode[j, 0, lane]
             v[lane] += mode[j, 1, lane]
-    at[:] = x
+    for lane in range(LANES):
+        at[lane] = x[lane]
     for k in range(n):
         if k % CHUNK == 0:
             _gather(run, first, k, loop.delays[1], given)
         _control(element, fixed, now, memory, given, logged, k % CHUNK, loop.sample_time)
-        sent[k % (delay + 2)] = logged[COMMAND, k % CHUNK]
+        for lane in range(LANES):
+            sent[k % (delay + 2), lane] = logged[COMMAND, k % CHUNK, lane]
         for part in range(2):
             under_way = (k - delay - 1 + part) % (delay + 2)
             for lane in range(LANES):
@@ -276,21 +282,30 @@ def _control(
 
 @compiled
 def _load(loop: Loop, run: Run, first: int, mode: Array, effect: Array, element: Array, fixed: Array) -> None:
-    """Turns into lanes what is known before the first sample."""
+    """Turns into lanes what is known before the first sample; number by number, as copies of whole arrays take the
+    compiler many times as long."""
     for lane in range(LANES):
         machine = min(first + lane, run.z.shape[0] - 1)
-        mode[:, :, lane] = run.state[machine]
-        effect[:, :, :GAMMA, lane] = loop.phi[machine]
-        effect[:, :, GAMMA:, lane] = loop.gamma[machine]
-        element[:, Z, lane] = run.z[machine]
-        element[:, LIMIT, lane] = loop.limit[machine]
-        element[:, STIFFNESS, lane] = loop.stiffness[machine]
-        element[:, DAMPING, lane] = loop.damping[machine]
-        element[:, SLIPPING, lane] = loop.stiffness[machine] * loop.limit[machine]
-        fixed[:THRUST_LIMIT, lane] = loop.gains[machine]
+        for j in range(mode.shape[0]):
+            for i in range(2):
+                mode[j, i, lane] = run.state[machine, j, i]
+        for part in range(2):
+            fixed[STEP + part, lane] = loop.step[machine, part]
+            for j in range(mode.shape[0]):
+                for i in range(GAMMA):
+                    effect[part, j, i, lane] = loop.phi[machine, part, j, i]
+                for i in range(2):
+                    effect[part, j, GAMMA + i, lane] = loop.gamma[machine, part, j, i]
+        for i in range(element.shape[0]):
+            element[i, Z, lane] = run.z[machine, i]
+            element[i, LIMIT, lane] = loop.limit[machine, i]
+            element[i, STIFFNESS, lane] = loop.stiffness[machine, i]
+            element[i, DAMPING, lane] = loop.damping[machine, i]
+            element[i, SLIPPING, lane] = loop.stiffness[machine, i] * loop.limit[machine, i]
+        for i in range(THRUST_LIMIT):
+            fixed[i, lane] = loop.gains[machine, i]
         fixed[THRUST_LIMIT, lane] = loop.thrust_limit[machine]
         fixed[RESOLUTION, lane] = loop.resolution[machine]
-        fixed[STEP : STEP + 2, lane] = loop.step[machine]
         fixed[START, lane] = run.start[machine]
         fixed[OFFSET, lane] = loop.offset[machine]
 
@@ -330,5 +345,8 @@ def _scatter(logged: Array, run: Run, first: int, last: int) -> None:
 def _store(mode: Array, element: Array, run: Run, first: int) -> None:
     """Turns lanes into the state of each machine after the last sample."""
     for lane in range(min(LANES, run.z.shape[0] - first)):
-        run.state[first + lane] = mode[:, :, lane]
-        run.z[first + lane] = element[:, Z, lane]
+        for j in range(mode.shape[0]):
+            for i in range(2):
+                run.state[first + lane, j, i] = mode[j, i, lane]
+        for i in range(element.shape[0]):
+            run.z[first + lane, i] = element[i, Z, lane]

@@ -86,9 +86,12 @@ def answer_all(
     progress: Callable[[float, str], None],
     cluster: Cluster | None = None,
     jobs: int = -1,
+    *,
+    in_turn: bool = False,
 ) -> dict[str, Any]:
     """The answers to all cases, saved in `file` after each; answers that it already holds, to the same records by the
-    same program, are reused. cluster: a Dask cluster that sees the same folders. jobs: processes.
+    same program, are reused. cluster: a Dask cluster that sees the same folders. jobs: processes. in_turn: a case is
+    begun when the one before is answered, so that the first one's thresholds are in the cache for those that follow.
     """
     from joblib import Parallel, delayed
 
@@ -98,7 +101,8 @@ def answer_all(
     if len(left) < len(pack.cases):
         progress(len(answers) / len(pack.cases), f"{len(answers)} cases answered before are kept")
     with _workers(cluster):
-        stream = Parallel(n_jobs=jobs, return_as="generator_unordered")(
+        ahead = 1 if in_turn else "2 * n_jobs"  # how many cases are handed out before one is answered
+        stream = Parallel(n_jobs=jobs, return_as="generator_unordered", pre_dispatch=ahead)(
             delayed(_named_answer)(case, conditions) for case in left
         )
         for name, found in stream:

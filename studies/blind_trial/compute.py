@@ -98,7 +98,8 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
 
     if trial.sealed is not None and not all_answered(trial.pack, file, conditions):
         trial = replace(trial, sealed=close(trial.sealed))
-    answers = answer_all(trial.pack, file, conditions, tell, cluster)
+    # Begun together, the few cases of a quick run would each simulate the thresholds that they share.
+    answers = answer_all(trial.pack, file, conditions, tell, cluster, in_turn=options.quick)
     commit(committed, answers)
     second = _second(trial, committed, conditions, cluster, progress)
     results: dict[str, Any] = {

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,9 +21,7 @@ from studies.pid_tradeoff.published import compare
 def quick_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, int]]:
     """The folder that `python -m studies.NAME --quick` wrote, and its exit status; not to be changed. Run once, by
     whichever of the processes that share these tests asks first."""
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    folder = shared / "quick_runs"
+    folder = _shared(tmp_path_factory) / "quick_runs"
     folder.mkdir(exist_ok=True)
 
     def run(name: str) -> tuple[Path, int]:
@@ -36,8 +36,25 @@ def quick_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _published_once() -> Iterator[None]:
-    """The published optima depend on no machine: found once for all runs of pid_tradeoff in these tests."""
+def _published_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The published optima depend on no machine: found once for all runs of pid_tradeoff in these tests, by whichever
+    of their processes asks first."""
+    file = _shared(tmp_path_factory) / "published.json"
+
+    @cache
+    def once() -> Any:
+        with file.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not file.exists():
+                file.write_text(json.dumps(compare()), encoding="utf-8")
+        return json.loads(file.read_text(encoding="utf-8"))
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("studies.pid_tradeoff.compute.compare", cache(compare))
+        patch.setattr("studies.pid_tradeoff.compute.compare", once)
         yield
+
+
+def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of all processes of these tests."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base

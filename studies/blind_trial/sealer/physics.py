@@ -251,7 +251,9 @@ def run(p: Physics, r: Run, m: Moving, before: int) -> None:
     for k in range(n):
         t = (k - before) * p.sample_time
         if k == before:
-            r.energy[0], r.start[:] = 0.0, m.z
+            r.energy[0] = 0.0
+            for i in range(m.z.size):
+                r.start[i] = m.z[i]
         control(p, r, m, k, t)
         for s in range(STEPS):
             now = t + s * h

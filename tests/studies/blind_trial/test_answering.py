@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from joblib import parallel_config
 
+from studies.blind_trial import answering
 from studies.blind_trial.answering import Conditions, answer_all, answer_case, read_answers, write_answers
 from studies.blind_trial.cluster import Cluster
-from studies.blind_trial.packs import open_key, read_pack
+from studies.blind_trial.packs import Case, open_key, read_pack
 from studies.options import BadInputError
 from tests.studies.blind_trial.conftest import Packer
 from tests.studies.blind_trial.stand_in import SLOW
@@ -130,6 +132,28 @@ def marked(mark: str, command: str) -> list[str]:
             if f"TRIAL_MARK={mark}".encode() in (place / "environ").read_bytes():
                 found += [place.name] if command.encode() in (place / "cmdline").read_bytes() else []
     return found
+
+
+@pytest.mark.parametrize(("in_turn", "most"), [(True, 1), (False, 3)])
+def test_cases_in_turn_are_begun_when_the_one_before_is_answered(
+    small_pack: Packer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_turn: bool, most: int
+) -> None:
+    at_once, seen = [0], []
+
+    def answer(_: Case, __: Conditions) -> dict[str, Any]:
+        at_once[0] += 1
+        time.sleep(0.3)
+        seen.append(at_once[0])
+        time.sleep(0.3)
+        at_once[0] -= 1
+        return {"verdict": {"outcome": "attributed"}}
+
+    monkeypatch.setattr(answering, "answer_case", answer)
+    monkeypatch.setattr(answering, "_workers", lambda _: parallel_config(backend="threading"))
+    pack = read_pack(small_pack(*BODIES))
+    answers = answer_all(pack, tmp_path / "answers.json", STAND_IN, quiet, jobs=3, in_turn=in_turn)
+    assert outcomes(answers) == ["attributed"] * 3
+    assert max(seen) == most
 
 
 def test_a_truncated_file_of_answers_is_ignored(tmp_path: Path) -> None:

@@ -127,9 +127,9 @@ def test_what_was_revealed_is_taken_away_while_cases_are_answered_anew(
     sealed, answer_all = files(tmp_path), answering.answer_all
     seen: list[list[str]] = []
 
-    def look(*arguments: Any) -> dict[str, Any]:
+    def look(*arguments: Any, **named: Any) -> dict[str, Any]:
         seen.append(sorted({"key.json", "again"} & {one.name for one in (tmp_path / "out" / "sealed").iterdir()}))
-        return answer_all(*arguments)
+        return answer_all(*arguments, **named)
 
     monkeypatch.setattr(compute, "answer_all", look)
     monkeypatch.setattr("studies.blind_trial.answering.program", lambda: "another program")
