@@ -134,8 +134,12 @@ def identify(
     freed = _lag_beside_the_scale(_prepared(record, terms, pass_band, fit_until), damped)
     least = min((lag, freed), key=lambda one: one[0] / one[1])
     before, after = (fit.criterion[len(fit.friction.limit)] for fit in (plain, damped))
-    shown = after <= before - STRONG and least[0] > SURE * least[1]
-    return replace(damped, lag=lag) if shown else replace(plain, lag=least)
+    if after > before - STRONG or least[0] <= SURE * least[1]:
+        return replace(plain, lag=least)
+    covariance, where = damped.estimate.covariance.copy(), damped.estimate.names.index(DAMPING)
+    covariance[where, where] += (lag[0] - freed[0]) ** 2
+    lag = lag[0], float(np.sqrt(covariance[where, where]))
+    return replace(damped, estimate=replace(damped.estimate, covariance=covariance), lag=lag)
 
 
 def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, most: int) -> ForceFit:

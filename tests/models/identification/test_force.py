@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import cheby1, sosfilt_zi, sosfiltfilt
 
-from models.friction import branch, elements, follow
-from models.identification.force import FEWEST, Terms, _there_and_back, identify, slow_band
+from models.friction import branch, deflections, elements, follow
+from models.identification.force import FEWEST, Terms, _fitted, _there_and_back, identify, slow_band
+from models.identification.force_fit import DAMPING
 from models.records.record import Record
 
 FORCE = 4.0  # N
@@ -68,3 +71,39 @@ def test_the_low_pass_is_scipy_s_to_the_last_digit(band: float, shape: tuple[int
     walk = np.cumsum(np.random.default_rng(1).standard_normal(shape), axis=0)
     found = _there_and_back(sections, sosfilt_zi(sections), walk)
     assert np.array_equal(found, sosfiltfilt(sections, walk, axis=0))
+
+
+FEW = elements(0.8 / np.geomspace(3e-6, 25e-6, 5), np.geomspace(3e-6, 25e-6, 5))
+
+
+def read_by(error: float, period: float, lag: float = 0.0) -> Record:
+    """Loops over five elements that are damped by a lag [s] times their stiffness, read by a scale with a periodic
+    error [m]: two wide ones, and four inner ones at half of their speed."""
+    record, stiffness, limits = loops(5e-4), np.array(FEW.stiffness), np.array(FEW.limit)
+    path, noise = record.reference, np.random.default_rng(1).standard_normal(record.reference.size)
+    speed = np.gradient(path, record.sample_time)
+    ahead = deflections(limits, path, np.zeros(limits.size)) + lag * speed[:, None]
+    reading = path + error * np.sin(2 * np.pi * path / period + 0.4)
+    command = np.clip(ahead, -limits, limits) @ stiffness + 0.01 * noise
+    return replace(record, command=command, position=1e-9 * np.round(reading / 1e-9))
+
+
+@pytest.mark.parametrize(("error", "period"), [(0.2e-6, 100e-6), (0.4e-6, 150e-6)])
+def test_an_error_of_the_scale_is_no_damping(error: float, period: float) -> None:
+    """Alone, a lag of five deviations fits it: a wide loop and an inner one see other errors, at other speeds."""
+    record, terms = read_by(error, period), Terms(mass=0.0, damped=True)
+    misled = _fitted(record, terms, 20.0, np.inf, 20).estimate
+    assert misled.value(DAMPING) > 4 * misled.deviation(DAMPING)
+    found = identify(record, terms, pass_band=20.0)
+    assert not found.damped
+    assert found.lag is not None
+    assert abs(found.lag[0]) < 3 * found.lag[1] < 0.3e-3
+
+
+@pytest.mark.parametrize("error", [0.0, 0.2e-6])
+def test_damping_beside_an_error_of_the_scale_is_within_its_deviation(error: float) -> None:
+    found = identify(read_by(error, 100e-6, 5e-3), Terms(mass=0.0, damped=True), pass_band=20.0)
+    assert found.damped
+    assert found.lag is not None
+    assert abs(found.lag[0] - 5e-3) < 3 * found.lag[1]
+    assert found.lag[1] == pytest.approx(found.estimate.deviation(DAMPING))
