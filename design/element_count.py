@@ -33,11 +33,11 @@ class Trial:
     meets: bool
 
     @property
-    def rank(self) -> tuple[bool, bool, float, float, int]:
+    def rank(self) -> tuple[bool, float, float, bool, int]:
         """Sorts trials from the best to the worst: those that meet, the fewest first, before those that miss."""
         if self.meets:
-            return False, False, 0.0, 0.0, self.count
-        return True, not self.periodic, self.settling_time, self.dispersion, self.count
+            return False, 0.0, 0.0, False, self.count
+        return True, self.settling_time, self.dispersion, not self.periodic, self.count
 
 
 @dataclass(frozen=True)

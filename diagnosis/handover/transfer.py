@@ -109,19 +109,27 @@ class Transfer:
 
 def transferred(fits: Sequence[Finished], baseline: Baseline) -> tuple[list[Finished], Transfer]:
     """The finished fits, of the re-fitted machine and, if there are effects, with them, and how they carry over. Added
-    effects whose phase belongs to single records are left out of the last."""
+    effects whose phase belongs to single records are left out of the last: phases that differ, where with them a fit to
+    one record leaves more of the others than without. A deviation that is too small makes a difference, too, and such
+    a law still carries over."""
     kept, apart = list(fits), [alone(one, baseline) for one in fits]
     values = per_record(apart[-1], baseline)
+    names = (Content.REFITTED, Content.EFFECTS)
+    matrices = [_matrix(*row, baseline) for row in zip(names, kept, apart, strict=False)]
     common = without_effects_of_records(kept[-1].candidate, values)
     if len(fits) > 1 and len(common.effects) < len(kept[-1].candidate.effects):
-        kept[-1] = finished(replace(kept[-1].fitted, candidate=common), baseline.records)
-        apart[-1] = alone(kept[-1], baseline)
-        left = {effect.name for effect in common.effects}
-        values = tuple(replace(one, kept_out=one.part != "nominal" and one.part not in left) for one in values)
-    starts = [starts_of(one.candidate) for one in kept]
-    rows = zip((Content.REFITTED, Content.EFFECTS), apart, starts, strict=False)
-    matrices = [matrix(name, one, begun, baseline) for name, one, begun in rows]
-    return kept, Transfer((as_delivered(starts[0], baseline), *matrices), values)
+        fewer = finished(replace(kept[-1].fitted, candidate=common), baseline.records)
+        without = _matrix(names[-1], fewer, alone(fewer, baseline), baseline)
+        if without.elsewhere().force < matrices[-1].elsewhere().force:
+            kept[-1], matrices[-1] = fewer, without
+            left = {effect.name for effect in common.effects}
+            values = tuple(replace(one, kept_out=one.part != "nominal" and one.part not in left) for one in values)
+    return kept, Transfer((as_delivered(starts_of(kept[0].candidate), baseline), *matrices), values)
+
+
+def _matrix(name: str, whole: Finished, apart: Sequence[Fit], baseline: Baseline) -> Matrix:
+    """How the laws of a fit to all records carry over; apart: their fits to each record alone."""
+    return matrix(name, apart, starts_of(whole.candidate), baseline)
 
 
 def alone(finished: Finished, baseline: Baseline) -> tuple[Fit, ...]:

@@ -48,5 +48,5 @@ def _extent(planned: Schedule, machine: Machine) -> str:
     """How long, how far and with which force a schedule runs, for a reader."""
     force = float(np.max(np.abs(planned.given.feedforward)))
     time, path = planned.target.size * machine.sample_time, planned.given.position
-    ends = " to ".join(show(float(end) + 0.0, "m") for end in (np.min(path), np.max(path)))
-    return f"{show(time, 's')}, from {ends}, u_ff up to {show(force, 'N')}"
+    ends = " to ".join(show(float(end) + 0.0, machine.unit("m")) for end in (np.min(path), np.max(path)))
+    return f"{show(time, 's')}, from {ends}, u_ff up to {show(force, machine.unit('N'))}"

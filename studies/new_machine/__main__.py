@@ -57,7 +57,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="studies.new_machine",
         usage="python -m studies.new_machine FILE [options]",
         description=__doc__.partition(": ")[2] if __doc__ else None,
-        epilog="All answers but the optional ones are needed. Exit status: 0 written; 2 bad input.",
+        epilog="All answers but the optional ones are needed. A rotary axis is answered in its units: kg m^2, N m, rad "
+        "or deg, rpm. Exit status: 0 written; 2 bad input.",
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="the machine file to write, such as my_axis.toml")
     for one in (*ANSWERS, *OPTIONAL):

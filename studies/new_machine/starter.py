@@ -162,7 +162,7 @@ damping = {each(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not de
 
 [control]
 sample_time = {given("sample_time")}
-reference_delay = {_entry(str(delay_split(numbers["dead_time"], ts)[0]), "derived: whole samples of the dead time")}
+reference_delay = {_entry(str(delay_split(numbers["dead_time"], ts)[0]), "derived: whole samples of the dead time")} # 0 if the drive has none
 compensator_elements = {_entry(_quoted("auto"), AUTOMATIC)} # or a number from 1 to {MOST_COMPENSATED}
 
 [control.pid] # replace it by the PID that runs, or by [control.cascade]

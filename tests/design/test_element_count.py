@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from design.controller import assemble, assemble_bare, bare_controller, default_controller, design_deadbeat
-from design.element_count import Choice, choose, largest_count
+from design.element_count import Choice, Trial, choose, largest_count
 from design.friction_compensation import simplify
 from design.validation import Validation, validate
 from models.friction import elements
@@ -95,3 +95,13 @@ def test_a_stated_number_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     law = default_controller(load())
     assert law.friction_compensation is not None
     assert len(law.friction_compensation.limit) == 5
+
+
+def test_of_numbers_that_miss_the_one_that_settles_first_goes_first_periodic_or_not() -> None:
+    """Three elements with 87.6 ms stood before five with 23.6 ms, whose last periods differed by a little more."""
+    slow = Trial(3, 87.6e-3, 20.8e-6, 1.0, periodic=True, meets=False)
+    quick = Trial(5, 23.6e-3, 5.6e-6, 1.0, periodic=False, meets=False)
+    assert min(slow, quick, key=lambda one: one.rank) is quick
+    alike = replace(quick, count=4, periodic=True)
+    assert min(quick, alike, key=lambda one: one.rank) is alike
+    assert min(quick, replace(slow, count=9, meets=True), key=lambda one: one.rank).count == 9

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from diagnosis.handover import transfer
 from diagnosis.handover.transfer import Matrix, PerRecord, differing, without_effects_of_records
 from diagnosis.how_far import Gap
 from diagnosis.model.parameters import parameters
@@ -60,3 +63,37 @@ def test_elsewhere_is_what_files_leave_of_records_that_they_were_not_fitted_to()
     assert found.force == pytest.approx(12.5**0.5)
     assert found.position == pytest.approx(12.5**0.5 * 1e-6)
     assert found.settling == pytest.approx(2e-3)
+
+
+@pytest.mark.parametrize(("with_it", "without"), [(0.02, 0.03), (0.04, 0.03)])
+def test_a_law_whose_phases_differ_stays_where_it_carries_over(
+    with_it: float, without: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As phases with deviations that are too small differ, too. Left out are those that leave more of other records."""
+    layout = parameters(load(), 2)
+    plain = Candidate(layout, np.zeros(layout.count), ())
+    ripple = replace(plain, effects=(Cogging(1.0, 0.0025, 1.0),))
+    baseline: Any = SimpleNamespace(records=(None, None))
+
+    def fit(candidate: Candidate, *_: object) -> Any:
+        return SimpleNamespace(candidate=candidate, fitted=SimpleNamespace(candidate=candidate))
+
+    def leaves(name: str, whole: Any, *_: object) -> Matrix:
+        gap = Gap(with_it if whole.candidate.effects else without, 1e-6, None)
+        return Matrix(name, ((gap, gap), (gap, gap)))
+
+    found = (PerRecord("cogging", "phase", "1", (0.709, 0.660), (0.001, 0.001), differs=True),)
+    monkeypatch.setattr(transfer, "alone", lambda *_: ())
+    monkeypatch.setattr(transfer, "per_record", lambda *_: found)
+    monkeypatch.setattr(transfer, "_matrix", leaves)
+    monkeypatch.setattr(transfer, "as_delivered", lambda *_: leaves("as delivered", fit(plain)))
+    monkeypatch.setattr(
+        transfer,
+        "replace",
+        lambda one, **changed: fit(changed["candidate"]).fitted if "candidate" in changed else replace(one, **changed),
+    )
+    monkeypatch.setattr(transfer, "finished", lambda one, *_: fit(one.candidate))
+    kept, shown = transfer.transferred([fit(plain), fit(ripple)], baseline)
+    assert bool(kept[-1].candidate.effects) == (with_it < without)
+    assert shown.matrices[-1].elsewhere().force == pytest.approx(min(with_it, without))
+    assert [one.kept_out for one in shown.values] == [with_it > without]
