@@ -127,6 +127,7 @@ def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -
         return _entry("[" + ", ".join(_quoted(f"{value:.6g} {unit}") for value in values) + "]", source)
 
     delay = given("dead_time") if "dead_time" in answers else number(numbers["dead_time"], "s", "assumed: 1.5 T_s")
+    late = delay_split(numbers["dead_time"], ts)[0]
     rule = "derived: Skogestad's rule for the mass and the dead time"
     share = f"{ELEMENTS} elements of equal force"
     return f"""\
@@ -162,7 +163,7 @@ damping = {each(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not de
 
 [control]
 sample_time = {given("sample_time")}
-reference_delay = {_entry(str(delay_split(numbers["dead_time"], ts)[0]), "derived: whole samples of the dead time")} # 0 if the drive has none
+reference_delay = {_entry(str(late), "derived: whole samples of the dead time")} # of x_T*; 0 if the drive has none
 compensator_elements = {_entry(_quoted("auto"), AUTOMATIC)} # or a number from 1 to {MOST_COMPENSATED}
 
 [control.pid] # replace it by the PID that runs, or by [control.cascade]
