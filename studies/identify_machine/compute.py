@@ -78,9 +78,10 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
             ) from error
         checks += _round_trip_checks(results["round_trip"], quick=options.quick)
         checks += _curve_checks(machine, shown["hysteresis"]["curve"])
+    units = [machine.unit(row["unit"]) for row in shown["estimates"]]
     summary = [
-        (row["name"], f"{show(row['number'], row['unit'], 5)} ± {show(row['std'], row['unit'], 2)}")
-        for row in shown["estimates"]
+        (row["name"], f"{show(row['number'], unit, 5)} ± {show(row['std'], unit, 2)}")
+        for row, unit in zip(shown["estimates"], units, strict=True)
     ]
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary

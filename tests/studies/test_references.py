@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from diagnosis.experiments.references import NAMES
 from studies.identify_machine.__main__ import main
+from studies.new_machine.__main__ import main as new_machine
 
 
 def test_they_are_written_without_identifying_and_replace_only_themselves(
@@ -26,3 +28,19 @@ def test_they_are_written_without_identifying_and_replace_only_themselves(
     assert (folder / "strokes.csv").read_text(encoding="utf-8") == "mine"
     assert main([*asked, "record.csv"]) == 2
     assert "leave the records out" in capsys.readouterr().err
+
+
+def test_the_travels_of_a_rotary_axis_are_angles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "axis.toml"
+    answers = {
+        "mass": "0.1 kg m^2", "rated-thrust": "15 N m", "rated-speed": "300 rpm", "sample-time": "400 us",
+        "resolution": "0.05 urad", "stroke": "200 urad", "tolerance": "3 urad", "settling-time": "40 ms",
+        "friction-force": "0.6 N m", "presliding": "150 urad",
+    }  # fmt: skip
+    given = [word for name, text in answers.items() for word in (f"--{name}", text)]
+    assert new_machine([str(file), *given]) == 0
+    capsys.readouterr()
+    assert main(["--machine", str(file), "--write-references", str(tmp_path / "run")]) == 0
+    extents = [line for line in capsys.readouterr().out.splitlines() if ", from " in line]
+    assert len(extents) == 5
+    assert all(re.search(r"from .*rad to .*rad, u_ff up to [\d.e-]+ N m$", line) for line in extents)
