@@ -28,7 +28,7 @@ from models.ensemble import load_ensemble
 from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
-from models.quantity import show
+from models.quantity import listed, show
 from models.variation import known
 from studies.beforehand import require_controller
 from studies.compensator import with_elements
@@ -41,7 +41,7 @@ from studies.pid_tradeoff.published import compare
 from studies.pid_tradeoff.rows import MOST_RUNS, nonsmooth, over_runs, point_row
 from studies.scattered import scattered
 from studies.study import Answer, Progress
-from studies.wording import beyond_records
+from studies.wording import beyond_records, effect
 
 LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # The bounds on |S| that PIDs are tuned for.
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
@@ -104,6 +104,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         "reversal": _reversal(machine, every, validations, (chosen, tuning.present, points[-1])),
         "between": _between(machine, chosen.pid),
         "compensated": [_outcome(one) for one in compensated],
+        "effects": [effect.name for effect in machine.effects],
         "compensated_over_runs": scattered(counted.machine, fit, compensated[1], options, most=MOST_RUNS),
         "beyond": excess_to_json(
             "the specified motion with the chosen PID and compensation", excess_of(compensated[1])
@@ -445,4 +446,6 @@ def _summary(results: dict[str, Any]) -> list[tuple[str, str]]:
 
     stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"
     warnings = [(f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]]
-    return [*warnings, (stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
+    acting = [("effects that act here, uncompensated", listed([effect(one) for one in results["effects"]]))]
+    rows = [(stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
+    return [*warnings, *rows, *(acting if results["effects"] else [])]

@@ -56,9 +56,12 @@ def test_a_study_runs_on_the_improved_machine(
     assert main(study, [*common, *options]) in {DONE, CHECK_MISSED}
     whole = json.loads((output / "results.json").read_text(encoding="utf-8"))
     machine = whole["machine"]
+    said = capsys.readouterr().out
     if name != "response_variation":
         assert {one["what"] for one in whole["results"]["beyond"]} == {"force"}
-        assert "WARNING, the " in capsys.readouterr().out
+        assert "WARNING, the " in said
+    if name == "pid_tradeoff":
+        assert re.search("effects that act here, uncompensated +viscous friction and gain asymmetry", said)
     assert machine["effects"] == {
         "viscous_friction": {"coefficient_Ns_per_m": 40.0},
         "gain_asymmetry": {"asymmetry": 0.01},
