@@ -130,12 +130,19 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
     """`select`, whatever proposes and fits."""
     criteria = search.criteria
     stage, columns = search.examined(Stage(nominal))
-    stages, set_aside = [stage], set[str]()
-    while shortlist := shortlisted(stages, search, set_aside) or slow_ones(stages, search, set_aside):
+    stages, set_aside, dull = [stage], set[str](), set[str]()
+    while True:
+        shortlist = shortlisted(stages, search, set_aside) or slow_ones(stages, search, set_aside)
+        if not shortlist and dull and _surely_left(stages[-1].fitted, search):  # what gained nothing may gain now
+            (stages[-1], columns), dull = search.examined(stages[-1], (), columns), set()
+            continue
+        if not shortlist:
+            break
         say(f"fitting {', '.join(proposal.name for proposal in shortlist)} with all that is nominal")
         trials = search.tried(stages[-1], shortlist)
         if trials[0].proposal.decided:
-            stage, columns = search.examined(_stage(trials[0]), _dull(stages, criteria))
+            dull = _dull(stages, criteria)
+            stage, columns = search.examined(_stage(trials[0]), dull)
             stages.append(stage)
             continue
         set_aside |= inadmissible(trials, stages, criteria)
@@ -151,7 +158,8 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
             continue
         if _too_many(best.fitted, criteria):
             break
-        stage, columns = search.examined(_stage(best, trials), _dull(stages, criteria), columns)
+        dull = _dull(stages, criteria)
+        stage, columns = search.examined(_stage(best, trials), dull, columns)
         stages.append(stage)
         set_aside = set()
     return tuple(stages)
@@ -286,6 +294,12 @@ def _too_many(fitted: Fit, criteria: Criteria) -> bool:
     """Whether so many effects are in the model that they could be a series expansion of anything."""
     most = max(criteria.max_effects_by_force, criteria.max_effects)
     return _classes(fitted) > most or len(fitted.candidate.added_effects) > most + 2
+
+
+def _surely_left(fitted: Fit, search: Search) -> bool:
+    """Whether a model leaves more than the noise floor, beyond chance."""
+    left, floors = float(fitted.innovations @ fitted.innovations), search.floors
+    return left - float(np.mean(floors)) > search.criteria.missing_excess * float(np.std(floors))
 
 
 def _dull(stages: Sequence[Stage], criteria: Criteria) -> set[str]:

@@ -105,6 +105,27 @@ def test_of_those_tried_the_one_that_leaves_least_is_kept_and_the_others_are_its
     assert stages[-1].rivals == (("cogging", 1100.0), ("play", 1200.0), ("stribeck", 1300.0))
 
 
+@dataclass(frozen=True)
+class Hasty(Planned):
+    """One that does not look at what it is told to leave out."""
+
+    def examined(self, stage: Stage, dull: Collection[str] = (), known: Columns | None = None) -> tuple[Stage, Columns]:
+        stage, columns = super().examined(stage, (), known)
+        return replace(stage, proposals=tuple(one for one in stage.proposals if one.name not in dull)), columns
+
+
+@pytest.mark.parametrize(("left", "found"), [(10.0, ["cogging", "play", "stribeck"]), (0.0, ["play", "stribeck"])])
+def test_what_gained_nothing_beside_few_effects_is_looked_at_again_while_something_is_left(
+    left: float, found: list[str]
+) -> None:
+    """A cogging of the pitch of a ripple gained nothing before the ripple was in the model, and most of it then."""
+    promises = {0: {"stribeck": 900.0, "cogging": 0.0}, 1: {"play": 800.0, "cogging": 0.0}, 2: {"cogging": 700.0}}
+    costs = {"stribeck": 1500.0, "play": 1000.0, "cogging": 100.0}
+    begin = replace(_fit(START), innovations=np.full(3, left))
+    stages = grown(begin, Hasty(promises, costs, {}, {}))
+    assert sorted(effect.name for effect in stages[-1].fitted.candidate.added_effects) == found
+
+
 @pytest.mark.parametrize("own", [(), ("viscous_friction",), ("viscous_friction", "cogging", "play")])
 @pytest.mark.parametrize(("share", "found"), [(0.9, 3), (1.1, 4)])  # of what a fourth class has to take off
 def test_three_effects_are_looked_for_and_more_if_they_take_off_force(
