@@ -188,7 +188,10 @@ def listed(words: Iterable[str], last: str = "and") -> str:
 
 
 def show(number: float, unit: str, digits: int = 4) -> str:
-    """`number` (SI, in `unit`) for a reader, with a prefix where the unit takes one: show(2e-5, "m") = "20 µm"."""
+    """`number` (SI, in `unit`) for a reader, with a prefix where the unit takes one: show(2e-5, "m") = "20 µm". An
+    infinite time is that of what never happens: show(math.inf, "s") = "never"."""
+    if unit == "s" and number == math.inf:
+        return "never"
     if unit == "1":
         return f"{number:.{digits}g}"
     if unit == "N/m" and abs(number) >= 1e3:

@@ -57,7 +57,7 @@ def with_elements(
     bare = assemble_bare(machine, made)
     choice = choose(machine, bare, stroke=made.stroke, seed=options.seed, further=FURTHER, tell=tell)
     stated = replace(machine, control=replace(machine.control, compensator_elements=choice.count))
-    return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice),))
+    return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice, machine),))
 
 
 def _plain(choice: Choice) -> dict[str, Any]:
@@ -80,20 +80,13 @@ def _plain(choice: Choice) -> dict[str, Any]:
     }
 
 
-def _line(choice: Choice) -> tuple[str, str]:
+def _line(choice: Choice, machine: Machine) -> tuple[str, str]:
     """The row of the summary: the number, and the settling times that it was chosen by."""
     told = {choice.count - 1, choice.count, choice.most, *(1 << i for i in range(choice.most.bit_length()))}
-    curve = ", ".join(f"{one.count}: {_settling(one.settling_time)}" for one in choice.trials if one.count in told)
-    if choice.meets:
-        return "friction compensator, the fewest elements that meet", f"{choice.count} (settling by elements: {curve})"
-    return (
-        f"friction compensator, none of 1 to {choice.most} elements meets; the best",
-        f"{choice.count} (settling by elements: {curve})",
-    )
-
-
-def _settling(time: float) -> str:
-    return show(time, "s") if time < float("inf") else "never"
+    curve = ", ".join(f"{one.count}: {show(one.settling_time, 's')}" for one in choice.trials if one.count in told)
+    by = "settling by elements, effects uncompensated" if machine.effects else "settling by elements"
+    met = "the fewest elements that meet" if choice.meets else f"none of 1 to {choice.most} elements meets; the best"
+    return f"friction compensator, {met}", f"{choice.count} ({by}: {curve})"
 
 
 def _foresee(machine: Machine, options: Options, progress: Progress) -> None:

@@ -149,8 +149,9 @@ def test_a_reader_sees_prefixes() -> None:
         show(1e-3, "s"),
         show(150.0, "N"),
         show(999.99999e-6, "s"),
+        show(math.inf, "s"),
     ]
-    assert shown == ["20 µm", "0 m", "800 N/mm", "1 ms", "150 N", "1 ms"]
+    assert shown == ["20 µm", "0 m", "800 N/mm", "1 ms", "150 N", "1 ms", "never"]
 
 
 def test_names_in_json_carry_the_unit() -> None:
