@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
 from diagnosis.which.table import deviations_of
-from models.machine import Machine
+from models.machine import Machine, parameters
 
 
 def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine:
@@ -26,3 +28,33 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
         return diagnosis.baseline.delivered if adopted.name == Content.DELIVERED else adopted.machine
     fitted = adopted.finished.fitted
     return machine_of(nominal, fitted.candidate, deviations_of(fitted, diagnosis.baseline.segment), source)
+
+
+@dataclass(frozen=True)
+class Overrun:
+    """A value that a file was moved away from: what it was, with the standard deviation that the file states of it, and
+    what it is now (all in its unit)."""
+
+    name: str
+    unit: str
+    before: float
+    std: float
+    now: float
+
+    @property
+    def deviations(self) -> float:
+        """By how many of the stated deviations it was moved [1]."""
+        return abs(self.now - self.before) / self.std
+
+
+def overrun(delivered: Machine, improved: Machine, least: float) -> tuple[Overrun, ...]:
+    """The values of a machine file that an improved one has elsewhere by more than `least` [1] of the deviations that
+    the file states beside them, the farthest first. Where the model lacks something, they stand in for it."""
+    after = {one.name: one.number for one in parameters(improved)}
+    found = []
+    for one in parameters(delivered):
+        std, now = one.provenance.std, after.get(one.name)
+        if isinstance(std, float) and std > 0 and isinstance(one.number, float) and isinstance(now, float):
+            found.append(Overrun(one.name, one.unit, one.number, std, now))
+    far = [one for one in found if one.deviations > least]
+    return tuple(sorted(far, key=lambda one: -one.deviations))

@@ -10,13 +10,14 @@ from diagnosis.handover.files import Content
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
-from studies.wording import effect, fitted
+from studies.wording import effect, fitted, words
 
 Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
 FAR: Final = 2.0  # times its expectation, from which on chi-square per sample is said to be far from it
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
+OVERRUN: Final = 10.0  # of the deviations that the file states of a value: moved farther, it may stand in for a law
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
 
 
@@ -211,7 +212,23 @@ def _values(parameters: Results) -> str:
 
 def _how_far(results: Results) -> str:
     far = results["how_far"]
-    return " ".join([_gap_closed(results), *unknown_law.left(far), *_handed_over(far)])
+    return " ".join([_gap_closed(results), *unknown_law.left(far), *_handed_over(far), *_overrun(results)])
+
+
+def _overrun(results: Results) -> list[str]:
+    """That values which the file knows well were moved in a model that is incomplete."""
+    rows = results.get("overrun")
+    if not rows or not (_far(results) or results["how_far"]["at_bounds"]):
+        return []
+    most = rows[0]
+    before, std, now = (
+        show(most[key], most["unit"], digits) for key, digits in (("before", 4), ("std", 2), ("now", 4))
+    )
+    return [
+        f"{len(rows)} value{'s' * (len(rows) > 1)} of improved.toml may stand in for what the model lacks, as the file "
+        f"knew them better by {OVERRUN:g} times and more: {words(most['name'])} the most, {before} ± {std} before and "
+        f"{now} now. Other motions may be predicted worse than with the file as it was."
+    ]
 
 
 def _gap_closed(results: Results) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
 from diagnosis.handover.transfer import on_record
-from diagnosis.improved import improved_machine
+from diagnosis.improved import improved_machine, overrun
 from diagnosis.model.motions import LONGEST, Piece
 from diagnosis.model.parameters import moved, priors
 from diagnosis.model.roughness import variance_by_record
@@ -34,7 +34,7 @@ from models.records.record import Record
 from studies.beforehand import require_designable, require_stable
 from studies.effort import DIAGNOSED, DIAGNOSING, MOST, foresee, seconds_a_sample
 from studies.gap_diagnosis import own_records
-from studies.gap_diagnosis.answer import sentences
+from studies.gap_diagnosis.answer import OVERRUN, sentences
 from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
@@ -216,6 +216,7 @@ def _results(
             "re_fitted": variance_by_record(found.baseline.nominal).tolist(),
             "with_effects": variance_by_record(found.final).tolist(),
         },
+        "overrun": [asdict(one) for one in overrun(given.machine, improved_machine(found), OVERRUN)],
         "not_looked_for": _not_looked_for(given.machine),
         "catalogue": {name: _entry(name) for name in given.machine.kinds},
         "pictures": pictures(

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
+
 from diagnosis.handover.files import provenance_of_effects
+from diagnosis.improved import overrun
 from models.effects.motor import DacQuantisation
+from models.machine import Provenance, load
 
 
 def test_an_identified_size_carries_its_deviation_and_a_switch_says_what_it_is() -> None:
@@ -18,3 +24,17 @@ def test_an_identified_size_carries_its_deviation_and_a_switch_says_what_it_is()
         provenance_of_effects([effect], [effect], [{"step": 1e-3}], {"dac_quantisation"}, "gap_diagnosis of a.csv")
     )
     assert [name.rpartition(".")[2] for name in given] == ["step"]  # whose law the machine file gave
+
+
+def test_values_that_were_moved_farther_than_the_file_knows_them_come_farthest_first() -> None:
+    nominal = load()
+    known = Provenance("identified", "a frequency response", std=1e-6)
+    sources = {**nominal.sources, "plant.dead_time": known, "drive.offset": Provenance("identified", "loops", std=0.1)}
+    stated = replace(nominal, sources=sources)
+    plant = replace(nominal.plant, dead_time=nominal.plant.dead_time + 20e-6)
+    moved = replace(nominal, plant=plant, drive=replace(nominal.drive, offset=nominal.drive.offset + 1.5))
+    found = overrun(stated, moved, 10.0)
+    assert [one.name for one in found] == ["plant.dead_time", "drive.offset"]
+    assert [one.deviations for one in found] == pytest.approx([20.0, 15.0])
+    assert overrun(stated, moved, 25.0) == ()
+    assert overrun(nominal, moved, 10.0) == ()  # whose file states no deviations

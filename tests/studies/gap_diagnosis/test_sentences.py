@@ -80,6 +80,18 @@ def test_a_delay_of_a_model_that_is_incomplete_is_not_said(results: dict[str, An
     assert said not in sentences({**results, "verdict": verdict, "how_far": far})["which"]
 
 
+def test_values_that_an_incomplete_model_moved_far_are_said(results: dict[str, Any]) -> None:
+    """The lag of an axis, known to 0.9 us, stood in for the hysteresis of its cable."""
+    assert results["overrun"] == []  # the default table's file states no deviations
+    row = {"name": "effects.current_loop_lag.time", "unit": "s", "before": 249.8e-6, "std": 0.88e-6, "now": 2e-6}
+    moved = {**results, "overrun": [row]}
+    assert "stand in for" not in sentences(moved)["how_far"]  # a load that was changed, say, in a complete model
+    rough = {**results["chi_square_per_sample"], "with_effects": [14.0]}
+    told = sentences({**moved, "chi_square_per_sample": rough})["how_far"]
+    assert "1 value of improved.toml may stand in for what the model lacks" in told
+    assert "effects: current loop lag time the most, 249.8 µs ± 880 ns before and 2 µs now" in told
+
+
 def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
     details = {**results["where"]["details"], "controller": [{"replays": False}]}
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
