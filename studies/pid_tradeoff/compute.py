@@ -28,7 +28,7 @@ from models.ensemble import load_ensemble
 from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
-from models.quantity import listed, show
+from models.quantity import show
 from models.variation import known
 from studies.beforehand import require_controller
 from studies.compensator import with_elements
@@ -38,10 +38,9 @@ from studies.pid_tradeoff import ensemble
 from studies.pid_tradeoff.checks import made
 from studies.pid_tradeoff.options import TradeoffOptions
 from studies.pid_tradeoff.published import compare
-from studies.pid_tradeoff.rows import MOST_RUNS, nonsmooth, over_runs, point_row
+from studies.pid_tradeoff.rows import MOST_RUNS, nonsmooth, over_runs, point_row, summary
 from studies.scattered import scattered
 from studies.study import Answer, Progress
-from studies.wording import beyond_records, effect
 
 LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # The bounds on |S| that PIDs are tuned for.
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
@@ -115,7 +114,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     checks = made(members, points, results, compensated[1], machine)
     stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
     files = {"controller.json": to_json(fit, stroke, settling)}
-    return Answer(results, checks, files, [*_summary(results), *counted.summary])
+    return Answer(results, checks, files, [*summary(results), *counted.summary])
 
 
 def _compensated(
@@ -432,20 +431,3 @@ def _outcome(validation: Validation) -> dict[str, Any]:
         "slowest_s": validation.slowest.settling_time,
         "dispersion_m": validation.worst_dispersion,
     }
-
-
-def _summary(results: dict[str, Any]) -> list[tuple[str, str]]:
-    present, chosen, fastest = (results[key] for key in ("present", "chosen", "fastest"))
-
-    def line(row: dict[str, Any]) -> str:
-        said = f"Ms {row['ms']:.3g}, ki {row['ki_N_per_ms']:.3g} N/(m s), reversal in {show(row['settling_s'], 's')}"
-        margin = row["settling"]["reversal"]
-        change = "less" if margin["nearest_m"] == margin["less_m"] else "more"
-        near = f"{show(margin['nearest_m'], 'm', 2)} {change} error: {show(margin['otherwise_s'], 's')}"
-        return f"{said} ({near})" if math.isfinite(margin["nearest_m"]) else said
-
-    stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"
-    warnings = [(f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]]
-    acting = [("effects that act here, uncompensated", listed([effect(one) for one in results["effects"]]))]
-    rows = [(stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
-    return [*warnings, *rows, *(acting if results["effects"] else [])]

@@ -15,8 +15,10 @@ from design.validation import Validation, validate_many
 from models.controller import Controller, Feedback
 from models.friction import branch
 from models.machine import Machine, with_pid
+from models.quantity import listed, show
 from studies.options import Options
 from studies.scattered import scattered
+from studies.wording import beyond_records, effect
 
 MOST_RUNS: Final = 20  # with a dither, of each point of the front,
 FEW_RUNS: Final = 6  # and in a quick run
@@ -85,3 +87,21 @@ def point_row(machine: Machine, members: Sequence[Member], point: Point, validat
 def noise(machine: Machine, member: Member, feedback: Feedback) -> float:
     """Standard deviation of the thrust [N] from the scale's rounding and its noise."""
     return machine.scale.reading_deviation * rms(sensitivity(member.plant, feedback, "CS"))
+
+
+def summary(results: dict[str, Any]) -> list[tuple[str, str]]:
+    """The present feedback, the chosen PID and the fastest one in a line each, and what else a reader has to know."""
+    present, chosen, fastest = (results[key] for key in ("present", "chosen", "fastest"))
+
+    def line(row: dict[str, Any]) -> str:
+        said = f"Ms {row['ms']:.3g}, ki {row['ki_N_per_ms']:.3g} N/(m s), reversal in {show(row['settling_s'], 's')}"
+        margin = row["settling"]["reversal"]
+        change = "less" if margin["nearest_m"] == margin["less_m"] else "more"
+        near = f"{show(margin['nearest_m'], 'm', 2)} {change} error: {show(margin['otherwise_s'], 's')}"
+        return f"{said} ({near})" if math.isfinite(margin["nearest_m"]) else said
+
+    stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"
+    warnings = [(f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]]
+    acting = [("effects that act here, uncompensated", listed([effect(one) for one in results["effects"]]))]
+    rows = [(stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
+    return [*warnings, *rows, *(acting if results["effects"] else [])]
