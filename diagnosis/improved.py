@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
 from diagnosis.which.table import deviations_of
 from models.machine import Machine, parameters
+from models.variation import known
 
 
 def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine:
@@ -49,12 +52,17 @@ class Overrun:
 
 def overrun(delivered: Machine, improved: Machine, least: float) -> tuple[Overrun, ...]:
     """The values of a machine file that an improved one has elsewhere by more than `least` [1] of the deviations that
-    the file states beside them, the farthest first. Where the model lacks something, they stand in for it."""
-    after = {one.name: one.number for one in parameters(improved)}
+    the file states beside them, the farthest first; of a list the number that is the farthest. Where the model lacks
+    something, they stand in for it."""
+    after = {one.name: one.number for one in parameters(improved) if not isinstance(one.number, str)}
     found = []
-    for one in parameters(delivered):
-        std, now = one.provenance.std, after.get(one.name)
-        if isinstance(std, float) and std > 0 and isinstance(one.number, float) and isinstance(now, float):
-            found.append(Overrun(one.name, one.unit, one.number, std, now))
+    for one in known(delivered):
+        if one.origin != "value" or np.size(after.get(one.name, ())) != len(
+            one.numbers
+        ):  # as elements that were halved
+            continue
+        rows = zip(one.numbers, one.deviations, np.atleast_1d(after[one.name]).tolist(), strict=True)
+        each = [Overrun(one.name, one.unit, *row) for row in rows if row[1] > 0]
+        found += [max(each, key=lambda row: row.deviations)] if each else []
     far = [one for one in found if one.deviations > least]
     return tuple(sorted(far, key=lambda one: -one.deviations))
