@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from design.deadbeat import Constraints, Deadbeat, Objective, synthesise
 from design.element_count import choose
@@ -20,6 +23,18 @@ def waiting(machine: Machine) -> int:
     controller in place, which made its records; rounding L instead would let x_T* come a whole sample too late.
     """
     return delay_split(machine.plant.dead_time, machine.sample_time)[0]
+
+
+def led(n_ff: Sequence[float], lead: float) -> tuple[float, ...]:
+    """N_ff [m/m] of x_T* `lead` samples [-] ahead, straight between samples, as far as the target is known by then.
+
+    What x_T* would do before the step of its target begins at the step: N_ff starts slowly, so that it is next to
+    nothing.
+    """
+    response = np.cumsum(n_ff)
+    at = np.arange(response.size)
+    ahead = np.interp(at + lead, np.append(at, [at.size, at.size + lead]), np.append(response, [1.0, 1.0]))
+    return tuple(np.diff(ahead, prepend=0.0).tolist())
 
 
 def feedback_alone(machine: Machine) -> Controller:
@@ -46,13 +61,19 @@ def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
 def assemble_bare(machine: Machine, deadbeat: Deadbeat) -> Controller:
     """The controller of `assemble` without its friction compensation.
 
+    The path that a compensator's elements are to follow is x_T* in the middle of the interval in which a sample's
+    thrust acts: it begins L, less the samples that the reference waits, behind the sample of x_T*, and takes T_s. The
+    paper leads them along x_T* itself, so that the friction is met by half a sample and the rest of L too late.
+
     A feedback of another structure than a PID keeps its loop, but takes its reference as it takes the position, because
     the feedforward needs one that puts out nothing while the position is on x_T*.
     """
     control = machine.control
     law = control.law and control.law.of_error()
     filters = deadbeat.n_ff, deadbeat.d_ff
-    return Controller(machine.sample_time, control.pid, waiting(machine), *filters, law=law)
+    delay, rest = delay_split(machine.plant.dead_time, machine.sample_time)
+    path = led(deadbeat.n_ff, 0.5 + rest / machine.sample_time)
+    return Controller(machine.sample_time, control.pid, delay, *filters, law=law, path_ff=path)
 
 
 def usable_thrust(machine: Machine) -> float:
@@ -98,6 +119,12 @@ def default_controller(machine: Machine) -> Controller:
     Raises DesignError where there is none.
     """
     return assemble(machine, design_deadbeat(machine))
+
+
+def paper_controller(machine: Machine) -> Controller:
+    """`default_controller` as the paper has it: the elements of its RFM follow x_T* itself. Raises DesignError where
+    there is none."""
+    return replace(default_controller(machine), path_ff=None)
 
 
 def bare_controller(machine: Machine) -> Controller:

@@ -1,21 +1,25 @@
 """Which of a machine's effects a controller can meet ahead, along x_T*, and why it cannot meet the others.
 
 What follows from the path and the thrust alone is replayed along x_T* (models/effect_feedforward.py) and added to u_rf.
-A mode is not a force that could be added: the feedforward is designed for a plant that has it.
+A mode is not a force that could be added, and a lag of the thrust could only be undone by thrust that no drive has: the
+feedforward is designed for a plant that has the mode, and a dead time that is longer by the lag.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeVar
 
+from design.deadbeat import DesignError
 from models.controller import Controller
 from models.effect_feedforward import EffectFeedforward
 from models.effects.base import Effect, Place
 from models.effects.catalogue import named
 from models.machine import Machine
 from models.plant import Plant, delay_split
+
+Made = TypeVar("Made")
 
 MET: Final = frozenset({Place.THRUST, Place.PATH, Place.LIMIT, Place.FRICTION, Place.FORCE})
 REASONS: Final = {
@@ -33,17 +37,33 @@ def left_out(machine: Machine) -> Mapping[str, str]:
 
 
 def designed_for(machine: Machine) -> Plant:
-    """The plant with the modes that the effects add: the one to design the feedforward for."""
+    """The plant with the modes and delays that the effects add: the one to design the feedforward for."""
     modes = sum((effect.modes() for effect in machine.effects), machine.plant.modes)
-    return replace(machine.plant, modes=modes)
+    late = sum(effect.input_delay() for effect in machine.effects)
+    return replace(machine.plant, modes=modes, dead_time=machine.plant.dead_time + late)
+
+
+def designed_with_effects(machine: Machine, synthesise: Callable[[Machine], Made]) -> tuple[Machine, Made, str]:
+    """The machine with the plant to design the feedforward for, the feedforward, and why that plant lacks the effects'
+    modes; empty if it has them. Raises DesignError where there is no feedforward without the modes, either."""
+    whole = replace(machine, plant=designed_for(machine))
+    try:
+        return whole, synthesise(whole), ""
+    except DesignError as error:
+        if whole.plant.modes == machine.plant.modes:
+            raise
+        plain = replace(machine, plant=replace(whole.plant, modes=machine.plant.modes))
+        return plain, synthesise(plain), str(error)
 
 
 def with_effects(controller: Controller, machine: Machine) -> Controller:
     """The controller with the machine's effects met by u_rf, where they can be; the same one if none can."""
-    met = tuple(effect for effect in machine.effects if effect.hooks and not _reason(effect))
+    met = tuple(
+        effect for effect in machine.effects if effect.hooks and not effect.input_delay() and not _reason(effect)
+    )
     if not met:
         return controller
-    _, fractional_delay = delay_split(machine.plant.dead_time, machine.sample_time)
+    _, fractional_delay = delay_split(designed_for(machine).dead_time, machine.sample_time)
     return replace(controller, effect_compensation=EffectFeedforward(met, fractional_delay))
 
 

@@ -33,6 +33,7 @@ GAINS: Final = {
     "derivative_filter": "derivative_filter_s",
 }  # as a controller.json names them
 WEIGHTS: Final = {name: name for name in ("proportional_weight", "derivative_weight")}  # which it holds unless 1
+PATH: Final = "compensator_path_ff"  # as a controller.json names path_ff
 
 
 class ControllerError(ValueError):
@@ -86,9 +87,10 @@ class Controller:
     """One 2DoF law at one sample time: x_T* = N_ff(z) r, u_ff = D_ff(z) r, u_M = u_fb + u_ff + u_rf.
 
     n_ff, d_ff: coefficients of z^0, z^-1, ... [m/m] and [N/m]; reference_delay [samples]: the z^-d by which the PID's
-    reference waits for the dead time (Smith's method); friction_compensation: the RFM, or None for u_rf = 0;
-    effect_compensation: effects that u_rf meets along x_T*, too, or None. law: what runs in place of the PID, where the
-    feedback has another structure; the PID then tells no more than the size of its gains.
+    reference waits for the dead time (Smith's method); friction_compensation: the RFM, or None for u_rf = 0; path_ff:
+    N_ff [m/m] of the path that its elements follow, or None for x_T* itself, as in the paper; effect_compensation:
+    effects that u_rf meets along x_T*, too, or None. law: what runs in place of the PID, where the feedback has another
+    structure; the PID then tells no more than the size of its gains.
 
     >>> controller
     Controller(T_s = 500 µs, reference 2 samples late, feedforward of 41 samples, with friction compensation)
@@ -104,6 +106,7 @@ class Controller:
     friction_compensation: Friction | None = None
     effect_compensation: EffectFeedforward | None = None
     law: Law | None = None
+    path_ff: tuple[float, ...] | None = None
 
     @property
     def feedback(self) -> Feedback:
@@ -145,6 +148,7 @@ def to_json(controller: Controller, stroke: float, settling_time: float) -> dict
         "reference_delay_samples": controller.reference_delay,
         "pid": {key: getattr(pid, name) for name, key in (GAINS if pid.plain else GAINS | WEIGHTS).items()},
         "friction_compensation": rfm and {"stiffness_N_per_m": list(rfm.stiffness), "limit_m": list(rfm.limit)},
+        PATH: list(controller.n_ff if controller.path_ff is None else controller.path_ff),
     }
     if controller.law is not None:
         content["law"] = law_to_json(controller.law)
@@ -204,7 +208,17 @@ def _from_json(content: Mapping[str, Any]) -> Controller:
         raise ValueError("effect_compensation.late_s must be at least 0 and below sample_time_s")
     filters = tuple(content["n_ff"]), tuple(content["d_ff"])
     law = law_from_json(content["law"], sample_time) if "law" in content else None
-    return Controller(sample_time, PID(**gains), delay, *filters, compensation, ahead, law)
+    return Controller(sample_time, PID(**gains), delay, *filters, compensation, ahead, law, _path_from_json(content))
+
+
+def _path_from_json(content: Mapping[str, Any]) -> tuple[float, ...] | None:
+    """N_ff of the compensator's path [m/m]; None where it is that of x_T*, or is not stated."""
+    if PATH not in content:
+        return None
+    path = tuple(float(number) for number in content[PATH])
+    if not path or not all(math.isfinite(number) for number in path):
+        raise ValueError(f"{PATH} must be a list of finite numbers")
+    return None if path == tuple(content["n_ff"]) else path
 
 
 def _check(path: str, number: float, kind: type) -> None:
@@ -263,6 +277,12 @@ def _table_from_json(kind: type[Effect], content: Mapping[str, Any], where: str)
         raise ValueError(f"{where}: {error}") from error
 
 
+def compensator_path(controller: Controller, target: ArrayLike) -> Array:
+    """The path (n,) [m] that the RFM's elements are led along over the target r (n,) [m], from rest at 0."""
+    r = np.asarray(target, float)
+    return np.convolve(controller.n_ff if controller.path_ff is None else controller.path_ff, r)[: r.size]
+
+
 @dataclass(frozen=True)
 class References:
     """What the controller knows before the motion, each of shape (n,): x_T* [m], u_ff [N], u_rf [N]."""
@@ -275,8 +295,8 @@ class References:
 def references(controller: Controller, target: ArrayLike) -> References:
     """x_T*, u_ff and u_rf over the target r (n,) [m], from rest at r = 0 before its first sample.
 
-    The RFM follows x_T* from the virgin state, and keeps its history over the whole of r. u_rf holds what the effects
-    ask for beside it.
+    The RFM follows its path from the virgin state, and keeps its history over the whole of r. u_rf holds what the
+    effects ask for beside it.
     """
     r = np.asarray(target, float)
     position = np.convolve(controller.n_ff, r)[: r.size]
@@ -284,7 +304,8 @@ def references(controller: Controller, target: ArrayLike) -> References:
     compensation = np.zeros(r.size)
     rfm, ahead = controller.friction_compensation, controller.effect_compensation
     if rfm is not None:
-        compensation, _ = follow(rfm, position)
+        force, _ = follow(rfm, np.append(0.0, compensator_path(controller, r)))
+        compensation = force[1:]
     if ahead is not None:
         compensation = compensation + effect_thrust(
             ahead, rfm, position, feedforward + compensation, controller.sample_time

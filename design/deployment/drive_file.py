@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from design.validation import sequence
@@ -17,20 +16,11 @@ def controller_to_json(
     controller: Controller,
     stroke: float,
     settling_time: float,
-    path_ff: Sequence[float] | None = None,
 ) -> dict[str, Any]:
-    """The whole content of controller.json for a feedforward designed for stroke [m] and settling_time [s].
-
-    path_ff [m/m]: N_ff of the path that the compensator's elements follow; default: of x_T*.
-    """
+    """The whole content of controller.json for a feedforward designed for stroke [m] and settling_time [s]."""
     content = {
         **to_json(controller, stroke, settling_time),
-        **deployment_to_json(
-            machine.drive.rated_thrust,
-            machine.scale.resolution,
-            machine.drive.offset,
-            controller.n_ff if path_ff is None else path_ff,
-        ),
+        **deployment_to_json(machine.drive.rated_thrust, machine.scale.resolution, machine.drive.offset),
         "wipe": wipe_to_json(wipe(machine)),
     }
     if controller.effect_compensation is not None:

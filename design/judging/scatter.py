@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from design.validation import Validation, assess, sequence
 from design.wiping import carried_on
-from models.controller import Controller, References, references
+from models.controller import Controller, References, compensator_path, references
 from models.friction import follow, random_pasts
 from models.machine import Machine
 from models.records.settling import Margin, settling_margin
@@ -72,7 +72,7 @@ def scatter(
     virgin = references(controller, target) if given is None else given
     found = []
     for i, past in enumerate(pasts):
-        begun, known = (start, virgin) if given is not None else _begun(machine, controller, past, virgin)
+        begun, known = (start, virgin) if given is not None else _begun(machine, controller, past, target, virgin)
         response = simulate(noisy, controller, target, seed=seed + 1 + i, initial_friction=begun, given=known)
         found.append(assess(noisy, response, stroke=stroke, periods=periods))
     return Scatter(
@@ -83,10 +83,12 @@ def scatter(
     )
 
 
-def _begun(machine: Machine, controller: Controller, past: Array, virgin: References) -> tuple[Array, References]:
+def _begun(
+    machine: Machine, controller: Controller, past: Array, target: Array, virgin: References
+) -> tuple[Array, References]:
     """The machine's elements (N,) [m] behind a past (m,) [m], and what a compensator that was led along it puts out."""
     rfm = controller.friction_compensation
-    known = virgin if rfm is None else carried_on(rfm, past, virgin.position, virgin)
+    known = virgin if rfm is None else carried_on(rfm, past, compensator_path(controller, target), virgin)
     return follow(machine.friction, past)[1], known
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from design.controller import assemble, design_deadbeat, usable_thrust
 from design.deadbeat import Constraints, Deadbeat, DesignError, shortest_settling_time
-from design.effect_compensation import designed_for, left_out, with_effects
+from design.effect_compensation import designed_with_effects, left_out, with_effects
 from design.family import family
 from design.friction_compensation import with_force
 from design.loop import assess, largest_pole
@@ -56,15 +56,8 @@ def designed(machine: Machine, name: str, *, effects: bool = True, every_element
     """
     machine = with_all_elements(machine, every_element=every_element)
     plain = replace(machine, effects=()) if not effects else machine
-    whole, notes = replace(plain, plant=designed_for(plain)), list[str]()
-    try:
-        deadbeat, late = _deadbeat(whole)
-    except DesignError as error:
-        if whole.plant == machine.plant:
-            raise
-        notes.append(f"the modes of its effects are not in the feedforward: {error}")
-        whole = plain
-        deadbeat, late = _deadbeat(whole)
+    whole, (deadbeat, late), refused = designed_with_effects(plain, _deadbeat)
+    notes = [f"the modes of its effects are not in the feedforward: {refused}"] if refused else []
     notes += [late] if late else []
     controller = assemble(whole, deadbeat)
     if effects:

@@ -23,7 +23,7 @@ from design.trajectory.robust import Objective as RobustObjective
 from design.trajectory.robust import RobustTask, RobustTrajectory, build_robust, solve_robust
 from design.trajectory.scenarios import Errors, Feedback, Scenario, tables
 from design.validation import sequence
-from models.controller import Controller, References, references
+from models.controller import Controller, References, compensator_path, references
 from models.friction import Friction
 from models.machine import Machine
 from models.plant import delay_split
@@ -247,7 +247,7 @@ class Scheme:
 
 
 def paper(controller: Controller) -> Scheme:
-    """The paper's scheme: the RFM of the controller follows x_T*. Raises ValueError for a controller without one."""
+    """The paper's scheme, with the path of the controller's RFM. Raises ValueError for a controller without an RFM."""
     known = controller.friction_compensation
     if known is None:
         raise ValueError("the controller has no friction compensation that could learn; give one with an RFM")
@@ -255,7 +255,7 @@ def paper(controller: Controller) -> Scheme:
     def put_out(friction: Friction, target: Array) -> References:
         return references(replace(controller, friction_compensation=friction), target)
 
-    return Scheme(controller, known, put_out, lambda target: put_out(known, target).position)
+    return Scheme(controller, known, put_out, lambda target: compensator_path(controller, target))
 
 
 def history_aware(machine: Machine, motion: MotionProfile) -> Scheme:

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from models.controller import PID, Controller, ControllerError, References, load, references
@@ -79,10 +78,11 @@ class Coefficients:
         return len(self.position) + self.delay + 1
 
 
-def step_responses(controller: Controller, path_ff: Sequence[float]) -> tuple[Row, Row, Row]:
-    """S_j of x_T*, of the compensator's path [m/m] and of u_ff [N/m]. Raises ValueError for a feedforward that does not
-    end at rest on its target."""
-    longest = max(len(controller.n_ff), len(controller.d_ff), len(path_ff), 2)
+def step_responses(controller: Controller, least: int = 2) -> tuple[Row, Row, Row]:
+    """S_j of x_T*, of the compensator's path [m/m] and of u_ff [N/m], of at least so many polynomials' coefficients.
+    Raises ValueError for a feedforward that does not end at rest on its target."""
+    path_ff = controller.n_ff if controller.path_ff is None else controller.path_ff
+    longest = max(len(controller.n_ff), len(controller.d_ff), len(path_ff), least)
     sums = [
         list(accumulate([*row, *[0.0] * (longest - len(row))])) for row in (controller.n_ff, path_ff, controller.d_ff)
     ]
@@ -100,13 +100,13 @@ def coefficients(
     stroke: float,
     thrust_limit: float,
     *,
-    path_ff: Sequence[float] | None = None,
     start: float = 0.0,
     anti_windup: float = 0.0,
     wipe: WipeMotion | None = None,
     plan: Row = (),
+    learning: Learning | None = None,
 ) -> Coefficients:
-    """The numbers of a controller's law, all SI; path_ff: N_ff by default. anti_windup: a PID's time constant, 0: none.
+    """The numbers of a controller's law, all SI. anti_windup: a PID's time constant, 0: none.
 
     Raises ValueError, a sentence, for a controller that no drive can run as it stands.
     """
@@ -119,11 +119,11 @@ def coefficients(
         any(row[REFERENCE] != -row[POSITION] for row in law.b) or law.d[REFERENCE] != -law.d[POSITION]
     ):
         raise ValueError("the law must take its reference as it takes the position; give one that a study wrote")
-    known = controller.n_ff if path_ff is None else path_ff
+    least = 2 if learning is None else len(learning.early) + 1  # x_T* may end later for a longer dead time
     return Coefficients(
         controller.sample_time,
         stroke,
-        *step_responses(controller, known),
+        *step_responses(controller, least),
         delay=controller.reference_delay,
         pid=pid,
         law=law,
@@ -134,19 +134,17 @@ def coefficients(
         start=start,
         wipe=wipe,
         plan=plan,
+        learning=learning,
     )
 
 
-def deployment_to_json(
-    thrust_limit: float, resolution: float, offset: float, path_ff: Sequence[float]
-) -> dict[str, Any]:
-    """What a drive needs beyond models.controller.to_json: the rated thrust [N], the scale's step [m], the constant
-    force [N] that the integral holds before anything else is known, and N_ff of the compensator's path [m/m]."""
+def deployment_to_json(thrust_limit: float, resolution: float, offset: float) -> dict[str, Any]:
+    """What a drive needs beyond models.controller.to_json: the rated thrust [N], the scale's step [m], and the constant
+    force [N] that the integral holds before anything else is known."""
     return {
         "thrust_limit_N": thrust_limit,
         "scale_resolution_m": resolution,
         "start": {"thrust_N": offset},
-        "compensator_path_ff": list(path_ff),
     }
 
 
@@ -159,14 +157,10 @@ def load_coefficients(path: Path, thrust_limit: float, start: float, anti_windup
     content = json.loads(path.read_text(encoding="utf-8"))
     try:
         known, learning = _beyond(content, controller), _learning(content, controller)
-        if learning is not None:  # x_T* may then end later
-            led: Row = known.get("path_ff", controller.n_ff)
-            known["path_ff"] = (*led, *(len(learning.early) + 1 - len(led)) * (0.0,))
         limit = _number(content, "thrust_limit_N", thrust_limit, above=0.0)
         held = _number(content.get("start", {}), "thrust_N", start)
         stroke = _number(content, "stroke_m", None, above=0.0)
-        found = coefficients(controller, stroke, limit, start=held, anti_windup=anti_windup, **known)
-        return replace(found, learning=learning)
+        return coefficients(controller, stroke, limit, start=held, anti_windup=anti_windup, learning=learning, **known)
     except KeyError as error:
         raise ControllerError(f"{path}: {error.args[0]!r} is missing; add it") from error
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
@@ -174,13 +168,8 @@ def load_coefficients(path: Path, thrust_limit: float, start: float, anti_windup
 
 
 def _beyond(content: Mapping[str, Any], controller: Controller) -> dict[str, Any]:
-    """The compensator's path, the wipe and the plan of a controller.json."""
+    """The wipe and the plan of a controller.json."""
     known: dict[str, Any] = {}
-    if "compensator_path_ff" in content:
-        known["path_ff"] = _numbers(content, "compensator_path_ff")
-    elif "trajectory" in content:  # files that have no path of their own yet
-        middle = np.array(_numbers(content["trajectory"], "middle_m")) / _number(content, "stroke_m", None, above=0.0)
-        known["path_ff"] = tuple(np.diff(middle, prepend=0.0).tolist())
     if "wipe" in content:
         known["wipe"] = wipe_motion(content["wipe"], controller.sample_time)
     planned = (content.get("effect_compensation") or {}).get("plan")

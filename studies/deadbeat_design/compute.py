@@ -32,7 +32,7 @@ from design.judging.long_moves import moves_to_json
 from design.linear_response import linear_response
 from design.validation import LONGER, PERIODS, Validation, sequence, validate
 from design.wiping import wipe, wipe_to_json
-from models.controller import Controller, references
+from models.controller import Controller, compensator_path, references
 from models.friction import Friction, branch
 from models.machine import Machine
 from models.plant import Plant, bode, delay_split
@@ -181,7 +181,8 @@ def _starts(
         return None
     given, few = references(controller, target), options.quick or machine.effects
     count = FEW_STARTS if few else min(max(START_SAMPLES // target.size, FEW_STARTS), STARTS)
-    return cost_of_starts(machine, controller, rfm, given.position, given, target, count, options.seed)
+    path = compensator_path(controller, target)
+    return cost_of_starts(machine, controller, rfm, path, given, target, count, options.seed)
 
 
 def _foresee(machine: Machine, wanted: Mapping[str, Any], options: DeadbeatOptions, progress: Progress) -> None:

@@ -10,9 +10,10 @@ import numpy as np
 
 from design.controller import assemble
 from design.deadbeat import Deadbeat, DesignError
-from design.effect_compensation import designed_for, left_out, with_effects
+from design.effect_compensation import designed_for, designed_with_effects, left_out, with_effects
 from design.validation import Validation, validate
 from models.controller import Controller
+from models.effects.base import Effect
 from models.effects.catalogue import named
 from models.machine import Machine
 from models.plant import Plant
@@ -41,13 +42,12 @@ def compensate(
 
     judged: the latter's validations, without and with its RFM. synthesise: the feedforward for another plant.
     """
-    whole = replace(machine, plant=designed_for(machine))
-    deadbeat, refused = plain, ""
-    if whole.plant != machine.plant:
+    whole, deadbeat, refused = machine, plain, ""
+    if designed_for(machine) != machine.plant:
         try:
-            deadbeat = synthesise(whole)
+            whole, deadbeat, refused = designed_with_effects(machine, synthesise)
         except DesignError as error:
-            refused, whole = str(error), machine
+            refused = str(error)
     bare, controller = assemble(machine, plain), assemble(whole, deadbeat)
     knowing = with_effects(controller, machine)
     stroke = plain.stroke
@@ -65,11 +65,17 @@ def compensate(
     results = {
         "rows": rows,
         "met": [] if met is None else list(named(met.effects)),
-        "designed_for": [name for name, one in named(machine.effects).items() if one.modes() and not refused],
+        "designed_for": [name for name, one in named(machine.effects).items() if _in_plant(one, machine, whole)],
         "refused": refused,
         "left_out": left_out(machine),
     }
     return Written(knowing, deadbeat, whole.plant, found, {"effects": results})
+
+
+def _in_plant(effect: Effect, machine: Machine, whole: Machine) -> bool:
+    """Whether the plant of `whole`, beyond the machine's, has the modes or the delay of the effect."""
+    longer = whole.plant.dead_time > machine.plant.dead_time
+    return bool(effect.modes() and whole.plant.modes != machine.plant.modes) or (longer and effect.input_delay() > 0)
 
 
 def _row(one: Validation) -> dict[str, float]:

@@ -24,7 +24,7 @@ from design.deployment.matlab import matlab_files, vectors_csv
 from design.deployment.plant_source import plant_sources
 from design.deployment.structured_text import structured_text
 from design.deployment.vectors import Vectors, golden
-from design.effect_compensation import with_effects
+from design.effect_compensation import designed_with_effects, with_effects
 from design.validation import last_errors, sequence
 from models.controller import Controller, ControllerError, References, load, references
 from models.deployment.coefficients import Coefficients, load_coefficients
@@ -32,7 +32,6 @@ from models.deployment.learning_numbers import Learning
 from models.deployment.running_law import RunningLaw
 from models.effects.base import Place
 from models.feedback.forms import described
-from models.friction import follow
 from models.machine import Machine
 from models.quantity import show
 from models.records.settling import settling_time
@@ -124,8 +123,8 @@ def _designed(machine: Machine) -> dict[str, Any]:
     """The content of controller.json for the machine's specification."""
     require_designable(machine)
     try:
-        deadbeat = design_deadbeat(machine)
-        controller = with_effects(assemble(machine, deadbeat), machine)
+        whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
+        controller = with_effects(assemble(whole, deadbeat), machine)
     except DesignError as error:
         raise BadInputError(f"--machine: {error}") from error
     return controller_to_json(machine, controller, deadbeat.stroke, deadbeat.settling_time)
@@ -183,7 +182,7 @@ def _profiles(machine: Machine, given: _Given, options: ExportOptions) -> str:
     increment = machine.scale.resolution or 1e-6 * given.known.stroke
     try:
         drive = Drive(interval, increment, machine.drive.rated_thrust)
-        made = profiles(_references(given, target), given.known.delay, machine.sample_time, drive)
+        made = profiles(references(given.controller, target), given.known.delay, machine.sample_time, drive)
     except ValueError as error:
         raise BadInputError(f"--drive-interval: {error}") from error
     return "\n".join(made.rows()) + "\n"
@@ -265,18 +264,9 @@ def _beside_the_simulation(machine: Machine, given: _Given) -> float:
     nominal, bare = replace(machine, effects=()), replace(given.controller, effect_compensation=None)
     target, known = sequence(machine, given.known.stroke, periods=PERIODS), given.known
     record = simulate(nominal, bare, target).record
-    law = RunningLaw(replace(known, tracking=0.0, path=known.position, start=machine.drive.offset))
+    law = RunningLaw(replace(known, tracking=0.0, start=machine.drive.offset))
     thrust, _ = law.run(np.zeros(target.size), np.column_stack([target, record.position]))
     return float(np.max(np.abs(thrust - np.clip(record.command, -known.thrust_limit, known.thrust_limit))))
-
-
-def _references(given: _Given, target: Array) -> References:
-    """x_T*, u_ff and u_rf over a target (n,) [m], the compensator's elements along their own path."""
-    made, rfm, known = references(given.controller, target), given.controller.friction_compensation, given.known
-    if rfm is None or known.path == known.position:
-        return made
-    path = np.convolve(np.diff([0.0, *known.path, 1.0]), target)[: target.size]
-    return replace(made, compensation=follow(rfm, np.append(0.0, path))[0][1:])
 
 
 def _loop_as_in_c(machine: Machine, given: _Given) -> float:
@@ -286,13 +276,13 @@ def _loop_as_in_c(machine: Machine, given: _Given) -> float:
     quiet = replace(machine, effects=effects, scale=replace(machine.scale, noise=0.0))
     bare = replace(given, controller=replace(given.controller, effect_compensation=None))
     target = sequence(machine, given.known.stroke, periods=PERIODS)
-    return _achieved(quiet, bare.controller, target, _references(bare, target))["slowest_s"]
+    return _achieved(quiet, bare.controller, target, references(bare.controller, target))["slowest_s"]
 
 
 def _drive(machine: Machine, given: _Given) -> dict[str, Any]:
     """What the motions achieve with a drive that keeps its own cascade, beside the whole scheme."""
     target, controller = sequence(machine, given.known.stroke, periods=PERIODS), given.controller
-    known = _references(given, target)
+    known = references(given.controller, target)
     try:
         cascade = cascade_of(machine)
     except ValueError as error:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import default_controller
+from design.controller import paper_controller
 from design.deadbeat import DesignError
 from design.validation import sequence, validate_many
 from diagnosis.experiments.schedules import to_csv
@@ -132,7 +132,7 @@ def _foresee(machine: Machine, effort: Effort, options: PaperOptions, progress: 
 
 def _references(machine: Machine, decided: Mapping[str, Any]) -> dict[str, str]:
     """The two experiments as records of references for the machine's nominal design."""
-    controller, experiments = default_controller(machine), menu(machine)
+    controller, experiments = paper_controller(machine), menu(machine)
     files = {"second_experiment.csv": decided["second"], "next_experiment.csv": decided["first"]}
     return {
         name: to_csv(experiments[at].plan(machine, controller).schedule, machine.sample_time)
@@ -163,7 +163,7 @@ def _tables(machine: Machine, options: PaperOptions) -> list[Table]:
     chosen = spread(members, machine, options.tables or (QUICK if options.quick else TABLES))
     require_members(() if alone else chosen)
     try:
-        return [(one, default_controller(one)) for one in chosen]
+        return [(one, paper_controller(one)) for one in chosen]
     except DesignError as error:
         raise BadInputError(f"--machine, --ensemble: {error}") from error
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import default_controller
+from design.controller import paper_controller
 from design.deadbeat import DesignError
 from diagnosis.experiments.schedules import Schedule, strokes
 from models.controller import Controller, References, references
@@ -163,7 +163,7 @@ def _in(machine: Machine, time: float) -> Controller | None:
     """The controller whose x_T* rests after `time` [s]; None if no such design exists."""
     wanted = replace(machine.specification, reference_settling_time=time)
     try:
-        return default_controller(replace(machine, specification=wanted))
+        return paper_controller(replace(machine, specification=wanted))
     except DesignError:
         return None
 

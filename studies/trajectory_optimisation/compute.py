@@ -335,16 +335,18 @@ def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory, schem
     `wipe` makes the friction's state known; `learning` is what learning needs to know beforehand.
     """
     motion = profile_of(machine, chosen)
-    n_ff, d_ff = (tuple(np.diff(signal, prepend=0.0) / motion.stroke) for signal in (motion.position, motion.net))
+    n_ff, d_ff, path_ff = (
+        tuple((np.diff(signal, prepend=0.0) / motion.stroke).tolist())
+        for signal in (motion.position, motion.net, motion.middle)
+    )
     pid, delay = machine.control.pid, waiting(machine)
-    controller = Controller(machine.sample_time, pid, delay, n_ff, d_ff, machine.friction)
+    controller = Controller(machine.sample_time, pid, delay, n_ff, d_ff, machine.friction, path_ff=path_ff)
     return {
         **controller_to_json(
             machine,
             controller,
             wanted.stroke,
             chosen.task.samples * machine.sample_time,
-            (np.diff(motion.middle, prepend=0.0) / motion.stroke).tolist(),
         ),
         "trajectory": {
             "design": "history-aware",

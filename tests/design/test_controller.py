@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from design.controller import default_controller, waiting
+from design.controller import default_controller, led, paper_controller, waiting
 from design.deadbeat import DesignError
 from design.feasibility import require_pid, require_stable
 from design.linear_response import linear_response
-from models.controller import references
+from design.validation import validate
+from models.controller import Controller, compensator_path, references, to_json
+from models.controller import load as load_controller
 from models.feedback.forms import NO_FILTERS, Filters
 from models.friction import elements
 from models.machine import Machine, load
@@ -85,3 +91,47 @@ def test_a_design_around_a_pid_refuses_another_feedback_in_a_line() -> None:
         assert machine.control.in_words in str(said.value)
     with pytest.raises(DesignError, match=r"the loop is unstable: with control\.cascade on a mass of 12 kg"):
         require_stable(axis(replace(CASCADE, velocity_gain=1e6)))
+
+
+@given(st.lists(st.floats(-1, 1), min_size=2, max_size=12), st.integers(0, 3))
+def test_a_lead_of_whole_samples_is_a_shift_and_half_a_sample_the_mean(numbers: list[float], lead: int) -> None:
+    """By the response to a step: what the path would do before the step is done at its first sample."""
+    n_ff = [*numbers, 1.0 - sum(numbers)]
+    response, count = np.append(np.cumsum(n_ff), np.ones(lead + 1)), len(n_ff)
+    assert np.cumsum(np.array(led(n_ff, lead))) == pytest.approx(response[lead : lead + count], abs=1e-12)
+    middle = 0.5 * (response[lead : lead + count] + response[lead + 1 : lead + 1 + count])
+    assert np.cumsum(np.array(led(n_ff, lead + 0.5))) == pytest.approx(middle, abs=1e-12)
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.3e-3, 1e-3, 1.17e-3])
+def test_the_compensator_is_led_through_where_the_table_is_while_its_thrust_acts(dead_time: float) -> None:
+    """By the modes' closed form: half a sample after the thrust of sample k begins to act, L later than k T_s."""
+    machine = with_dead_time(dead_time)
+    controller, stroke, n = default_controller(machine), machine.specification.stroke, 60
+    target = np.full(n, stroke)
+    acting = dead_time + (np.arange(n) + 0.5) * machine.sample_time
+    moved = linear_response(machine.plant, references(controller, target).feedforward, machine.sample_time, acting)
+    apart = np.max(np.abs(moved - compensator_path(controller, target)))
+    assert apart < 0.1 * np.max(np.abs(moved - compensator_path(replace(controller, path_ff=None), target)))
+
+
+@pytest.mark.parametrize("count", [5, 10])
+def test_on_the_nonsmooth_table_the_error_after_the_settling_time_is_smaller_than_along_x_t(count: int) -> None:
+    machine = load()
+    machine = replace(machine, control=replace(machine.control, compensator_elements=count))
+    after = round(machine.specification.settling_time / machine.sample_time)
+
+    def left(controller: Controller) -> float:
+        return max(float(np.max(np.abs(one.error[after:]))) for one in validate(machine, controller).achieved)
+
+    assert left(default_controller(machine)) < 0.75 * left(paper_controller(machine))
+
+
+def test_the_path_is_on_file_and_none_where_it_is_that_of_x_t(tmp_path: Path) -> None:
+    file = tmp_path / "controller.json"
+    for controller in (default_controller(load()), paper_controller(load())):
+        file.write_text(json.dumps(to_json(controller, 20e-6, 20e-3)), encoding="utf-8")
+        assert load_controller(file) == controller
+    old = {key: value for key, value in to_json(controller, 20e-6, 20e-3).items() if key != "compensator_path_ff"}
+    file.write_text(json.dumps(old), encoding="utf-8")
+    assert load_controller(file) == controller

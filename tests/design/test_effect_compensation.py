@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.controller import assemble, default_controller
+from design.controller import assemble, default_controller, design_deadbeat
 from design.deadbeat import synthesise
-from design.effect_compensation import designed_for, left_out, with_effects
+from design.effect_compensation import designed_for, designed_with_effects, left_out, with_effects
 from design.validation import validate
 from models.controller import Controller, ControllerError, load, references, to_json
 from models.effect_feedforward import EffectFeedforward, effect_thrust
@@ -23,7 +23,7 @@ from models.effects.structure import CableSpring
 from models.friction import elements
 from models.machine import Machine
 from models.machine import load as load_machine
-from models.simulation.simulator import simulate
+from models.simulation.simulator import Response, simulate
 
 TS = 5e-4
 
@@ -142,6 +142,25 @@ def test_a_mode_is_designed_for() -> None:
         left.append(np.max(np.abs(response.position[50:] - 20e-6)))
     assert left[0] < 1e-5 * 20e-6
     assert left[1] > 1e3 * left[0]
+
+
+def test_a_lag_is_designed_for_as_dead_time() -> None:
+    """Half a sample and more of lag: judged on the table that has it, beside the design that does not know it."""
+    machine = with_these(exact(), every()["current_loop_lag"].typical())
+    lag = machine.effects[0].input_delay()
+    assert designed_for(machine) == replace(machine.plant, dead_time=machine.plant.dead_time + lag)
+    unknowing = default_controller(machine)
+    whole, deadbeat, refused = designed_with_effects(machine, design_deadbeat)
+    knowing = with_effects(assemble(whole, deadbeat), machine)
+    assert not refused
+    assert knowing.effect_compensation is None
+    first, last = (validate(machine, law).response for law in (unknowing, knowing))
+
+    def off(found: Response, law: Controller) -> float:
+        late = law.reference_delay
+        return float(np.sqrt(np.mean((found.position[late:] - found.record.reference[: -late or None]) ** 2)))
+
+    assert off(last, knowing) < 0.5 * off(first, unknowing)
 
 
 def test_the_controller_file_keeps_the_effects(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_who_assembles_a_controller_gets_the_chosen_number(choice: Choice) -> No
 
 
 def test_where_no_number_meets_all_are_tried_and_the_one_that_settles_first_is_taken() -> None:
-    machine = rolling_axis(count=6, tolerance=20e-9, in_time=8e-3)
+    machine = rolling_axis(count=6, tolerance=4e-9, in_time=8e-3)
     found = choose(machine, bare_controller(machine), further=3)
     assert not found.meets
     assert [one.count for one in found.trials] == [1, 2, 3, 4, 5, 6]

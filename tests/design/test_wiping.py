@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from design.controller import default_controller
 from design.validation import sequence
 from design.wiping import carried_on, from_starts, wipe, wipe_references, wipe_to_json
-from models.controller import references
+from models.controller import compensator_path, references
 from models.friction import deflections, elements, follow, reached_states
 from models.machine import Machine, load
 from models.variation import Variation, varied
@@ -70,9 +70,10 @@ def test_the_thrust_goes_on_without_a_bump(machine: Machine) -> None:
     target = np.zeros(50)
     target[10:] = 20e-6
     known, virgin = wipe_references(machine, wipe(machine))[0], references(controller, target)
-    later = carried_on(rfm, known.position, virgin.position, virgin)
+    path = compensator_path(controller, target)
+    later = carried_on(rfm, known.position, path, virgin)
     assert np.all(later.compensation[:10] == pytest.approx(0.0, abs=1e-9))
-    whole = follow(rfm, np.append(known.position, virgin.position))[0][known.position.size :]
+    whole = follow(rfm, np.append(known.position, path))[0][known.position.size :]
     assert later.compensation == pytest.approx(whole + rfm.coulomb_force, abs=1e-9)  # behind a way down
 
 
@@ -82,7 +83,7 @@ def test_what_the_wipe_makes_of_unknown_starts(machine: Machine) -> None:
     assert rfm is not None
     target = sequence(machine, periods=1)
     known, starts = references(controller, target), reached_states(machine.friction, 6, seed=4)
-    found = from_starts(machine, controller, rfm, known.position, known, target, starts)
+    found = from_starts(machine, controller, rfm, compensator_path(controller, target), known, target, starts)
     assert found.unwiped.shape == found.wiped.shape == (6, 10)
     assert np.max(found.wiped) <= machine.specification.settling_time
     assert np.max(found.unwiped) > 1.5 * machine.specification.settling_time

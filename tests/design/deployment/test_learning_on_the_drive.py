@@ -56,8 +56,9 @@ def on_file(machine: Machine, scheme: Scheme, motion: MotionProfile, folder: Pat
         tuple((np.diff(signal, prepend=0.0) / STROKE).tolist())
         for signal in (motion.position, motion.net, motion.middle)
     )
-    controller = replace(feedback_alone(machine), n_ff=n_ff, d_ff=d_ff, friction_compensation=machine.friction)
-    content = controller_to_json(machine, controller, STROKE, 22e-3, path_ff)
+    controller = replace(feedback_alone(machine), n_ff=n_ff, d_ff=d_ff, path_ff=path_ff)
+    controller = replace(controller, friction_compensation=machine.friction)
+    content = controller_to_json(machine, controller, STROKE, 22e-3)
     content["learning"] = learning_to_json(sensitivities(machine, scheme, STROKE), machine, scheme, STROKE)
     path = folder / "controller.json"
     path.write_text(to_text(content), encoding="utf-8")

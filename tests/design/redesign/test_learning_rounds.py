@@ -25,9 +25,10 @@ def run(feedforward: np.ndarray, reference: np.ndarray, seed: int) -> Record:
 
 
 def off(record: Record) -> float:
-    """The error [m] of the motions that are judged, rms."""
+    """The error [m] of the motions that are judged, rms, without what the scale's steps and noise add."""
     late, first = KNOWN.control.reference_delay, judged_motions(record, KNOWN)[0].start
-    return float(np.sqrt(np.mean((record.position[first:] - record.reference[first - late : -late or None]) ** 2)))
+    error = record.position[first:] - record.reference[first - late : -late or None]
+    return float(np.sqrt(max(float(np.mean(error**2)) - TRUE.scale.deviation**2, 0.0)))
 
 
 def test_ten_rounds_on_an_axis_that_is_known_wrongly_leave_a_fifth_of_the_error() -> None:

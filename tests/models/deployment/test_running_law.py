@@ -15,7 +15,7 @@ import pytest
 from design.deployment.vectors import golden
 from design.validation import respond, sequence
 from design.wiping import carried_on, wipe, wipe_references
-from models.controller import references
+from models.controller import compensator_path, references
 from models.deployment.coefficients import Coefficients, coefficients, load_coefficients
 from models.deployment.running_law import LIMITED, READING_MISSING, STEP, TARGET_MISSING, WIPE, WIPING, RunningLaw
 from models.machine import load
@@ -62,9 +62,9 @@ def test_the_compensator_can_follow_a_path_of_its_own() -> None:
     """As trajectory_optimisation's does, which is led through the middles of the intervals."""
     machine, controller = designed("PID")
     late = (0.0, *controller.n_ff)
-    known = coefficients(controller, 20e-6, 1e9, path_ff=late)
+    known = coefficients(replace(controller, path_ff=late), 20e-6, 1e9)
     target, rfm = motions(machine), controller.friction_compensation
-    wanted = references(replace(controller, n_ff=late, d_ff=(0.0,)), target).compensation
+    wanted = references(replace(controller, n_ff=late, d_ff=(0.0,), path_ff=None), target).compensation
     bare = coefficients(controller.without_compensation(), 20e-6, 1e9)
     assert rfm is not None
     reading = np.zeros(target.size)
@@ -89,7 +89,7 @@ def test_after_a_wipe_the_compensator_goes_on_without_a_bump(tmp_path: Path) -> 
     target, rfm = sequence(machine, 20e-6, 1), controller.friction_compensation
     assert rfm is not None
     virgin = references(controller, target)
-    wanted = carried_on(rfm, given.position, virgin.position, virgin)
+    wanted = carried_on(rfm, given.position, compensator_path(controller, target), virgin)
     (went_on,) = respond([machine], controller, target, given=wanted, seed=4, initial_friction=[wiped.elements])
     after, flags = steps(law, target, went_on.record.position)
     assert not np.any(flags & WIPING)
