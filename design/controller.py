@@ -12,7 +12,7 @@ from design.element_count import choose
 from design.friction_compensation import simplify
 from models.controller import Controller
 from models.machine import Machine
-from models.plant import delay_split
+from models.plant import Plant, delay_split
 
 
 def waiting(machine: Machine) -> int:
@@ -23,6 +23,12 @@ def waiting(machine: Machine) -> int:
     controller in place, which made its records; rounding L instead would let x_T* come a whole sample too late.
     """
     return delay_split(machine.plant.dead_time, machine.sample_time)[0]
+
+
+def lead(plant: Plant, sample_time: float) -> float:
+    """How far ahead of x_T* [samples] the middle of the interval is in which a sample's thrust acts: the interval takes
+    T_s, and begins L, less the samples that the reference waits, behind the sample of x_T*."""
+    return 0.5 + delay_split(plant.dead_time, sample_time)[1] / sample_time
 
 
 def led(n_ff: Sequence[float], lead: float) -> tuple[float, ...]:
@@ -61,9 +67,8 @@ def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
 def assemble_bare(machine: Machine, deadbeat: Deadbeat) -> Controller:
     """The controller of `assemble` without its friction compensation.
 
-    The path that a compensator's elements are to follow is x_T* in the middle of the interval in which a sample's
-    thrust acts: it begins L, less the samples that the reference waits, behind the sample of x_T*, and takes T_s. The
-    paper leads them along x_T* itself, so that the friction is met by half a sample and the rest of L too late.
+    The path that a compensator's elements are to follow is x_T* ahead by the `lead`. The paper leads them along x_T*
+    itself, so that it meets the friction so much too late.
 
     A feedback of another structure than a PID keeps its loop, but takes its reference as it takes the position, because
     the feedforward needs one that puts out nothing while the position is on x_T*.
@@ -71,9 +76,8 @@ def assemble_bare(machine: Machine, deadbeat: Deadbeat) -> Controller:
     control = machine.control
     law = control.law and control.law.of_error()
     filters = deadbeat.n_ff, deadbeat.d_ff
-    delay, rest = delay_split(machine.plant.dead_time, machine.sample_time)
-    path = led(deadbeat.n_ff, 0.5 + rest / machine.sample_time)
-    return Controller(machine.sample_time, control.pid, delay, *filters, law=law, path_ff=path)
+    path = led(deadbeat.n_ff, lead(machine.plant, machine.sample_time))
+    return Controller(machine.sample_time, control.pid, waiting(machine), *filters, law=law, path_ff=path)
 
 
 def usable_thrust(machine: Machine) -> float:

@@ -45,7 +45,7 @@ class Validation:
     largest value after the specified settling time. Positions are the true ones or the scale's, as `validate` was told.
 
     >>> validation
-    Validation(10 motions, slowest settles in 19.5 ms, 3 sigma 59... nm after 25 ms, peak thrust ... N)
+    Validation(10 motions, slowest settles in 19.5 ms, 3 sigma 57... nm after 25 ms, peak thrust ... N)
     """
 
     machine: Machine

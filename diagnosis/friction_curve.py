@@ -35,6 +35,7 @@ SHORTEST, LONGEST = 1 / 3, 1.5
 MOST: Final = 32  # elements: a re-fit of 40 took 16 times as long as one of 7
 ITERATIONS: Final = 12
 FREE_STIFFNESS: Final = 0.7  # deviation of the logarithm of a half's stiffness: it may be nearly all or nearly nothing
+FREE_LIMIT: Final = 0.99  # and of its limit's at most, however far apart the elements are: a file's is below 1
 
 
 def with_finer_friction(
@@ -99,7 +100,7 @@ def halved(machine: Machine, apart: float) -> Machine:
         tolerance=replace(
             tolerance,
             stiffness=max(tolerance.stiffness, FREE_STIFFNESS),
-            limit=max(tolerance.limit, apart / 2),
+            limit=max(tolerance.limit, min(apart / 2, FREE_LIMIT)),
         ),
         sources=sources,
     )

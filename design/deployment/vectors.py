@@ -161,8 +161,9 @@ def _learned(
         return what, given
 
     yield from wiped(LEARN, whole)
-    yield moved(np.repeat([0.5 * stroke, 0.0], 2 * rest))  # which are not over the stroke, and do not count
-    yield moved(motions(learning.rounds * learning.motions + 2))
+    # The first are not over the stroke, and do not count; they leave the friction where no round of motions closes.
+    aside = np.repeat([0.5 * stroke, 0.2 * stroke], 2 * rest)
+    yield moved(np.append(aside, aside[-1] + motions(learning.rounds * learning.motions + 2)))
     reset = np.array([RESET]), np.array([[at, 0.1 * coulomb]])
     yield reset
     yield from wiped(WIPE, whole)

@@ -29,7 +29,7 @@ class Record:
     columns: what else its file holds, where that is known; and the column of the feedforward as it was logged.
 
     >>> response.record
-    Record(2000 samples every 500 µs, position -... nm to 100... µm, command up to ... N)
+    Record(2000 samples every 500 µs, position 0 m to 100... µm, command up to ... N)
     """
 
     sample_time: float

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import assemble, usable_thrust
+from design.controller import assemble, lead, usable_thrust
 from design.deadbeat import (
     OBJECTIVES,
     Constraints,
@@ -93,7 +93,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         "bode": _bode(machine, quick=options.quick),
         "trade_off": trade_off,
         "sensitivity": sensitivity,
-        "friction": _friction(machine, controller),
+        "friction": {**_friction(machine, controller), "rfm_lead_samples": lead(written.plant, machine.sample_time)},
         "without": validation_results(machine.specification, without),
         "with": validation_results(machine.specification, judged),
         "paper": beside_the_paper(machine, wanted, without, judged),

@@ -407,6 +407,6 @@ def _aims(wanted: Wanted, judged: Sequence[Mapping[str, Any]], source: str, wher
     )
     ratio = best["ensemble"]["dispersion_m"] / paper["ensemble"]["dispersion_m"]
     return (
-        Check(f"3 sigma, 95 % of the tables, over the paper's scheme{where}", ratio, "1", 0.5, "aim: half of it"),
+        Check(f"3 sigma, 95 % of the tables, over deadbeat and RFM{where}", ratio, "1", 0.5, "aim: half of it"),
         *(Check(f"{name}{where}", best["yield"][key], "1", least, source, ">=") for name, key, least, source in shares),
     )

@@ -58,7 +58,7 @@ def on_members(
 def _own(
     members: Sequence[Machine], wanted: Wanted, aim: Aim, count: int, seed: int
 ) -> tuple[list[dict[str, Any]], list[float]]:
-    """The paper's scheme and a history-aware one designed for each table, and when [s] the latter's motions rest.
+    """Deadbeat and RFM, and a history-aware scheme designed for each table, and when [s] the latter's motions rest.
 
     A table too heavy for `count` samples within the thrust gets the fewest more that do.
     """

@@ -49,7 +49,7 @@ ENVELOPE = (
     "the grey band and stays there means that every motion settles on 95 % of the tables."
 )
 RESPONSES = (
-    "Positive motions on the central table: distance travelled; the paper's scheme, one trajectory for all, and the "
+    "Positive motions on the central table: distance travelled; deadbeat and RFM, one trajectory for all, and the "
     "history-aware one."
 )
 TRAJECTORIES = Markdown(

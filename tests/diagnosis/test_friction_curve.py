@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +25,8 @@ from models.effects.base import Effect
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
 from models.friction import branch, elements, follow
-from models.machine import Machine, load
+from models.machine import FROM_ELEMENTS, Machine, load
+from models.machine_file import to_toml
 from models.machines.provenance import Provenance
 from models.records.record import Record
 from tests.diagnosis.tables import recorded
@@ -45,6 +47,14 @@ def fine() -> Machine:
 TRUTH = fine()
 COARSE = replace(TRUTH, friction=simplify(TRUTH.friction, FEW))
 PLAN = (sequence(TRUTH, repeats=1), amplitude_ladder(TRUTH, (2e-6, 5e-6, 20e-6, 60e-6, 150e-6)))
+
+
+def test_elements_that_are_far_apart_have_halves_that_a_file_may_state(tmp_path: Path) -> None:
+    """Two elements whose limits differ by a factor of 200: a deviation of half of that on the logarithm is 2.6."""
+    wide = replace(TRUTH, friction=elements([1e6, 1e4], [1e-6, 2e-4]), presliding=FROM_ELEMENTS)
+    path = tmp_path / "halved.toml"
+    path.write_text(to_toml(halved(wide, float(np.log(200.0)))), encoding="utf-8")
+    assert load(path).friction.limit == (1e-6, 1e-6, 2e-4, 2e-4)
 
 
 def refitted(machine: Machine, records: tuple[Record, ...]) -> tuple[Fit, np.ndarray[tuple[int], np.dtype[np.int64]]]:

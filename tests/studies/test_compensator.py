@@ -80,7 +80,7 @@ def test_the_report_shows_the_curve_where_the_study_chose_and_only_there(folder:
 
 
 def test_where_no_number_meets_the_checks_say_what_is_missed() -> None:
-    machine = rolling_axis(count=4, tolerance=20e-9, in_time=8e-3)
+    machine = rolling_axis(count=4, tolerance=20e-9, in_time=7.5e-3)
     answer = STUDIES.deadbeat_design(machine, quick=True)
     counts = answer.results["compensator_elements"]
     assert not counts["meets"]
