@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
+from design.effect_compensation import with_effects
 from design.friction_compensation import simplify, with_force
 from design.validation import agreement, validate
 from models.controller import Controller
@@ -74,7 +75,8 @@ def choose(
     time, the thrust stays within the rating, and the last two periods agree. The search ends at the first number that
     does. If none does, it is the one whose slowest motion settles first; among equals the one with the least 3 sigma.
     further: so many numbers beyond the first one that meets, and the largest one, are tried for their outcome. tell:
-    receives each number before it is tried, and the largest one. The machine's effects act, without being compensated.
+    receives each number before it is tried, and the largest one. The machine's effects act, and those are met that can
+    be (design.effect_compensation); `bare` is designed for the plant that has their modes and delays, or not.
     """
     most, trials = largest_count(machine), list[Trial]()
 
@@ -94,7 +96,7 @@ def choose(
 
 
 def _trial(machine: Machine, bare: Controller, count: int, stroke: float | None, seed: int) -> Trial:
-    law = replace(bare, friction_compensation=simplify(machine.friction, count))
+    law = with_effects(replace(bare, friction_compensation=simplify(machine.friction, count)), machine)
     found = validate(machine, law, stroke=stroke, seed=seed)
     settling, periodic = found.slowest.settling_time, found.repeat_error <= agreement(machine)
     in_time = settling <= machine.specification.settling_time

@@ -11,6 +11,7 @@ from design.deadbeat import Deadbeat, DesignError
 from design.element_count import FURTHER, Choice, choose, largest_count
 from design.validation import LONGER, PERIODS
 from models.machine import Machine
+from models.plant import Plant
 from models.quantity import show
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError, Options
@@ -33,11 +34,13 @@ def with_elements(
     progress: Progress,
     deadbeat: Deadbeat | None = None,
     *,
+    plant: Plant | None = None,
     shares: tuple[float, float] = (0.0, 0.05),
 ) -> Counted:
     """The machine with a number of elements [-]; where its file says "auto", the fewest with which the design holds.
 
     deadbeat: the feedforward that the compensator stands beside; by default the one of the machine's specification.
+    plant: that it is designed for, where that is not the machine's own; the effects that can be met are met.
     shares: of the study's work [1] that are done before and after the search. `results` goes into results.json and
     `summary` into the summary; both are empty where the file states a number.
     Raises BadInputError where there is no such feedforward, or the search would take too long.
@@ -54,10 +57,10 @@ def with_elements(
         share = shares[0] + (shares[1] - shares[0]) * (count - 1) / most
         progress(share, f"trying the friction compensator with {count} of at most {most} elements")
 
-    bare = assemble_bare(machine, made)
+    bare = assemble_bare(machine if plant is None else replace(machine, plant=plant), made)
     choice = choose(machine, bare, stroke=made.stroke, seed=options.seed, further=FURTHER, tell=tell)
     stated = replace(machine, control=replace(machine.control, compensator_elements=choice.count))
-    return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice, machine),))
+    return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice),))
 
 
 def _plain(choice: Choice) -> dict[str, Any]:
@@ -80,13 +83,12 @@ def _plain(choice: Choice) -> dict[str, Any]:
     }
 
 
-def _line(choice: Choice, machine: Machine) -> tuple[str, str]:
+def _line(choice: Choice) -> tuple[str, str]:
     """The row of the summary: the number, and the settling times that it was chosen by."""
     told = {choice.count - 1, choice.count, choice.most, *(1 << i for i in range(choice.most.bit_length()))}
     curve = ", ".join(f"{one.count}: {show(one.settling_time, 's')}" for one in choice.trials if one.count in told)
-    by = "settling by elements, effects uncompensated" if machine.effects else "settling by elements"
     met = "the fewest elements that meet" if choice.meets else f"none of 1 to {choice.most} elements meets; the best"
-    return f"friction compensator, {met}", f"{choice.count} ({by}: {curve})"
+    return f"friction compensator, {met}", f"{choice.count} (settling by elements: {curve})"
 
 
 def _foresee(machine: Machine, options: Options, progress: Progress) -> None:

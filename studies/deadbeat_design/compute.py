@@ -42,7 +42,7 @@ from studies.as_known import in_short, on_allowed_machines
 from studies.as_known import row as known_row
 from studies.beforehand import require_designable
 from studies.compensator import with_elements
-from studies.deadbeat_design.effects import Written, compensate
+from studies.deadbeat_design.effects import Knowing, Written, compensate, knowing
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.deadbeat_design.outcomes import beside_the_paper, checks_of, reproduction, validation_results
@@ -73,11 +73,12 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     except DesignError as error:
         longer = "; or give it as --long-stroke, which goes along a profile" if _is_longer(machine, options) else ""
         raise BadInputError(f"--settling-time, --stroke: {error}{longer}") from error
-    counted = with_elements(machine, options, progress, plain, shares=(0.1, 0.15))
+    known = knowing(machine, plain, partial(_synthesise, wanted=wanted, objective=wanted["objective"]))
+    counted = with_elements(machine, options, progress, known.deadbeat, plant=known.plant, shares=(0.1, 0.15))
     machine = counted.machine
     progress(0.15, "trade-off of settling time and thrust")
     trade_off = _trade_off(machine, wanted, quick=options.quick)
-    without, written = _validated(machine, plain, wanted, options, progress)
+    without, written = _validated(machine, plain, known, options, progress)
     controller, deadbeat, judged = written.controller, written.deadbeat, written.validation
     progress(0.6, "sensitivity to the modes' frequencies")
     if written.plant != machine.plant:
@@ -132,10 +133,10 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
 
 
 def _validated(
-    machine: Machine, plain: Deadbeat, wanted: Mapping[str, Any], options: DeadbeatOptions, progress: Progress
+    machine: Machine, plain: Deadbeat, known: Knowing, options: DeadbeatOptions, progress: Progress
 ) -> tuple[Validation, Written]:
     """The validation without friction compensation, and the controller that is written, with its own."""
-    controller, stroke, seed = assemble(machine, plain), wanted["stroke_m"], options.seed
+    controller, stroke, seed = assemble(machine, plain), plain.stroke, options.seed
     progress(0.3, "validating on the nonsmooth machine")
     with_rfm = validate(machine, controller, stroke=stroke, seed=seed)
     progress(0.45, "validating without friction compensation")
@@ -143,8 +144,7 @@ def _validated(
     if not machine.effects:
         return without, Written(controller, plain, machine.plant, with_rfm, {})
     progress(0.5, "meeting the machine's effects")
-    synthesised = partial(_synthesise, wanted=wanted, objective=wanted["objective"])
-    return without, compensate(machine, plain, (without, with_rfm), synthesised, seed)
+    return without, compensate(machine, plain, known, (without, with_rfm), seed)
 
 
 def _asked_by(options: DeadbeatOptions) -> str:

@@ -31,27 +31,40 @@ class Written:
     results: dict[str, Any]
 
 
+@dataclass(frozen=True)
+class Knowing:
+    """The feedforward that knows the machine's effects, and the plant that it is for; `refused` says why that plant
+    lacks what they add to it, and is empty if it has it."""
+
+    deadbeat: Deadbeat
+    plant: Plant
+    refused: str = ""
+
+
+def knowing(machine: Machine, plain: Deadbeat, synthesise: Callable[[Machine], Deadbeat]) -> Knowing:
+    """The feedforward for the plant with the modes and delays of the machine's effects; `plain`, which is for the plant
+    without, where there is none. synthesise: the feedforward for another plant."""
+    if designed_for(machine) == machine.plant:
+        return Knowing(plain, machine.plant)
+    try:
+        whole, deadbeat, refused = designed_with_effects(machine, synthesise)
+    except DesignError as error:
+        return Knowing(plain, machine.plant, str(error))
+    return Knowing(deadbeat, whole.plant, refused)
+
+
 def compensate(
-    machine: Machine,
-    plain: Deadbeat,
-    judged: tuple[Validation, Validation],
-    synthesise: Callable[[Machine], Deadbeat],
-    seed: int,
+    machine: Machine, plain: Deadbeat, known: Knowing, judged: tuple[Validation, Validation], seed: int
 ) -> Written:
     """The controller that compensates the machine's effects, beside the one that does not.
 
-    judged: the latter's validations, without and with its RFM. synthesise: the feedforward for another plant.
+    judged: the latter's validations, without and with its RFM.
     """
-    whole, deadbeat, refused = machine, plain, ""
-    if designed_for(machine) != machine.plant:
-        try:
-            whole, deadbeat, refused = designed_with_effects(machine, synthesise)
-        except DesignError as error:
-            refused = str(error)
+    whole, deadbeat, refused = replace(machine, plant=known.plant), known.deadbeat, known.refused
     bare, controller = assemble(machine, plain), assemble(whole, deadbeat)
-    knowing = with_effects(controller, machine)
+    informed = with_effects(controller, machine)
     stroke = plain.stroke
-    found = validate(machine, knowing, stroke=stroke, seed=seed)
+    found = validate(machine, informed, stroke=stroke, seed=seed)
     cases = (
         ("without compensation", judged[0], bare.without_compensation(), machine),
         ("with the RFM", judged[1], bare, machine),
@@ -61,7 +74,7 @@ def compensate(
     for name, one, law, plant in cases:
         ideal = validate(replace(plant, effects=()), law, stroke=stroke, seed=seed)
         rows.append({"name": name, **_row(one), "gap_m": _gap(one, ideal)})
-    met = knowing.effect_compensation
+    met = informed.effect_compensation
     results = {
         "rows": rows,
         "met": [] if met is None else list(named(met.effects)),
@@ -69,7 +82,7 @@ def compensate(
         "refused": refused,
         "left_out": left_out(machine),
     }
-    return Written(knowing, deadbeat, whole.plant, found, {"effects": results})
+    return Written(informed, deadbeat, whole.plant, found, {"effects": results})
 
 
 def _in_plant(effect: Effect, machine: Machine, whole: Machine) -> bool:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.controller import default_controller
+from design.deployment.drive_file import controller_to_json
+from design.effect_compensation import left_out, with_effects
 from design.family import Member, family, slopes
 from design.judging.known_range import excess_of, excess_to_json
 from design.limits import bode_area, highest_crossover, least_sensitivity
@@ -22,7 +24,7 @@ from design.pid.problem import Bounds, TuningError, mt_bound
 from design.pid.rules import magnitude
 from design.pid.tuning import noise_bound, pose, tune
 from design.validation import BATCH, Validation, validate_many
-from models.controller import PID, Controller, Feedback, to_json
+from models.controller import PID, Controller, Feedback
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.friction import branch
@@ -104,6 +106,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         "between": _between(machine, chosen.pid),
         "compensated": [_outcome(one) for one in compensated],
         "effects": [effect.name for effect in machine.effects],
+        "left_out": left_out(machine),
         "compensated_over_runs": scattered(counted.machine, fit, compensated[1], options, most=MOST_RUNS),
         "beyond": excess_to_json(
             "the specified motion with the chosen PID and compensation", excess_of(compensated[1])
@@ -113,18 +116,19 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     }
     checks = made(members, points, results, compensated[1], machine)
     stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
-    files = {"controller.json": to_json(fit, stroke, settling)}
+    files = {"controller.json": controller_to_json(counted.machine, fit, stroke, settling)}
     return Answer(results, checks, files, [*summary(results), *counted.summary])
 
 
 def _compensated(
     machine: Machine, fitted: Machine, controller: Controller
 ) -> tuple[Controller, tuple[Validation, ...]]:
-    """The controller with the fitted machine's PID and friction compensation, and what the present feedback and the
-    PID achieve with that compensation."""
+    """The controller with the fitted machine's PID and compensation, of friction and of the effects that can be met,
+    and what the present feedback and the PID achieve with that compensation."""
     rfm = default_controller(fitted).friction_compensation
-    fit = replace(controller.with_feedback(fitted.control.pid), friction_compensation=rfm)
-    return fit, validate_many([machine, fitted], [replace(controller, friction_compensation=rfm), fit])
+    present = with_effects(replace(controller, friction_compensation=rfm), machine)
+    fit = present.with_feedback(fitted.control.pid)
+    return fit, validate_many([machine, fitted], [present, fit])
 
 
 def _tuned(

@@ -102,6 +102,6 @@ def summary(results: dict[str, Any]) -> list[tuple[str, str]]:
 
     stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"
     warnings = [(f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]]
-    acting = [("effects that act here, uncompensated", listed([effect(one) for one in results["effects"]]))]
+    acting = [("effects that act, met where friction is", listed([effect(one) for one in results["effects"]]))]
     rows = [(stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
     return [*warnings, *rows, *(acting if results["effects"] else [])]

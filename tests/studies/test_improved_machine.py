@@ -61,7 +61,7 @@ def test_a_study_runs_on_the_improved_machine(
         assert {one["what"] for one in whole["results"]["beyond"]} == {"force"}
         assert "WARNING, the " in said
     if name == "pid_tradeoff":
-        assert re.search("effects that act here, uncompensated +viscous friction and gain asymmetry", said)
+        assert re.search("effects that act, met where friction is +viscous friction and gain asymmetry", said)
     assert machine["effects"] == {
         "viscous_friction": {"coefficient_Ns_per_m": 40.0},
         "gain_asymmetry": {"asymmetry": 0.01},
