@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 AXES: Final = ("linear", "rotary")
 ROTARY: Final = {"m": "rad", "N": "N m", "kg": "kg m^2"}  # what a rotary axis has in place of these units
+_ROTARY_TEXT: Final = {**ROTARY, "kg": "kg m²"}  # as a text has it
 _NUMBER: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*(.*)", re.IGNORECASE)
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 # Powers of (kg, m, s, A, rad) and the power of ten to SI of the units that machine files are full of.
@@ -39,6 +40,15 @@ _USUAL: Final[dict[str, tuple[int, ...]]] = {
     "V": (1, 2, -3, -1, 0, 0), "A": (0, 0, 0, 1, 0, 0),
     "rad": (0, 0, 0, 0, 1, 0),
 }  # fmt: skip
+_SPACE: Final = "[ \u00a0]"
+_FACTOR: Final = rf"(?:[GMkmµun]?(?:m|N|s|Hz|A|V|W|rad)|kg(?!{_SPACE}m))(?![\w²³^]|-\w)"
+_FACTORS: Final = rf"{_FACTOR}(?:{_SPACE}{_FACTOR})*"
+_BELOW: Final = rf"/\u2060?(?:\({_FACTORS}\)|{_FACTOR})"
+_WHOLE: Final = rf"{_FACTORS}(?:{_BELOW})?"
+# A unit behind a number, or in square brackets behind words, as at a figure's axis.
+_IN_TEXT: Final = re.compile(rf"(?<=\d{_SPACE})(?:{_WHOLE}|1{_BELOW})|(?<=\s\[){_WHOLE}(?=\])")
+_UNIT_ALONE: Final = rf"{_WHOLE}|1{_BELOW}|1"
+_IN_CELL: Final = re.compile(rf"(?<=\| )(?:{_UNIT_ALONE})(?:[,;] (?:{_UNIT_ALONE}))*(?= \|$)", re.MULTILINE)
 _PRODUCT: Final = r"[^\s/()]+(?: [^\s/()]+)*"
 _UNIT: Final = re.compile(rf"({_PRODUCT})(?:/(?:\(({_PRODUCT})\)|([^\s/()]+)))?")
 
@@ -137,6 +147,35 @@ def rotary(unit: str) -> str:
 def _each_rotary(product: str) -> str:
     """The factors of a product of units, each as a rotary axis has it."""
     return " ".join(re.sub(r"^[A-Za-z]+", lambda name: ROTARY.get(name[0], name[0]), one) for one in product.split())
+
+
+def turned(text: str) -> str:
+    """The text with the units [-] of a rotary axis: turned("20 µm at 3 N") = "20 µrad at 3 N m".
+
+    For texts that are written for every axis, with tables in Markdown. A unit that only a rotary axis has stays:
+    torques are "N m" already, and no force is multiplied by a length anywhere else.
+    """
+    cells = _IN_CELL.sub(lambda cell: re.sub(_UNIT_ALONE, lambda found: _turned(found[0]), cell[0]), text)
+    return _IN_TEXT.sub(lambda found: _turned(found[0]), cells)
+
+
+def _turned(unit: str) -> str:
+    """A unit of a text as a rotary axis has it, its spaces, and what keeps a line from ending behind a slash, kept."""
+    above, slash, below = unit.partition("/")
+    if "rad" in unit or re.search(rf"N{_SPACE}m\b", above):
+        return unit
+    space = "\u00a0" if "\u00a0" in unit or "\u2060" in unit else " "
+    parts = [_each_turned(part.strip("()\u2060"), space) for part in (above, below)]
+    joiner = "\u2060" if "\u2060" in unit else ""
+    return parts[0] + slash + joiner * bool(slash) + (f"({parts[1]})" if space in parts[1] else parts[1])
+
+
+def _each_turned(product: str, space: str) -> str:
+    """The factors of a product of units, prefixes kept, each as a rotary axis has it."""
+    factors = [
+        re.sub(r"^kg$|[mN]$", lambda name: _ROTARY_TEXT[name[0]], factor) for factor in re.split(_SPACE, product)
+    ]
+    return space.join(factors).replace(" ", space)
 
 
 def is_rotary(text: object, unit: str) -> bool | None:

@@ -56,7 +56,7 @@ class Report:
 
     `title` and `question` (one sentence) are text, or `markup.Markdown`; `filters` are the study's own Jinja2
     filters, such as the rounding of its numbers; `tables` say, by the table's label without its "tbl:", which keys it
-    is made from.
+    is made from. `wording` is done to the text and to every text of a figure, such as putting other units.
     """
 
     title: str
@@ -65,6 +65,7 @@ class Report:
     figures: tuple[Figure, ...]
     filters: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     tables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    wording: Callable[[str], str] = str
 
 
 def render(
@@ -86,13 +87,13 @@ def render(
     if len(captions) != len(report.figures):
         raise ValueError(f"two figures of one name: {sorted(figure.name for figure in report.figures)}")
     body = text.fill(report.template, results, captions, report.filters)
-    markdown = text.head(report.title, report.question, captions) + body
+    markdown = report.wording(text.head(report.title, report.question, captions) + body)
     drawings = folder / "figures"
     drawings.mkdir(parents=True, exist_ok=True)
 
     def drawn(figure: Figure) -> Path:
         tell(f"drawing {figure.name}")
-        return draw(figure, drawn_from[figure.name], drawings)
+        return draw(figure, drawn_from[figure.name], drawings, report.wording)
 
     helper = _begin(drawn, report.figures)
     # Pandoc is a process of its own: it sets the text for paper while this one still draws.
@@ -170,11 +171,12 @@ def _draw_in_turn(drawn: Callable[[Figure], Path], figures: Sequence[Figure], ta
         sys.exit(1)
 
 
-def draw(figure: Figure, results: Mapping[str, Any], folder: Path) -> Path:
-    """Draws one figure to `folder`/NAME.svg. Raises `KeyError` if it reads results that it does not declare."""
+def draw(figure: Figure, results: Mapping[str, Any], folder: Path, wording: Callable[[str], str] = str) -> Path:
+    """Draws one figure to `folder`/NAME.svg, its texts as `wording` has them. Raises `KeyError` if it reads results
+    that it does not declare."""
     path = _file(figure, folder)
     try:
-        style.save(figure.draw, for_figure(results), path)
+        style.save(figure.draw, for_figure(results), path, wording)
     except KeyError as error:
         raise KeyError(f"figure {figure.name!r} reads {error}, which is none of its keys {figure.keys}") from error
     return path

@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import LogFormatterSciNotation
 
 TEXT_WIDTH = 160.0
@@ -86,13 +87,23 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def save(draw: Callable[[Mapping[str, Any]], Figure], results: Mapping[str, Any], path: Path | IO[bytes]) -> None:
-    """Writes what `draw` makes of `results` to `path` as SVG, in the report's style and without a date."""
+def save(
+    draw: Callable[[Mapping[str, Any]], Figure],
+    results: Mapping[str, Any],
+    path: Path | IO[bytes],
+    wording: Callable[[str], str] = str,
+) -> None:
+    """Writes what `draw` makes of `results` to `path` as SVG, in the report's style and without a date; `wording` is
+    done to every text."""
     with mpl.rc_context(STYLE):
         figure = draw(results)
         for axes in figure.axes:
             for axis in (axes.xaxis, axes.yaxis):
                 _write_powers(axis)
+        if wording is not str:
+            for said in figure.findobj(Text):
+                assert isinstance(said, Text)
+                said.set_text(wording(said.get_text()))
         FigureCanvasSVG(figure)  # so that the layout is found with the letters of the file
         layout = figure.get_layout_engine()
         if layout is not None:  # done here, as savefig would draw everything once more for it

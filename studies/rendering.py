@@ -11,15 +11,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
+from models.quantity import turned
 from studies.interrupt import supervised
 from studies.study import Progress, Study
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
-
-TURNS: Final = " This axis turns: where figures and text print m, N or kg, read rad, N m or kg m²."
 
 Keys = dict[str, list[str]]
 Render = Callable[[Mapping[str, Any], Path], tuple[Keys, Keys]]
@@ -90,7 +89,7 @@ def render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Progr
 
     report = study.report(whole)
     if whole["machine"].get("axis") == "rotary":
-        report = replace(report, question=report.question + TURNS)
+        report = replace(report, wording=turned)
     write(report, whole, folder, progress=lambda text: progress(0.85, text))
     return (
         {figure.name: list(figure.keys) for figure in report.figures},

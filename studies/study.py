@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from models.quantity import turned
 from studies.options import BadInputError, Options
 
 if TYPE_CHECKING:
@@ -98,8 +99,12 @@ class Study:
     def compute(self, machine: Machine, options: Options, progress: Callable[[float, str], None]) -> Answer:
         """Answers the question for a machine. Raises BadInputError."""
         answer: Answer = import_module(f"studies.{self.name}.compute").compute(machine, options, progress)
+        if machine.axis != "rotary":
+            return answer
         return dataclasses.replace(
-            answer, checks=tuple(dataclasses.replace(check, unit=machine.unit(check.unit)) for check in answer.checks)
+            answer,
+            checks=tuple(dataclasses.replace(check, unit=machine.unit(check.unit)) for check in answer.checks),
+            summary=[(turned(name), turned(said)) for name, said in answer.summary],
         )
 
     def report(self, results: Mapping[str, Any]) -> Report:

@@ -24,6 +24,7 @@ from models.quantity import (
     parse,
     rotary,
     show,
+    turned,
 )
 
 
@@ -104,6 +105,25 @@ def test_a_rotary_axis_has_units_of_its_own(text: str, unit: str, in_its_place: 
     assert parse(text, unit) == pytest.approx(number, rel=1e-15)
     assert is_rotary(text, unit) is True
     assert is_rotary(f"1 {unit}", unit) is False
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("20 µm at 3 N", "20 µrad at 3 N m"),
+        ("within ±2\u00a0µm after 25\u00a0ms", "within ±2\u00a0µrad after 25\u00a0ms"),
+        ("4.5e+07 N/(m s) and 2 kN", "4.5e+07 N m/(rad s) and 2 kN m"),
+        ("12\u00a0N\u00a0s/\u2060m, 0.1\u00a0m/\u2060s", "12\u00a0N\u00a0m\u00a0s/\u2060rad, 0.1\u00a0rad/\u2060s"),
+        ("800 N/mm, 0.022 1/kg of 45 kg", "800 N m/mrad, 0.022 1/(kg m²) of 45 kg m²"),
+        ("| gain, dead time | 1; 1/kg, N/(m s), s |", "| gain, dead time | 1; 1/(kg m²), N m/(rad s), s |"),
+        ("position [µm] over thrust [N/µm]", "position [µrad] over thrust [N m/µrad]"),
+        ("3 rad at 2 N m, 5 N m/rad, N = 5 in 10 modes, row[m] of a[N], 0.4 N²/Hz", None),
+        ("7 min, 3 mA, 2 s, 30 Hz, 5 nodes, 4 m-files", None),
+    ],
+)
+def test_a_text_has_the_units_of_a_rotary_axis(text: str, wanted: str | None) -> None:
+    assert turned(text) == (text if wanted is None else wanted)
+    assert turned(turned(text)) == turned(text)
 
 
 def test_most_units_are_the_same_for_a_rotary_axis() -> None:

@@ -14,6 +14,7 @@ import jinja2
 import pytest
 from matplotlib.figure import Figure as Drawing
 
+from models.quantity import turned
 from reports import pages, style
 from reports.markup import Markdown
 from reports.report import Figure, Report, render
@@ -312,3 +313,24 @@ def test_powers_of_ten_are_letters_that_say_where_the_tick_is(tmp_path: Path) ->
         factor, _, power = text.rpartition("10")
         exponent = int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")))
         assert float(factor.rstrip("×") or 1) * 10.0**exponent == pytest.approx(at)
+
+
+def test_units_are_put_into_text_table_and_figure(tmp_path: Path) -> None:
+    """As for a rotary axis: one report, other units, in what the template says and in what the figure says."""
+
+    def draw(_: Mapping[str, Any]) -> Drawing:
+        drawing, axes = style.subplots()
+        axes[0, 0].plot([0, 1], [0, 2], label="at 3 N")
+        axes[0, 0].set_ylabel("position [µm]")
+        axes[0, 0].legend()
+        return drawing
+
+    table = "| Symbol | Unit |\n|:--|:--|\n| stiffness | N/m |\n\nTable: Symbols. {#tbl:symbols}"
+    words = f"Within 2 µm.\n\n{table}\n\n{{{{ figure('loop') }}}}"
+    report = told(tmp_path, words, Figure("loop", "Over 20 mm.", (), draw))
+    render(replace(report, wording=turned), {}, tmp_path)
+    page, svg = ((tmp_path / name).read_text(encoding="utf-8") for name in ("report.html", "figures/loop.svg"))
+    for wanted in ("Within 2 µrad", "N m/rad", "Over 20 mrad"):
+        assert wanted in page
+    assert "position [µrad]" in svg
+    assert "at 3 N m" in svg
