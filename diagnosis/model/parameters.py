@@ -219,8 +219,9 @@ def bounds(layout: Parameters, theta: Array) -> tuple[Array, Array]:
 
 
 def bounded(layout: Parameters, theta: Array) -> Array:
-    """theta (P,) clipped to its bounds, and the elements' displacements [m] to their limits."""
-    return np.clip(theta, *bounds(layout, theta))
+    """theta (P,) clipped to its bounds, the elements' displacements [m] to the limits that are then theirs."""
+    within = np.clip(theta, layout.low, layout.high)
+    return np.clip(theta, *bounds(layout, within))
 
 
 def moved(layout: Parameters, theta: Array) -> Array:

@@ -40,5 +40,8 @@ def test_draws_have_the_covariance_of_the_fit() -> None:
     middle = np.append(fitted.candidate.theta[inner], coordinates(fitted.candidate.effects[0]))
     np.testing.assert_allclose((np.mean(values, axis=0) - middle) / deviation, 0.0, atol=4 / np.sqrt(COUNT))
     np.testing.assert_allclose(np.corrcoef(values.T), wanted / np.outer(deviation, deviation), atol=4 / np.sqrt(COUNT))
-    layout = fitted.candidate.layout
-    assert all(np.all((layout.low <= one.theta) & (one.theta <= layout.high)) for one in found)
+    layout, starts = fitted.candidate.layout, names == "initial_friction_state"
+    for one in found:
+        assert np.all((layout.low <= one.theta) & (one.theta <= layout.high))
+        reach = np.array(layout.machine.friction.limit) * np.exp(one.theta[names == "presliding_limit"])
+        assert np.all(np.abs(one.theta[starts]) <= reach * (1 + 1e-12))  # an element begins within its own limit
