@@ -48,23 +48,24 @@ def feedback_alone(machine: Machine) -> Controller:
     return machine.feedback_only(waiting(machine))
 
 
-def assemble(machine: Machine, deadbeat: Deadbeat) -> Controller:
+def assemble(machine: Machine, deadbeat: Deadbeat, plant: Plant | None = None) -> Controller:
     """The controller of Fig. 13: this feedforward and its dead-time compensation, the machine's feedback, and its RFM.
 
     Where the machine file leaves the number of the RFM's elements open ("auto"), it is the one that `choose` finds for
-    this feedforward; who needs the controllers of many designs states the number first.
+    this feedforward; who needs the controllers of many designs states the number first. plant: that the deadbeat is
+    designed for, where that is not the machine's own.
 
     >>> controller = pos.assemble(machine, deadbeat)
     >>> controller.reference_delay  # samples
     2
     """
-    bare, count = assemble_bare(machine, deadbeat), machine.control.compensator_elements
+    bare, count = assemble_bare(machine, deadbeat, plant), machine.control.compensator_elements
     if count == "auto":
         count = choose(machine, bare, stroke=deadbeat.stroke).count
     return replace(bare, friction_compensation=simplify(machine.friction, count))
 
 
-def assemble_bare(machine: Machine, deadbeat: Deadbeat) -> Controller:
+def assemble_bare(machine: Machine, deadbeat: Deadbeat, plant: Plant | None = None) -> Controller:
     """The controller of `assemble` without its friction compensation.
 
     The path that a compensator's elements are to follow is x_T* ahead by the `lead`. The paper leads them along x_T*
@@ -73,11 +74,11 @@ def assemble_bare(machine: Machine, deadbeat: Deadbeat) -> Controller:
     A feedback of another structure than a PID keeps its loop, but takes its reference as it takes the position, because
     the feedforward needs one that puts out nothing while the position is on x_T*.
     """
-    control = machine.control
+    control, known = machine.control, machine if plant is None else replace(machine, plant=plant)
     law = control.law and control.law.of_error()
     filters = deadbeat.n_ff, deadbeat.d_ff
-    path = led(deadbeat.n_ff, lead(machine.plant, machine.sample_time))
-    return Controller(machine.sample_time, control.pid, waiting(machine), *filters, law=law, path_ff=path)
+    path = led(deadbeat.n_ff, lead(known.plant, known.sample_time))
+    return Controller(known.sample_time, control.pid, waiting(known), *filters, law=law, path_ff=path)
 
 
 def usable_thrust(machine: Machine) -> float:

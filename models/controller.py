@@ -213,6 +213,9 @@ def _from_json(content: Mapping[str, Any]) -> Controller:
 
 def _path_from_json(content: Mapping[str, Any]) -> tuple[float, ...] | None:
     """N_ff of the compensator's path [m/m]; None where it is that of x_T*, or is not stated."""
+    if PATH not in content and "trajectory" in content:  # an older file, which has the path itself
+        middle = np.array(content["trajectory"]["middle_m"], float) / float(content["stroke_m"])
+        return tuple(np.diff(middle, prepend=0.0).tolist())
     if PATH not in content:
         return None
     path = tuple(float(number) for number in content[PATH])

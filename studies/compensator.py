@@ -57,7 +57,7 @@ def with_elements(
         share = shares[0] + (shares[1] - shares[0]) * (count - 1) / most
         progress(share, f"trying the friction compensator with {count} of at most {most} elements")
 
-    bare = assemble_bare(machine if plant is None else replace(machine, plant=plant), made)
+    bare = assemble_bare(machine, made, plant)
     choice = choose(machine, bare, stroke=made.stroke, seed=options.seed, further=FURTHER, tell=tell)
     stated = replace(machine, control=replace(machine.control, compensator_elements=choice.count))
     return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice),))

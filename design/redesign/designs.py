@@ -59,7 +59,7 @@ def designed(machine: Machine, name: str, *, effects: bool = True, every_element
     whole, (deadbeat, late), refused = designed_with_effects(plain, _deadbeat)
     notes = [f"the modes of its effects are not in the feedforward: {refused}"] if refused else []
     notes += [late] if late else []
-    controller = assemble(whole, deadbeat)
+    controller = assemble(plain, deadbeat, whole.plant)
     if effects:
         controller = with_effects(controller, machine)
         notes += [f"{effect.replace('_', ' ')} stays: {why}" for effect, why in left_out(machine).items()]

@@ -61,7 +61,7 @@ def compensate(
     judged: the latter's validations, without and with its RFM.
     """
     whole, deadbeat, refused = replace(machine, plant=known.plant), known.deadbeat, known.refused
-    bare, controller = assemble(machine, plain), assemble(whole, deadbeat)
+    bare, controller = assemble(machine, plain), assemble(machine, deadbeat, known.plant)
     informed = with_effects(controller, machine)
     stroke = plain.stroke
     found = validate(machine, informed, stroke=stroke, seed=seed)

@@ -124,7 +124,7 @@ def _designed(machine: Machine) -> dict[str, Any]:
     require_designable(machine)
     try:
         whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
-        controller = with_effects(assemble(whole, deadbeat), machine)
+        controller = with_effects(assemble(machine, deadbeat, whole.plant), machine)
     except DesignError as error:
         raise BadInputError(f"--machine: {error}") from error
     return controller_to_json(machine, controller, deadbeat.stroke, deadbeat.settling_time)

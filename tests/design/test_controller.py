@@ -132,6 +132,10 @@ def test_the_path_is_on_file_and_none_where_it_is_that_of_x_t(tmp_path: Path) ->
     for controller in (default_controller(load()), paper_controller(load())):
         file.write_text(json.dumps(to_json(controller, 20e-6, 20e-3)), encoding="utf-8")
         assert load_controller(file) == controller
+    middle = [2e-6, 8e-6, 20e-6]
+    older = {key: value for key, value in to_json(controller, 20e-6, 20e-3).items() if key != "compensator_path_ff"}
+    file.write_text(json.dumps({**older, "trajectory": {"middle_m": middle}}), encoding="utf-8")
+    assert load_controller(file).path_ff == pytest.approx((0.1, 0.3, 0.6))
     old = {key: value for key, value in to_json(controller, 20e-6, 20e-3).items() if key != "compensator_path_ff"}
     file.write_text(json.dumps(old), encoding="utf-8")
     assert load_controller(file) == controller

@@ -12,6 +12,7 @@ import pytest
 from design.controller import assemble, default_controller, design_deadbeat
 from design.deadbeat import synthesise
 from design.effect_compensation import designed_for, designed_with_effects, left_out, with_effects
+from design.element_count import Choice
 from design.validation import validate
 from models.controller import Controller, ControllerError, load, references, to_json
 from models.effect_feedforward import EffectFeedforward, effect_thrust
@@ -23,6 +24,7 @@ from models.effects.structure import CableSpring
 from models.friction import elements
 from models.machine import Machine
 from models.machine import load as load_machine
+from models.plant import delay_split
 from models.simulation.simulator import Response, simulate
 
 TS = 5e-4
@@ -151,7 +153,7 @@ def test_a_lag_is_designed_for_as_dead_time() -> None:
     assert designed_for(machine) == replace(machine.plant, dead_time=machine.plant.dead_time + lag)
     unknowing = default_controller(machine)
     whole, deadbeat, refused = designed_with_effects(machine, design_deadbeat)
-    knowing = with_effects(assemble(whole, deadbeat), machine)
+    knowing = with_effects(assemble(machine, deadbeat, whole.plant), machine)
     assert not refused
     assert knowing.effect_compensation is None
     first, last = (validate(machine, law).response for law in (unknowing, knowing))
@@ -161,6 +163,25 @@ def test_a_lag_is_designed_for_as_dead_time() -> None:
         return float(np.sqrt(np.mean((found.position[late:] - found.record.reference[: -late or None]) ** 2)))
 
     assert off(last, knowing) < 0.5 * off(first, unknowing)
+
+
+def test_a_number_of_elements_is_judged_on_the_machine_whose_lag_acts_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = with_these(exact(), every()["current_loop_lag"].typical())
+    machine = replace(machine, control=replace(machine.control, compensator_elements="auto"))
+    judged: list[Machine] = []
+
+    def choosing(its: Machine, bare: Controller, *, stroke: float) -> Choice:
+        judged.append(its)
+        assert bare.reference_delay == delay_split(designed_for(machine).dead_time, TS)[0]
+        assert stroke == machine.specification.stroke
+        return Choice(4, 10, ())
+
+    monkeypatch.setattr("design.controller.choose", choosing)
+    deadbeat = design_deadbeat(replace(machine, plant=designed_for(machine)))
+    law = assemble(machine, deadbeat, designed_for(machine))
+    assert judged == [machine]
+    assert law.friction_compensation is not None
+    assert len(law.friction_compensation.limit) == 4
 
 
 def test_the_controller_file_keeps_the_effects(tmp_path: Path) -> None:
