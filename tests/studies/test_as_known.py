@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from design.controller import assemble, design_deadbeat
 from design.validation import validate
 from models.machine import Machine, Provenance, load
+from models.machine_file import to_toml
 from studies.as_known import _slowest, in_short, on_allowed_machines, origin, spread
+from studies.command import main
+from studies.deadbeat_design.__main__ import STUDY
 from studies.deadbeat_design.options import DeadbeatOptions
 
 MACHINE = load()
@@ -54,3 +60,18 @@ def test_a_loop_that_runs_away_never_settles() -> None:
     assert _slowest(position, JUDGED, MACHINE) == JUDGED.slowest.settling_time
     position[-3:] = np.nan
     assert _slowest(position, JUDGED, MACHINE) == math.inf
+
+
+def test_a_design_that_holds_on_the_file_s_values_alone_is_not_a_yes(tmp_path: Path) -> None:
+    """The friction's force is known to 60 % only, which the feedback cannot make up for in time."""
+    machine = replace(load(), tolerance=replace(load().tolerance, friction_level=0.6, stiffness=0.6, limit=0.6))
+    file = tmp_path / "unsure.toml"
+    file.write_text(to_toml(machine), encoding="utf-8")
+    output = tmp_path / "out"
+    assert main(STUDY, ["--quick", "--machine", str(file), "--output", str(output)]) == 0
+    found = json.loads((output / "results.json").read_text(encoding="utf-8"))["results"]["as_known"]
+    assert found["in_time"] < found["machines"]
+    page = (output / "report.html").read_text(encoding="utf-8")
+    said = f"but only {found['in_time']} of {found['machines']} machines that the file allows settle in time"
+    assert said in " ".join(page.split())
+    assert "Yes: all" not in page
