@@ -17,9 +17,9 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 import osqp
+import scipy
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.optimize import linprog
 
 from models.plant import Mode, Plant, delay_split, sampled_matrices
 from models.quantity import show
@@ -326,7 +326,7 @@ def _least_peak(problem: _Problem, constraints: Constraints) -> Array | None:
     above, below = np.isfinite(upper[conditions:]), np.isfinite(lower[conditions:])
     rows = np.vstack([a[conditions:][above], -a[conditions:][below]])
     limits = np.concatenate([upper[conditions:][above], -lower[conditions:][below]])
-    result = linprog(
+    result = scipy.optimize.linprog(
         np.append(np.zeros(count), 1.0),
         A_ub=np.vstack([peak, np.hstack([rows, np.zeros((len(rows), 1))])]),
         b_ub=np.concatenate([np.zeros(2 * count), limits]),

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
 
 from models.compiled import compiled
 from models.quantity import show, value
@@ -147,7 +147,7 @@ def fit_elements(limit: ArrayLike, distance: ArrayLike, force: ArrayLike, coulom
     factor.
     """
     x, s = np.asarray(limit, float), np.asarray(distance, float)
-    stiffness, _ = nnls(np.minimum(s[:, None], 2 * x), np.asarray(force, float))
+    stiffness, _ = scipy.optimize.nnls(np.minimum(s[:, None], 2 * x), np.asarray(force, float))
     if not np.any(stiffness > 0):
         raise ValueError("no element follows this curve: its force does not rise with the distance")
     return elements(stiffness * (coulomb_force / float(stiffness @ x)), x)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
 
 from design.trajectory.lifted import feedforward_only
 from models.controller import References
@@ -120,4 +120,4 @@ def _best_length(missed: Callable[[float], float]) -> float:
     grid = np.geomspace(*LENGTHS, GRID) - 1
     best = int(np.argmin([missed(float(error)) for error in grid]))
     around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
-    return float(minimize_scalar(missed, bounds=around, method="bounded").x)
+    return float(scipy.optimize.minimize_scalar(missed, bounds=around, method="bounded").x)

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import lsq_linear
 
 from diagnosis.model.kalman import STARTING
 from diagnosis.model.motions import Piece, repeated, scatter
@@ -377,7 +377,7 @@ def solve_box_constrained(normal: Array, onto: Array, low: Array, high: Array) -
         return step
     factor = cholesky(normal[np.ix_(free, free)])
     given = solve_triangular(factor, onto[free] - normal[np.ix_(free, ~free)] @ step[~free], trans="T")
-    step[free] = lsq_linear(factor, given, (low[free], high[free]), method="bvls").x
+    step[free] = scipy.optimize.lsq_linear(factor, given, (low[free], high[free]), method="bvls").x
     return step
 
 

@@ -14,8 +14,8 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from diagnosis.model.kalman import (
     SUBSTEPS,
@@ -283,7 +283,7 @@ def modal(mode: Mode, force: Array, sample_time: float) -> Array:
     trace, determinant = a[0, 0] + a[1, 1], np.linalg.det(a)
     entering = np.concatenate([[0.0], given[:-1, 0]])
     entering[2:] += a[0, 1] * given[:-2, 1] - a[1, 1] * given[:-2, 0]
-    return np.asarray(lfilter([1.0], [1.0, -trace, determinant], entering))
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -trace, determinant], entering))
 
 
 @lru_cache(maxsize=64)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import czt
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit
@@ -337,7 +337,7 @@ def _waves(weight: Array, place: Array, inverse: Array) -> NDArray[np.complex128
     1 / period (F,) [1/m], by a chirp transform: the table of all their products would be a hundred megabytes."""
     turn, first = 2j * np.pi * (place[1] - place[0] if place.size > 1 else 0.0), inverse[0]
     step = inverse[1] - first if inverse.size > 1 else 0.0
-    found = czt(weight, inverse.size, np.exp(turn * step), np.exp(-turn * first))
+    found = scipy.signal.czt(weight, inverse.size, np.exp(turn * step), np.exp(-turn * first))
     return np.asarray(found * np.exp(2j * np.pi * place[0] * inverse))
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from diagnosis.model.motions import MotionKind, Piece, repeated
 from diagnosis.model.residual import Candidate
@@ -232,7 +232,9 @@ def _spectrum(where: Where, candidate: Candidate, records: Sequence[Record]) -> 
     """Power spectral density of the fast force, and of the part of it that the scale's noise causes."""
     ts = records[0].sample_time
     length = min(8192, *(record.position.size for record in records))
-    parts = [welch(values, 1 / ts, nperseg=length, detrend="linear") for values in where.unknown.fast.values]
+    parts = [
+        scipy.signal.welch(values, 1 / ts, nperseg=length, detrend="linear") for values in where.unknown.fast.values
+    ]
     frequency = parts[0][0][1:]
     sizes = np.array([record.position.size for record in records], float)
     power = np.average([part[1][1:] for part in parts], axis=0, weights=sizes)

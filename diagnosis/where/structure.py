@@ -18,9 +18,8 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
 from models.controller import PID
 from models.feedback.forms import Cascade, described
@@ -75,7 +74,7 @@ class _Signals:
         """The difference of a signal (n,) over a sample [its unit per s], filtered."""
         keep = filter_samples / (filter_samples + 1)
         difference = np.diff(signal, prepend=signal[0]) / self.sample_time
-        return np.asarray(lfilter([1 - keep], [1, -keep], difference), float)
+        return np.asarray(scipy.signal.lfilter([1 - keep], [1, -keep], difference), float)
 
     def integral(self, signal: Array) -> Array:
         """The integral of a signal (n,) over time [its unit times s]."""
@@ -323,7 +322,7 @@ def _searched(
             whole[free] = numbers
             return known.fitted(columns(whole))[1] / size
 
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             left, np.clip(whole[free], low, high), bounds=(low, high), xtol=1e-10, ftol=1e-10, gtol=1e-14, max_nfev=50
         )
         whole[free] = found.x

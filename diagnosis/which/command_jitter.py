@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, SUBSTEPS, Predictor, responses
@@ -109,7 +109,7 @@ def _met_by(signals: Sequence[tuple[Array, Array, Array]], group: Sequence[Piece
     n, freedom = e.shape[1], max(len(group) - 1, 1)
     if len(group) > 1:
         e = e - e.mean(axis=0)
-    met = np.stack([fftconvolve(row, left[::-1])[left.size - 1 :] for row in e])
+    met = np.stack([scipy.signal.fftconvolve(row, left[::-1])[left.size - 1 :] for row in e])
     energy = np.cumsum(left**2)[np.minimum(np.arange(n)[::-1], left.size - 1)]
     square = np.sum(met**2, axis=0) / freedom
     return _Met(square, np.full(n, float(freedom)), energy, step.mean(axis=0), moving.mean(axis=0))
@@ -117,10 +117,10 @@ def _met_by(signals: Sequence[tuple[Array, Array, Array]], group: Sequence[Piece
 
 def _slope(groups: Sequence[_Met], left: Array) -> tuple[float, float]:
     """s^2 [1], of the sample time squared, and its deviation where there is none."""
-    alike = fftconvolve(left, left[::-1]) ** 2  # of the marks of two pulses, by the time between them
+    alike = scipy.signal.fftconvolve(left, left[::-1]) ** 2  # of the marks of two pulses, by the time between them
 
     def spread_out(signal: Array) -> Array:
-        return np.asarray(fftconvolve(signal, alike)[left.size - 1 :][: signal.size])
+        return np.asarray(scipy.signal.fftconvolve(signal, alike)[left.size - 1 :][: signal.size])
 
     step, square, energy = (
         np.concatenate([getattr(one, name) for one in groups]) for name in ("step", "square", "energy")

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+import scipy
 
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
@@ -105,8 +105,8 @@ def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:
     groups = repeated(baseline.pieces, records, noise(fitted.candidate.nominal))
     if sum(map(len, groups)) < criteria.min_equal_motions:
         return False
-    near = butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / records[0].sample_time, output="sos")
-    band = [sosfiltfilt(near, one.innovations) for one in fitted.residuals]
+    near = scipy.signal.butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / records[0].sample_time, output="sos")
+    band = [scipy.signal.sosfiltfilt(near, one.innovations) for one in fitted.residuals]
     power, apart = (np.concatenate(list(one)) ** 2 for one in (band, scatter(groups, baseline.pieces, band)))
     alike = ~np.isnan(apart)
     moving = float(np.mean(power[alike]))

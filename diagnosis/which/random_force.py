@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, Resonance
@@ -106,10 +106,10 @@ def steadiness(
 ) -> float:
     """Median over mean [1] of the power of innovations (n,) about a frequency [Hz]: a floor shakes at rest, too. loop
     [s]: the machine's `units.loop_time`."""
-    near = butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / sample_time, output="sos")
+    near = scipy.signal.butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / sample_time, output="sos")
     power = []
     for one in innovations:
-        band = sosfiltfilt(near, one)
+        band = scipy.signal.sosfiltfilt(near, one)
         parts = max(round(band.size * sample_time / (BLOCK * loop)), 1)
         power += [float(np.mean(part**2)) for part in np.array_split(band, parts)]
     return float(np.median(power) / np.mean(power))

@@ -23,10 +23,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
-from scipy.signal import butter, cheby1, find_peaks, sosfilt, sosfilt_zi, sosfiltfilt
 
 from models.friction import deflections, elements
 from models.identification.estimate import STRONG, Estimate, newey_west
@@ -212,9 +210,9 @@ def _prepared(
         raise ValueError("position or command is constant: the record shows no friction; record slow reversals")
     if record.position.size < FEWEST:
         raise ValueError(f"{record.position.size} samples are too few to show friction; record two slow loops or more")
-    low = cheby1(8, 0.05, min(pass_band * 2 * ts, WIDEST), output="sos")
-    smooth = butter(4, min(smoothing * pass_band * 2 * ts, WIDEST), output="sos")
-    path = sosfiltfilt(smooth, record.position)
+    low = scipy.signal.cheby1(8, 0.05, min(pass_band * 2 * ts, WIDEST), output="sos")
+    smooth = scipy.signal.butter(4, min(smoothing * pass_band * 2 * ts, WIDEST), output="sos")
+    path = scipy.signal.sosfiltfilt(smooth, record.position)
     stride = max(int(0.4 / (pass_band * ts)), 1)
     edge = min(round(4.0 / (pass_band * ts)), record.position.size // 10)
     start = max(_memory_ends(path), edge)
@@ -223,7 +221,15 @@ def _prepared(
         raise ValueError("too little is left after the first reversal; record two slow loops or more")
     force = np.asarray(record.command, float)
     data = _Data(
-        ts, path, force, _finest_step(record.position), keep, keep * ts <= fit_until, low, sosfilt_zi(low), terms
+        ts,
+        path,
+        force,
+        _finest_step(record.position),
+        keep,
+        keep * ts <= fit_until,
+        low,
+        scipy.signal.sosfilt_zi(low),
+        terms,
     )
     return replace(data, beside=_beside(data, 0.0))
 
@@ -269,7 +275,7 @@ def _shifted(data: _Data, delay: float) -> Array:
     if total == 0:
         return data.path
     time = np.arange(data.path.size) * data.sample_time
-    return np.asarray(CubicSpline(time, data.path)(np.clip(time + total, 0, time[-1])))
+    return np.asarray(scipy.interpolate.CubicSpline(time, data.path)(np.clip(time + total, 0, time[-1])))
 
 
 def _beside(data: _Data, delay: float) -> tuple[Array, Array]:
@@ -330,7 +336,7 @@ def _there_and_back(sections: Array, at_rest: Array, columns: Array) -> Array:
     first, last = columns[:1], columns[-1:]
     whole = np.concatenate([2 * first - columns[edge:0:-1], columns, 2 * last - columns[-2 : -edge - 2 : -1]])
     for _ in range(2):
-        whole = sosfilt(sections, whole, axis=0, zi=at_rest[:, :, None] * whole[0])[0][::-1]
+        whole = scipy.signal.sosfilt(sections, whole, axis=0, zi=at_rest[:, :, None] * whole[0])[0][::-1]
     return np.asarray(whole[edge:-edge])
 
 
@@ -387,7 +393,7 @@ def _refined(data: _Data, limits: Array, lags: Array) -> tuple[Array, Array]:
         limits, lags = split(theta)
         return _solved(data, limits, lags, columns(limits, lags))[1]
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         left, start, bounds=bounds, diff_step=1e-3, max_nfev=15, x_scale="jac",
     )  # fmt: skip
     limits, lags = split(found.x)
@@ -464,7 +470,7 @@ def _passes(path: Array) -> tuple[NDArray[np.int64], Array]:
     """Of every sample (n,) which pass it belongs to, from one reversal to the next, and how far it is from the one
     before [m]. Passes that begin and end at the same places are one."""
     least = PASS * np.ptp(path)
-    ends = np.sort(np.concatenate([find_peaks(sign * path, prominence=least)[0] for sign in (1, -1)]))
+    ends = np.sort(np.concatenate([scipy.signal.find_peaks(sign * path, prominence=least)[0] for sign in (1, -1)]))
     ends = np.unique(np.concatenate([[0], ends, [path.size - 1]]))
     number, way, known = np.zeros(path.size, np.int64), np.zeros(path.size), list[tuple[float, float]]()
     for begin, end in pairwise(ends):

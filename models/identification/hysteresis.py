@@ -13,8 +13,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
 
 from models.friction import Friction, deflections, elements
 from models.identification.solving import interruptible
@@ -103,7 +103,7 @@ def _convex(path: Array, force: Array, count: int) -> tuple[Array, Array]:
     steps = np.abs(np.diff(path[1:]))
     smallest = max(float(np.median(steps[steps > 0])), float(np.ptp(path[1:])) / 2000)
     grid = np.geomspace(0.5 * smallest, float(np.ptp(path[1:])) / 2, GRID)
-    stiffness, _ = nnls(deflections(grid, path)[1:], force[1:])
+    stiffness, _ = scipy.optimize.nnls(deflections(grid, path)[1:], force[1:])
     used = stiffness > 1e-9 * np.max(stiffness, initial=0.0)
     if not np.any(stiffness > 0):
         raise ValueError("the force does not rise with the displacement; check the signs of the two")

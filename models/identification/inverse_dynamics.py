@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, cheby1, filtfilt
 
 from models.identification.estimate import Estimate
 from models.records.record import Record
@@ -46,7 +46,7 @@ def regress(record: Record, *, cutoff: float, by_direction: bool = False, fit_un
     cutoff [Hz] of the Butterworth filter; samples after fit_until [s] only judge.
     """
     ts = record.sample_time
-    b, a = butter(4, cutoff * 2 * ts)
+    b, a = scipy.signal.butter(4, cutoff * 2 * ts)
     path = _both_ways(b, a, record.position)
     speed = np.gradient(path, ts)
     acceleration = np.gradient(speed, ts)
@@ -74,12 +74,12 @@ def regress(record: Record, *, cutoff: float, by_direction: bool = False, fit_un
 
 def _both_ways(b: Array, a: Array, signal: Array) -> Array:
     """MATLAB's filtfilt: as scipy's, but extended by 3 (order) samples at each end."""
-    return np.asarray(filtfilt(b, a, signal, axis=0, padlen=3 * (max(len(a), len(b)) - 1)))
+    return np.asarray(scipy.signal.filtfilt(b, a, signal, axis=0, padlen=3 * (max(len(a), len(b)) - 1)))
 
 
 def _decimated(columns: Array) -> tuple[Array, int]:
     """MATLAB's decimate: Chebyshev I of order 8, 0.05 dB, 0.8 of the new Nyquist; it keeps the last sample's phase."""
-    b, a = cheby1(8, 0.05, 0.8 / DECIMATION)
+    b, a = scipy.signal.cheby1(8, 0.05, 0.8 / DECIMATION)
     n = len(columns)
     first = DECIMATION - (DECIMATION * -(-n // DECIMATION) - n) - 1
     return _both_ways(b, a, columns)[first::DECIMATION], first

@@ -28,8 +28,8 @@ from functools import partial
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from models.controller import References
 from models.friction import elements
@@ -90,7 +90,7 @@ class _Job:
 
     def whitened(self, filter_: Array, signals: Array) -> Array:
         """Signals (samples, ...) [N] through A(q), from where the fit begins."""
-        filtered = lfilter(filter_, 1.0, signals, axis=0) if signals.size else signals
+        filtered = scipy.signal.lfilter(filter_, 1.0, signals, axis=0) if signals.size else signals
         return np.asarray(filtered[self.first + ORDER :])
 
 

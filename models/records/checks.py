@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from models.controller import PID, Feedback
 from models.feedback.law import Law, follow
@@ -178,7 +178,7 @@ def _waiting(record: Record, reference_delay: int) -> Array:
 def _slope(signal: Array, pid: PID, ts: float) -> Array:
     """d (n,) [m/s] of the PID over a signal (n,) [m]; from d = 0."""
     keep = pid.pole(ts)
-    return np.asarray(lfilter([1.0, -1.0], [ts / (1 - keep), -keep * ts / (1 - keep)], signal), float)
+    return np.asarray(scipy.signal.lfilter([1.0, -1.0], [ts / (1 - keep), -keep * ts / (1 - keep)], signal), float)
 
 
 def _constant(record: Record) -> None:

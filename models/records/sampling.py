@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from models.quantity import show
 from models.records.tables.sizes import RecordError
@@ -156,7 +156,7 @@ def _under(stamps: Array, grid: float, expected: float | None) -> float | None:
         if spread(sample_time / grid) < 1 + ROUNDING:
             return sample_time
     most, close = 2 / stamps.size, {"xatol": 1e-7 / stamps.size}
-    best = minimize_scalar(spread, bounds=(slope - most, slope + most), method="bounded", options=close)
+    best = scipy.optimize.minimize_scalar(spread, bounds=(slope - most, slope + most), method="bounded", options=close)
     return float(best.x) * grid if best.fun < 1 + ROUNDING else None
 
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
-from scipy.optimize import brentq
 
 from models.controller import Controller, references
 from models.feedback.law import Law
@@ -249,7 +249,7 @@ def _refined(guess: float, duration: float, value: object) -> float:
     for _ in range(30):
         low, high = max(guess - width, 0.0), min(guess + width, duration)
         if value(low) < 0 < value(high):
-            return float(brentq(value, low, high, xtol=1e-18, rtol=8.9e-16))
+            return float(scipy.optimize.brentq(value, low, high, xtol=1e-18, rtol=8.9e-16))
         width *= 2
     return guess
 

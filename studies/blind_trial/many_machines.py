@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import mannwhitneyu
+import scipy
 
 from models.effects.catalogue import every
 from studies.blind_trial import figures_of_merit as merit
@@ -128,7 +128,7 @@ def common(chosen: Sequence[Mapping[str, Any]], others: Sequence[Mapping[str, An
         mine, theirs = (_numbers([row.get(name) for row in rows], chosen, name) for rows in (chosen, others))
         if not mine or not theirs or len({*mine, *theirs}) == 1:
             continue
-        p = float(mannwhitneyu(mine, theirs).pvalue)
+        p = float(scipy.stats.mannwhitneyu(mine, theirs).pvalue)
         usual = _usual(chosen, name)
         label = f"{name} is {usual}" if usual is not None else name
         found.append({"feature": label, "worst": _middle(mine, usual), "others": _middle(theirs, usual), "p": p})

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import MultipleLocator
-from scipy.stats import norm
 
 from reports import style
 from reports.markup import Markdown
@@ -224,7 +224,7 @@ def _round_trip(whole: Results) -> Drawing:
         if size.size:
             ax.step(size, np.arange(1, size.size + 1) / size.size, where="post", label=kind["record"])
     x = np.linspace(0, 3.5, 200)
-    ax.plot(x, 2 * norm.cdf(x) - 1, color=style.LIMIT, linestyle="-", linewidth=0.9, label="as stated")
+    ax.plot(x, 2 * scipy.stats.norm.cdf(x) - 1, color=style.LIMIT, linestyle="-", linewidth=0.9, label="as stated")
     style.mark_limit(ax, 1.96, "", axis="x")
     style.mark_limit(ax, 0.95, "95 %")
     ax.set_xlim(0, 3.5)

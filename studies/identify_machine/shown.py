@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from models.identification import force, inverse_dynamics, modes, motion
 from models.identification.force_fit import ForceFit
@@ -79,7 +79,7 @@ def _held_out(ladder: Sequence[Mapping[str, Any]], of: str) -> Iterator[Check]:
 def _agreement(differences: Sequence[Difference]) -> Check:
     name = f"largest difference between {len(differences)} values found by two records, in standard deviations"
     largest = max(abs(one.size) / one.std for one in differences)
-    limit = float(norm.isf(BY_CHANCE / 2 / len(differences)))
+    limit = float(scipy.stats.norm.isf(BY_CHANCE / 2 / len(differences)))
     return Check(name, largest, "1", limit, f"exceeded by chance once in {1 / BY_CHANCE:.0f} times (Bonferroni)")
 
 

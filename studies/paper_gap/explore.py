@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from design.validation import Validation
 from models.machine import Machine, Published
@@ -159,7 +159,7 @@ def explore(tables: Sequence[Table], case: Case, pattern: Pattern, effort: Effor
     """
     rng = np.random.default_rng([seed, zlib.crc32(f"{case.name} {case.way}".encode())])
     size = len(case.candidate().ranges) + 1
-    cube = qmc.LatinHypercube(size, seed=rng).random(effort.draws)
+    cube = scipy.stats.qmc.LatinHypercube(size, seed=rng).random(effort.draws)
     draws = [
         draw(tables, case, pattern, (i % len(tables), tuple(map(float, point))), False) for i, point in enumerate(cube)
     ]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from studies.paper_gap.candidates import KINDS
 from studies.paper_gap.explore import ALONE, Case, Draw
@@ -70,7 +70,7 @@ def _of_kind(kind: str, explored: Mapping[str, Mapping[str, Sequence[Draw]]], sh
 
 def _share(count: int, of: int) -> dict[str, Any]:
     """A share with its interval (Jeffreys)."""
-    low, high = stats.beta(count + 0.5, of - count + 0.5).interval(LEVEL)
+    low, high = scipy.stats.beta(count + 0.5, of - count + 0.5).interval(LEVEL)
     return {
         "count": count,
         "of": of,

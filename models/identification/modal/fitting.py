@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from models.identification.modal.transfer import Array, Complex, expanded, expansion, units
 from models.identification.response import FrequencyResponse
@@ -232,7 +232,7 @@ def refined(start: Array, structure: Structure, problem: Problem, *, evaluations
     """theta (p,) [1] by least squares from a start, within `bounds`."""
     low, high = bounds(start, structure, problem)
     room = 1e-9 * np.maximum(1.0, np.abs(high))
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residual, np.clip(start, low + room, high - room), jac=jacobian, bounds=(low, high), x_scale="jac",
         args=(structure, problem), max_nfev=evaluations,
     )  # fmt: skip

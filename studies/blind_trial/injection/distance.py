@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter, welch
 
 from studies.blind_trial.injection.motion import WINDOW, Course, dragged
 
@@ -44,10 +44,10 @@ def noise_of(path: Course, sample_time: float) -> Noise:
     columns = [path.acceleration, path.speed, dragged(path.position, path.soft), np.ones(path.time.size)]
     scaled = np.stack([one / max(float(np.max(np.abs(one))), 1e-300) for one in columns], axis=1)
     directions = np.linalg.qr(scaled)[0]
-    command = savgol_filter(path.command, min(WINDOW, (path.time.size - 1) // 2 * 2 + 1), 3)
+    command = scipy.signal.savgol_filter(path.command, min(WINDOW, (path.time.size - 1) // 2 * 2 + 1), 3)
     left = command - directions @ (directions.T @ command)
     segment = max(2 * path.time.size // (SEGMENTS + 1), 16)
-    frequency, density = welch(left, 1 / sample_time, nperseg=segment, detrend=False)
+    frequency, density = scipy.signal.welch(left, 1 / sample_time, nperseg=segment, detrend=False)
     return Noise(directions, frequency, density, sample_time, float(np.sqrt(np.mean(left**2))))
 
 

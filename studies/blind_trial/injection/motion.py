@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,8 @@ def course(
     friction's contacts; ahead [s]: from a sample to the middle of the time over which its command acts."""
     window = min(WINDOW, (position.size - 1) // 2 * 2 + 1)
     smooth, speed, acceleration = (
-        savgol_filter(position, window, min(3, window - 1), deriv=order, delta=sample_time) for order in range(3)
+        scipy.signal.savgol_filter(position, window, min(3, window - 1), deriv=order, delta=sample_time)
+        for order in range(3)
     )
     held = _within_play(smooth, GRAINS * grain)
     still = np.convolve(np.abs(np.gradient(held)) > 0, np.ones(window), "same") == 0

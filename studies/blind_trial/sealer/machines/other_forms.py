@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from studies.blind_trial.sealer.machines.forms import (
     EITHER,
@@ -87,7 +87,9 @@ def _narrow(size: float, shape: Shape, units: Units) -> Change:
     def force(rng: np.random.Generator, n: int) -> Array:
         w, ts = 2 * np.pi * shape["frequency"], units.axis.sample_time
         keep = np.exp(-0.01 * w * ts)
-        row = np.asarray(lfilter([1.0], [1.0, -2 * keep * np.cos(w * ts), keep**2], rng.standard_normal(n + 4000)))
+        row = np.asarray(
+            scipy.signal.lfilter([1.0], [1.0, -2 * keep * np.cos(w * ts), keep**2], rng.standard_normal(n + 4000))
+        )
         row = row[4000:]
         return np.asarray(size * row / max(float(row.std()), 1e-300))
 
