@@ -5,6 +5,9 @@ from pathlib import Path
 
 # Before numpy is imported: the matrices are small, and threads of BLAS would wait for each other on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Several processes of tests share the cores already.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 import pytest
 from hypothesis import settings

@@ -46,6 +46,8 @@ from studies.deadbeat_design.effects import Knowing, Written, compensate, knowin
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.deadbeat_design.outcomes import beside_the_paper, checks_of, reproduction, validation_results
+from studies.deadbeat_design.remedies import needed, remedies
+from studies.deadbeat_design.remedies import told as told_remedies
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.scattered import rows_of, scattered
@@ -106,6 +108,11 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     checks = checks_of(machine, wanted, deadbeat, proof, judged, results["settling"]["with"])
     progress(0.8, "on machines that the file allows")
     results["as_known"] = on_allowed_machines(machine, controller, judged, options, wanted["stroke_m"])
+    if needed(machine, judged, results["as_known"]):
+        progress(0.82, "what would bring all motions in time")
+        results["remedies"] = remedies(
+            machine, written, wanted, trade_off["shortest_s"], options, partial(_resting, wanted=wanted)
+        )
     progress(0.85, "longer moves")
     moved = long_moves(machine, controller, options)
     results["long_moves"], checks = moved.results, (*checks, *moved.checks)
@@ -122,6 +129,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
         *counted.summary,
         ("machines that the file allows on which all motions settle in time", in_short(results["as_known"])),
+        *told_remedies(results),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
         *((f"{show(one['stroke_m'], 'm')} along a profile", _told(one)) for one in results["long_moves"]["rows"]),
         *reproduction(results["paper"]),
@@ -239,6 +247,11 @@ def _constraints(wanted: Mapping[str, Any]) -> Constraints:
 def _synthesise(machine: Machine, wanted: Mapping[str, Any], objective: Any) -> Deadbeat:
     time, stroke = wanted["settling_time_s"], wanted["stroke_m"]
     return synthesise(machine.plant, machine.sample_time, time, stroke, objective, _constraints(wanted))
+
+
+def _resting(machine: Machine, time: float, wanted: Mapping[str, Any]) -> Deadbeat:
+    """The wanted feedforward of a machine, but at rest after another time [s]."""
+    return _synthesise(machine, {**wanted, "settling_time_s": time}, wanted["objective"])
 
 
 def _proof(plant: Plant, deadbeat: Deadbeat) -> dict[str, Any]:

@@ -45,6 +45,7 @@ def tell(whole: Results) -> Report:
         figures = [figure for figure in figures if figure.name != "sensitivity"]
     title = f"Deadbeat feedforward for {show(results['wanted']['stroke_m'], 'm')} motions: {whole['machine']['name']}"
     absent = {name for name in ("effects", "starts") if not results.get(name)}
+    absent |= set() if results.get("remedies", {}).get("rows") else {"remedies"}
     absent |= set() if results["long_moves"]["rows"] else {"moves", "steps"}
     tables = {name: keys for name, keys in TABLES.items() if name not in absent}
     question = (
@@ -58,6 +59,7 @@ TABLES = {
     "settling": ("results.settling",),
     "motions": ("results.without.motions", "results.with.motions", "machine.specification"),
     "as_known": ("results.as_known",),
+    "remedies": ("results.remedies", "results.as_known", "results.with.motions"),
     "starts": ("results.starts", "machine.specification"),
     "moves": ("results.long_moves", "machine.specification"),
     "steps": ("results.long_moves", "machine.drive"),

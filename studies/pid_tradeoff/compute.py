@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from design.controller import default_controller
 from design.deployment.drive_file import controller_to_json
 from design.effect_compensation import left_out, with_effects
-from design.family import Member, family, slopes
+from design.family import Member, family, slopes, usual_errors
 from design.judging.known_range import excess_of, excess_to_json
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
@@ -31,7 +31,6 @@ from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
-from models.variation import known
 from studies.beforehand import require_controller
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
@@ -50,10 +49,6 @@ ASSESSMENTS: Final = 10  # of each plant's loop that the tuning of one level tak
 QUICK_MEMBERS: Final = 10  # A quick run takes one machine of an ensemble out of so many.
 SHOWN: Final = 4.0  # The figures show so many settling times of the reversal.
 BETWEEN: Final = 0.05  # s. The path between the samples is shown for so long after a step of friction.
-MODE_ERROR: Final = 0.03  # relative, of the modes' frequencies,
-MASS_ERROR: Final = 0.1  # and of the mass, that the family covers where neither options nor the file ask for more
-DEVIATIONS: Final = 3.0  # that it covers of a value that the file states one for,
-LARGEST_ERROR: Final = 0.49  # up to what the options may ask for
 PARTS: Final = 10  # That path has so many points a sample.
 
 
@@ -218,23 +213,15 @@ def _named(machine: Machine, tuning: _TradeOff, rows: Sequence[dict[str, Any]]) 
 
 
 def _wanted(machine: Machine, options: TradeoffOptions) -> dict[str, Any]:
-    """What is asked for; the errors [1] that the family covers are usual ones, or what the file says that it knows less
-    well: a loop is not to hold on a narrower family than usual because an identification is sure of itself."""
-    stated = {one.name: max(one.relative) for one in known(machine) if one.origin == "value"}
-    modes = [stated.get(f"plant.modes.{i + 1}.frequency", 0.0) for i in machine.plant.flexible]
-    mass = stated.get(f"plant.modes.{machine.plant.rigid + 1}.gain", 0.0)
+    """What is asked for; the errors [1] that the family covers are those asked for, or see `usual_errors`."""
+    mode, mass = usual_errors(machine)
     return {
         "ms": options.ms,
         "mt": math.inf if options.mt is None else options.mt,
-        "mode_error": _covered(options.mode_error, MODE_ERROR, max(modes, default=0.0)),
-        "mass_error": _covered(options.mass_error, MASS_ERROR, mass),
+        "mode_error": mode if options.mode_error is None else options.mode_error,
+        "mass_error": mass if options.mass_error is None else options.mass_error,
         "errors_from": "as asked for, else as usual, or three of the machine file's own deviations where they are more",
     }
-
-
-def _covered(asked: float | None, usual: float, deviation: float) -> float:
-    """The relative error [1] that the family covers: as asked, else the usual one or three stated deviations."""
-    return min(max(usual, DEVIATIONS * deviation), LARGEST_ERROR) if asked is None else asked
 
 
 def _noise(machine: Machine, asked: float | None, present: Point) -> float:
