@@ -48,7 +48,7 @@ def expected(whole: Results) -> Drawing:
 def motions(whole: Results) -> Drawing:
     """The errors of the motions over time, before and after: measured where there is a record, else as expected."""
     pictures, redesign = whole["results"]["pictures"], whole["results"]["redesign"]
-    figure, axes = style.subplots(1, 2, 62, sharey=True)
+    figure, axes = style.subplots(1, 2, 70, sharey=True)
     wanted = redesign["specified"]
     for ax, which, title in ((axes[0, 0], "current", "design in place"), (axes[0, 1], "redesign", "design to run")):
         measured = pictures["measured"][which]
@@ -56,7 +56,7 @@ def motions(whole: Results) -> Drawing:
         draw_errors(ax, shown, wanted)
         ax.set_title(f"{title},\n{'measured' if measured else 'simulated on the improved machine'}", fontsize=7.5)
     axes[0, 0].set_ylabel("error towards the target [µm]")
-    axes[0, 0].legend(loc="lower right")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4)  # where it hides no curve
     return figure
 
 

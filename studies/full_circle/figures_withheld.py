@@ -94,12 +94,12 @@ def story(number: int) -> Any:
 
     def drawn(whole: Results) -> Drawing:
         one = whole["results"]["stories"][number]
-        figure, axes = style.subplots(1, 2, 48, sharey=True)
+        figure, axes = style.subplots(1, 2, 60, sharey=True)
         for ax, which, title in ((axes[0, 0], "before", "before"), (axes[0, 1], "after", "in the end")):
             draw_errors(ax, one["pictures"][which], one["specified"])
             ax.set_title(title)
         axes[0, 0].set_ylabel("error towards the target [µm]")
-        axes[0, 0].legend(loc="lower right", fontsize=6.5)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, fontsize=6.5)
         return figure
 
     return drawn
