@@ -8,7 +8,9 @@ all three are of those motions only. They are weighted over frequency by the sha
 (N. Wiener's filter): the floor's noise is another in the simulation, and elsewhere would only blur the difference.
 
 The filter's own random force follows what is slow, so that innovations hardly show a spring or a drift. Where they do
-not surely exceed the floor, the same closure is that of the smoothed unknown force.
+not surely exceed the floor, the same closure is that of the smoothed unknown force. Where this leaves it open, too, as
+next to a small effect the floor is not known well enough, it is that of what the effects gain on the motions left out,
+which has the records' own noise in both terms: G / (G + R), with R what is left above the floor, within its deviation.
 """
 
 from __future__ import annotations
@@ -105,6 +107,7 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     records, first, final = baseline.records, stages[0].fitted, stages[-1].fitted
     floor = _repeated_floor(stages[-1], baseline) or simulated_floor(stages[-1], baseline, seed)
     known, weight = floor.known, weights(records)
+    size = _deviations(final) * noise(final.candidate.machine)
     left = held_out(final, partial_out(final, baseline.segment)) * _deviations(final)
     left = left * noise(final.candidate.machine) * weight  # in the order of `signal`: closure of nothing is exactly 0
     residuals, alike = first.residuals, replace(first.candidate, roughness=final.candidate.roughness)
@@ -119,9 +122,24 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     deviation = float(np.sqrt(2 / np.count_nonzero(weight[known]) * floor.variance_ratio))  # of a ratio of white noises
     energy = np.mean([one @ one for one in least]) + more
     began, excess = (float((one[known] @ one[known] / energy - 1) / deviation) for one in (before, fitted))
-    if began < baseline.criteria.shown_by and (by_force := _closure_of_force(first, final, floor, baseline)):
+    if began >= baseline.criteria.shown_by:
+        return Closure(share, interval, excess, floor)
+    by_force = _closure_of_force(first, final, floor, baseline)
+    if by_force and not _left_open(by_force[1], baseline.criteria):
         return Closure(*by_force, excess, floor, by_force=True)
-    return Closure(share, interval, excess, floor)
+    if not random:
+        whitened = [(one / size)[known] for one in (before, left, fitted, *floor.innovations)]
+        gained = np.asarray(np.bincount(segment, whitened[0] ** 2 - whitened[1] ** 2), float)
+        if gained.sum() >= baseline.criteria.min_gain_at_floor:
+            chance = float(np.mean([one @ one for one in whitened[3:]]))
+            rest = float(whitened[2] @ whitened[2]) - chance
+            return Closure(*gain_closure(gained, rest, deviation * chance), excess, floor)
+    return Closure(*by_force, excess, floor, by_force=True) if by_force else Closure(share, interval, excess, floor)
+
+
+def _left_open(interval: tuple[float, float], criteria: Criteria) -> bool:
+    """Whether a closure's interval [1] allows nothing as well as enough for a name."""
+    return interval[0] <= 0 and interval[1] >= criteria.min_closure
 
 
 def _closure_of_force(
@@ -269,6 +287,21 @@ def gap_closure(
     drawn = sums[:, draws].sum(axis=2)
     low, high = np.quantile(_closed(drawn), [0.025, 0.975])
     return float(_closed(sums.sum(axis=1))), (float(low), float(high))
+
+
+def gain_closure(gained: Array, rest: float, deviation: float) -> tuple[float, tuple[float, float]]:
+    """The closure and its 95 % interval [1] from the chi-square that effects gain on each motion (motions,), where they
+    were not fitted to it, and from the rest above the floor, with its deviation; all [1]."""
+    rng = np.random.default_rng(0)
+    draws = rng.integers(0, gained.size, (BOOTSTRAP, gained.size))
+    drawn = _of_gain(gained[draws].sum(axis=1), rest + deviation * rng.standard_normal(BOOTSTRAP))
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return float(_of_gain(gained.sum(), rest)), (float(low), float(high))
+
+
+def _of_gain(gain: Array | float, rest: Array | float) -> Array:
+    """The share [1] that is gone of what was above the floor, a rest below which is none."""
+    return np.asarray(gain / np.maximum(np.abs(gain) + np.maximum(rest, 0.0), 1e-300))
 
 
 def gap_share(before: Array, floors: Sequence[Array]) -> Array:

@@ -160,10 +160,12 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
         unknown = curve if outcome is Outcome.NONE else None
     law = unknown.fitted if known is None and unknown is not None and not unknown.reason else None
     far = how_far(stages, outcome, closure.floor, baseline, law)
+    final = stages[-1].fitted
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
     at_floor = closure.excess < criteria.max_excess_at_floor and not closure.by_force
-    if outcome in NAMED and not at_floor and closes_too_little(names, stages[-1].fitted, far.interval, criteria):
+    in_file = not far.left_out  # else the file says nothing of the effects
+    if outcome in NAMED and in_file and not at_floor and closes_too_little(names, final, far.interval, criteria):
         return _diagnosis(replace(answer, outcome=Outcome.NONE), pruned, baseline)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()

@@ -99,6 +99,12 @@ class HowFar:
         """The closure [1], on motions left out of the fits."""
         return self.terms.closure()
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The effects that the last file lacks, as their phases belong to single records."""
+        values = self.transfer.values if self.transfer else ()
+        return tuple(dict.fromkeys(one.part for one in values if one.kept_out))
+
     def to_json(self) -> dict[str, Any]:
         """As interfaces fix it, the stages between, and all that the closure and the choice of a file hang on."""
         named, adopted = dict(self.stages), self.handover.adopted

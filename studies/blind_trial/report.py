@@ -105,6 +105,7 @@ def tell(whole: Results) -> Report:
         "whole": _whole,
         "name": _name,
         "names": _names,
+        "answers": _answers,
     }
     question = "How often is the diagnosis right when the effect is withheld?"
     title = f"Blind trial of the diagnosis: {found['cases']} sealed cases"
@@ -145,6 +146,13 @@ def _whole(number: float | None) -> str:
 def _name(name: str) -> str:
     """The name of an effect, an outcome, a method or a rate in words."""
     return RATE_NAMES.get(name) or effect(name)
+
+
+def _answers(matrix: Results, row: int) -> str:
+    """What was answered to the cases of a row of a confusion matrix, the most frequent first: there may be more answers
+    than a page has room for columns."""
+    counts = sorted(zip(matrix["counts"][row], matrix["columns"], strict=True), key=lambda one: -one[0])
+    return "; ".join(f"{_name(name)}: {count}" for count, name in counts if count) or "–"
 
 
 def _names(names: Sequence[str]) -> str:

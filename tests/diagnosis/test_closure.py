@@ -14,6 +14,7 @@ from diagnosis.baseline import Baseline
 from diagnosis.closure import (
     Closure,
     RandomEnergy,
+    gain_closure,
     gap_closure,
     gap_share,
     held_out_closure,
@@ -67,6 +68,31 @@ def test_weighting_by_the_gap_narrows_the_interval() -> None:
         plain.append((before @ before - after @ after) / (before @ before - floor @ floor))
         weighed.append(gap_closure(before, after, [floor], SEGMENT)[0])
     assert np.std(weighed) < 0.5 * np.std(plain)
+
+
+@pytest.mark.parametrize("taken", [0.3, 0.6, 1.0])
+def test_of_a_small_gap_the_gain_tells_the_share(taken: float) -> None:
+    """A gap of 400 in the chi-square of 20000 samples, whose floor is known to 200 from one simulation."""
+    deviation = 2 * np.sqrt(COUNT)
+    share, inside, middles = 1 - (1 - taken) ** 2, 0, list[float]()
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        gap, noise = _gap(rng, 1.0), rng.standard_normal(COUNT)
+        gap *= np.sqrt(400 / (gap @ gap))
+        floor, before, after = rng.standard_normal(COUNT), gap + noise, (1 - taken) * gap + noise
+        gained = np.bincount(SEGMENT, before**2 - after**2)
+        found, (low, high) = gain_closure(gained, after @ after - floor @ floor, deviation)
+        inside += low <= share <= high
+        middles.append(found)
+        assert -1 <= low <= found <= high <= 1
+    assert inside >= 0.9 * 60
+    assert np.median(middles) > 0.5 * share
+
+
+def test_a_gain_of_nothing_closes_nothing() -> None:
+    found, (low, high) = gain_closure(np.array([3.0, -2.0, 1.0, -2.0]), 0.0, 100.0)
+    assert found == 0.0
+    assert low < 0 < high
 
 
 def test_a_share_is_near_one_where_the_gap_is_and_small_elsewhere() -> None:
