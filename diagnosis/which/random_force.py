@@ -36,6 +36,7 @@ MOST: Final = 0.02  # of the friction: the largest, unless FEWEST reach further
 FEWEST: Final = 4  # levels, half a decade apart
 NEAR: Final = (0.8, 1.25)  # frequencies, relative, between which a force counts as being about one
 WITHIN: Final = 0.9  # of half the sampling rate: up to there forces about a frequency are looked for
+BELOW_MODES: Final = 0.5  # of the lowest mode's frequency: above, what a wrong mode leaves would pass for one
 TRIED: Final = 3  # frequencies
 BLOCK: Final = 415.0  # loop times over which power is averaged
 
@@ -131,29 +132,46 @@ def _likelihood(residuals: Sequence[Residual]) -> float:
 
 def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[float]:
     """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
-    priors = fitted.candidate.nominal.priors
-    known = (Priors(units=priors.units), priors)
-    usual, stated = (next(item for item in parameters(FloorVibration, one) if item.role == "period") for one in known)
-    highest = WITHIN / NEAR[1] / 2 / records[0].sample_time
-    low, high = min(usual.low, stated.low), min(max(usual.high, stated.high), highest)
+    low, high = _looked_for(fitted.candidate, records[0].sample_time)
     if low >= high:
         return []
-    grid = np.geomspace(low, high, 400)
-    power = np.zeros(grid.size)
-    for record, force, _ in adjoints(fitted, records, projection):
-        n = int(2 ** np.ceil(np.log2(force.size)))
-        spectrum = np.abs(np.fft.rfft(force, n)) ** 2 / force.size
-        power += np.interp(grid, np.fft.rfftfreq(n, record.sample_time), _smooth(spectrum, 5))
-    about = np.array([np.median(power[max(i - 40, 0) : i + 41]) for i in range(grid.size)])
+    forces = [force for _, force, _ in adjoints(fitted, records, projection)]
+    n = int(2 ** np.ceil(np.log2(max(force.size for force in forces))))
+    bins = np.fft.rfftfreq(n, records[0].sample_time)
+    power = np.zeros(bins.size)
+    for force in forces:
+        power += _smooth(np.abs(np.fft.rfft(force, n)) ** 2 / force.size, 5)
+    about = _usual_power(bins, power, low, high)
+    inside = np.flatnonzero((bins >= low) & (bins <= high))
     found: list[float] = []
-    for i in np.argsort(-power / about):
-        if stated.low * 0.99 <= grid[i] <= stated.high * 1.01 and all(
-            abs(np.log(grid[i] / other)) > 0.15 for other in found
-        ):
-            found.append(float(grid[i]))
+    for i in inside[np.argsort(-(power / about)[inside], kind="stable")]:
+        if all(abs(np.log(bins[i] / other)) > 0.15 for other in found):
+            found.append(float(bins[i]))
         if len(found) == TRIED:
             break
     return found
+
+
+def _looked_for(candidate: Candidate, sample_time: float) -> tuple[float, float]:
+    """Between which frequencies [Hz] a random force is looked for: those that the machine file states, else the usual
+    ones and, as what shakes belongs to the site and not to the machine, all up to a part of the lowest mode's."""
+    machine = candidate.machine
+    known = (Priors(units=machine.priors.units), machine.priors)
+    usual, stated = (next(item for item in parameters(FloorVibration, one) if item.role == "period") for one in known)
+    highest = WITHIN / NEAR[1] / 2 / sample_time
+    if (stated.low, stated.high) != (usual.low, usual.high):
+        return stated.low, min(stated.high, highest)
+    modes = [machine.plant.modes[i].frequency for i in machine.plant.flexible]
+    return usual.low, min(max(usual.high, BELOW_MODES * min(modes, default=np.inf)), highest)
+
+
+def _usual_power(bins: Array, power: Array, low: float, high: float) -> Array:
+    """The median power (n,) about each of the frequencies (n,) [Hz], over a fifth of the logarithm of those looked at.
+    A line itself is narrower than any grid of so wide a range."""
+    grid = np.geomspace(low, high, 400)
+    there = np.interp(grid, bins, power)
+    about = np.array([np.median(there[max(i - 40, 0) : i + 41]) for i in range(grid.size)])
+    return np.asarray(np.interp(bins, grid, about))
 
 
 def _smooth(spectrum: np.ndarray, width: int) -> np.ndarray:

@@ -80,8 +80,8 @@ def test_of_a_small_gap_the_gain_tells_the_share(taken: float) -> None:
         gap, noise = _gap(rng, 1.0), rng.standard_normal(COUNT)
         gap *= np.sqrt(400 / (gap @ gap))
         floor, before, after = rng.standard_normal(COUNT), gap + noise, (1 - taken) * gap + noise
-        gained = np.bincount(SEGMENT, before**2 - after**2)
-        found, (low, high) = gain_closure(gained, after @ after - floor @ floor, deviation)
+        gained = np.asarray(np.bincount(SEGMENT, before**2 - after**2), float)
+        found, (low, high) = gain_closure(gained, float(after @ after - floor @ floor), float(deviation))
         inside += low <= share <= high
         middles.append(found)
         assert -1 <= low <= found <= high <= 1

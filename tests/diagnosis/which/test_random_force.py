@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which.random_force import levels, steadiness, strongest_random_force
 from diagnosis.which.scan import partial_out
+from models.effects.structure import FloorVibration
 from tests.diagnosis.slow import leg, moved
 
 
@@ -47,3 +50,21 @@ def test_slow_records_are_searched_below_half_their_rate(rate: float) -> None:
     if found is not None:
         assert found.resonance.frequency < 0.4 * rate
         assert np.isfinite(found.steady)
+
+
+@pytest.mark.parametrize("share", [0.0513, 0.1377, 0.2919])
+def test_a_line_is_found_wherever_the_record_shows_it(share: float) -> None:
+    """Of an axis without modes, at a share of the sampling rate beyond what such a loop's usual range reaches, and
+    narrower than the steps of any grid of that range."""
+    machine = leg(500.0)
+    machine = replace(machine, scale=replace(machine.scale, resolution=1e-7, noise=3e-8))
+    frequency = share / machine.sample_time
+    shaken = replace(machine, effects=(FloorVibration(0.1 * (share / 0.05) ** 2, frequency, 1.0),))
+    record = moved(shaken, seed=2, count=6000)
+    layout = parameters(machine, 1)
+    fitted = fit(Candidate(layout, np.zeros(layout.count)), [record])
+    found = strongest_random_force(fitted, [record], partial_out(fitted, numbered(pieces([record]), [record])))
+    assert found is not None
+    assert found.resonance.frequency == pytest.approx(frequency, abs=0.1)
+    assert found.gain > 100
+    assert found.steady > 0.5
