@@ -137,7 +137,7 @@ def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisancePro
         return []
     forces = [force for _, force, _ in adjoints(fitted, records, projection)]
     n = int(2 ** np.ceil(np.log2(max(force.size for force in forces))))
-    bins = np.fft.rfftfreq(n, records[0].sample_time)
+    bins = np.asarray(np.fft.rfftfreq(n, records[0].sample_time), float)
     power = np.zeros(bins.size)
     for force in forces:
         power += _smooth(np.abs(np.fft.rfft(force, n)) ** 2 / force.size, 5)
