@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from diagnosis.answer import Answer, answered, as_spring, bent_spring, closes_too_little, doubted, form_parts, rivalling
 from diagnosis.baseline import Baseline, Progress, refit_and_null
+from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
 from diagnosis.handover.hand_over import HowFar, how_far
@@ -163,9 +164,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     final = stages[-1].fitted
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
-    at_floor = closure.excess < criteria.max_excess_at_floor and not closure.by_force
-    in_file = not far.left_out  # else the file says nothing of the effects
-    if outcome in NAMED and in_file and not at_floor and closes_too_little(names, final, far.interval, criteria):
+    if outcome in NAMED and taken_back(names, final, closure, far, criteria):
         return _diagnosis(replace(answer, outcome=Outcome.NONE), pruned, baseline)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()
@@ -185,6 +184,13 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     return Diagnosis(
         outcome, names, partly, rivals, unexplained, which, far, shares, stages, baseline, found, curves, unknown
     )
+
+
+def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar, criteria: Criteria) -> bool:
+    """Whether the file with the named effects closes too little for them to stand. Where the search left nothing above
+    the floor, or effects are not in the file as their phases belong to single records, it does not tell."""
+    at_floor = closure.excess < criteria.max_excess_at_floor and not closure.by_force
+    return not at_floor and not far.left_out and closes_too_little(names, fitted, far.interval, criteria)
 
 
 def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:

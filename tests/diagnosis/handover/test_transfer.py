@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from diagnosis.closure import Closure
+from diagnosis.criteria import Criteria
+from diagnosis.diagnose import taken_back
 from diagnosis.handover import transfer
-from diagnosis.handover.transfer import Matrix, PerRecord, differing, without_effects_of_records
+from diagnosis.handover.hand_over import HowFar, Terms
+from diagnosis.handover.transfer import Matrix, PerRecord, Transfer, differing, without_effects_of_records
 from diagnosis.how_far import Gap
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
@@ -97,3 +101,25 @@ def test_a_law_whose_phases_differ_stays_where_it_carries_over(
     assert bool(kept[-1].candidate.effects) == (with_it < without)
     assert shown.matrices[-1].elsewhere().force == pytest.approx(min(with_it, without))
     assert [one.kept_out for one in shown.values] == [with_it > without]
+
+
+@pytest.mark.parametrize(
+    ("kept_out", "excess", "by_force"), [(True, 5.0, False), (False, 5.0, False), (False, 1.0, True)]
+)
+def test_a_file_without_the_effects_of_single_records_takes_no_name_back(
+    kept_out: bool, excess: float, by_force: bool
+) -> None:
+    """A cogging that a record's own phase keeps out of the file; what the file closes is not what the cogging does."""
+    layout = parameters(load(), 2)
+    ripple = Candidate(layout, np.zeros(layout.count), (Cogging(1.0, 0.0025, 1.0),))
+    value = PerRecord("cogging", "phase", "1", (0.7, 1.9), (0.1, 0.1), differs=True, kept_out=kept_out)
+    unused: Any = None
+    shown = Transfer((), (value, replace(value, part="nominal", name="offset", kept_out=False)))
+    terms = Terms(0.1, 0.0036, 0.0036, 0.0011)
+    gap = Gap(1.0, 1.0, None)
+    far = HowFar((), gap, "simulated", terms, (-0.004, 0.0004), unused, 1.0, transfer=shown)
+    assert far.left_out == (("cogging",) if kept_out else ())
+    fitted: Any = SimpleNamespace(candidate=ripple)
+    closure = Closure(0.94, (0.89, 0.97), excess, unused, by_force=by_force)
+    assert taken_back(("cogging",), fitted, closure, far, Criteria()) == (not kept_out)
+    assert not taken_back(("cogging",), fitted, replace(closure, excess=1.0, by_force=False), far, Criteria())
