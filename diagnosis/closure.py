@@ -127,7 +127,7 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     by_force = _closure_of_force(first, final, floor, baseline)
     if by_force and not _left_open(by_force[1], baseline.criteria):
         return Closure(*by_force, excess, floor, by_force=True)
-    if not random:
+    if not random and not final.candidate.rough:  # whose weights leave one per sample whatever is missing
         whitened = [(one / size)[known] for one in (before, left, fitted, *floor.innovations)]
         gained = np.asarray(np.bincount(segment, whitened[0] ** 2 - whitened[1] ** 2), float)
         if gained.sum() >= baseline.criteria.min_gain_at_floor:

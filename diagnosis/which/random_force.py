@@ -135,12 +135,13 @@ def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisancePro
     low, high = _looked_for(fitted.candidate, records[0].sample_time)
     if low >= high:
         return []
-    forces = [force for _, force, _ in adjoints(fitted, records, projection)]
-    n = int(2 ** np.ceil(np.log2(max(force.size for force in forces))))
-    bins = np.asarray(np.fft.rfftfreq(n, records[0].sample_time), float)
+    longest = max(records, key=lambda one: one.position.size * one.sample_time)
+    bins = np.asarray(np.fft.rfftfreq(_padded(longest.position.size), longest.sample_time), float)
     power = np.zeros(bins.size)
-    for force in forces:
-        power += _smooth(np.abs(np.fft.rfft(force, n)) ** 2 / force.size, 5)
+    for record, force, _ in adjoints(fitted, records, projection):
+        n = _padded(force.size)
+        spectrum = np.abs(np.fft.rfft(force, n)) ** 2 / force.size
+        power += np.interp(bins, np.fft.rfftfreq(n, record.sample_time), _smooth(spectrum, 5), right=0.0)
     about = _usual_power(bins, power, low, high)
     inside = np.flatnonzero((bins >= low) & (bins <= high))
     found: list[float] = []
@@ -172,6 +173,11 @@ def _usual_power(bins: Array, power: Array, low: float, high: float) -> Array:
     there = np.interp(grid, bins, power)
     about = np.array([np.median(there[max(i - 40, 0) : i + 41]) for i in range(grid.size)])
     return np.asarray(np.interp(bins, grid, about))
+
+
+def _padded(samples: int) -> int:
+    """The next power of two."""
+    return int(2 ** np.ceil(np.log2(samples)))
 
 
 def _smooth(spectrum: np.ndarray, width: int) -> np.ndarray:
