@@ -38,11 +38,12 @@ RARE: Final = 0.005  # of the samples, with the largest steps, that have no say:
 @dataclass(frozen=True)
 class Lateness:
     """Root mean square of the lateness [s], as all motions show it; its chi-square where motions repeat, and what its
-    square scatters by there by chance [s^2]."""
+    square scatters by there by chance [s^2]; the chi-square [1] that so much of it adds to what all motions leave."""
 
     size: float
     gain: float
     scatter: float
+    energy: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,8 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     slope, spread = _slope(alike, left)
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
     size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
-    return Lateness(ts * float(np.sqrt(size)), max(slope / spread, 0.0) ** 2, ts**2 * spread)
+    energy = size * sum(float(one.step @ one.energy) for one in each)
+    return Lateness(ts * float(np.sqrt(size)), max(slope / spread, 0.0) ** 2, ts**2 * spread, energy)
 
 
 def gained_by_chance(fitted: Fit, records: Sequence[Record]) -> dict[str, float]:

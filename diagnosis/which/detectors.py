@@ -19,7 +19,7 @@ from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.motions import repeated, scatter
 from diagnosis.model.units import noise
-from diagnosis.which.command_jitter import lateness
+from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.kinds import with_free_forms
 from diagnosis.which.random_force import NEAR, strongest_random_force
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
@@ -125,12 +125,22 @@ def command_jitter(seen: View) -> Detected:
     if found.gain > threshold and seen.fitted.candidate.added_effects:
         found = lateness(_with_free_forms_out(seen), seen.baseline.records)  # a drift in another form differs, too
     least = seen.baseline.criteria.late_commands_min_size * seen.baseline.records[0].sample_time
-    if found.gain <= threshold or found.size < least:
+    if found.gain <= threshold or (found.size < least and not _accounts_for_the_rest(found, seen)):
         return Detected()
     part = (found.size / seen.baseline.records[0].sample_time) ** 2
     simulated = TimingJitter(max(part, SIMULATED_PART))
     random_part = RandomPart(simulated, part / simulated.part)
     return Detected((Proposal(name, found.gain, threshold, Carrier.FLOOR, random_part=random_part),))
+
+
+def _accounts_for_the_rest(found: Lateness, seen: View) -> bool:
+    """Whether so much lateness adds most of what is left above the noise floor, or all that is surely above it: else a
+    little of it may be the form error of another law. A rough drive's floor does not tell."""
+    criteria, floors, left = seen.baseline.criteria, seen.baseline.floors, seen.own.e
+    above = float(left @ left - np.mean(floors))
+    most = found.energy >= criteria.late_commands_min_share * above
+    all_of_it = above - found.energy < criteria.shown_by * float(np.std(floors))
+    return not seen.fitted.candidate.rough and (most or all_of_it)
 
 
 def _with_free_forms_out(seen: View) -> Fit:
