@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from diagnosis.experiments.schedules import multisine, repeated_strokes, sequenc
 from diagnosis.model.parameters import parameters
 from diagnosis.refit import refit
 from diagnosis.which.command_jitter import Lateness, lateness
+from diagnosis.which.detectors import _accounts_for_the_rest
 from models.effects.base import Effect
 from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
 from tests.diagnosis.tables import recorded, table
@@ -34,6 +37,36 @@ def test_late_commands_are_found_and_measured(part: float) -> None:
     late = found(TimingJitter(part), seed=31)
     assert late.gain > 10 * LATE
     assert late.size == pytest.approx(MACHINE.sample_time * np.sqrt(part * (1 - part)), rel=0.25)
+
+
+def test_its_energy_is_what_late_commands_add_to_what_is_left() -> None:
+    """The same table, punctual and not: what the re-fit leaves of it differs by that chi-square."""
+    left = []
+    for effects in ((), (TimingJitter(0.02),)):
+        records = recorded(MACHINE, PLAN, effects, seed=31)
+        fitted = refit(parameters(MACHINE, len(records)), records)
+        left.append(sum(float(one.innovations[60:] @ one.innovations[60:]) for one in fitted.residuals))
+    assert lateness(fitted, records).energy == pytest.approx(left[1] - left[0], rel=0.35)
+
+
+@pytest.mark.parametrize(
+    ("left", "energy", "rough", "counts"),
+    [
+        (1500.0, 300.0, False, True),  # most of what is above the floor
+        (1500.0, 200.0, False, False),
+        (1020.0, 0.0, False, True),  # nothing is surely above it
+        (1500.0, 300.0, True, False),
+    ],
+)
+def test_a_little_lateness_counts_where_it_accounts_for_what_is_left(
+    left: float, energy: float, rough: bool, counts: bool
+) -> None:
+    seen: Any = SimpleNamespace(
+        baseline=SimpleNamespace(criteria=Criteria(), floors=np.array([990.0, 1010.0])),
+        own=SimpleNamespace(e=np.array([np.sqrt(left)])),
+        fitted=SimpleNamespace(candidate=SimpleNamespace(rough=rough)),
+    )
+    assert _accounts_for_the_rest(Lateness(1e-5, 200.0, 1e-12, energy), seen) == counts
 
 
 @pytest.mark.parametrize("effects", [(), (Cogging(1.5, 0.035, 1.0),)], ids=["nothing", "cogging"])
