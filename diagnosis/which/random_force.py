@@ -24,6 +24,7 @@ from models.effects.base import parameters
 from models.effects.catalogue import in_order
 from models.effects.priors import REFERENCE, Priors
 from models.effects.structure import FloorVibration
+from models.machine import Machine
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -132,9 +133,14 @@ def _likelihood(residuals: Sequence[Residual]) -> float:
 
 def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[float]:
     """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
-    low, high = _looked_for(fitted.candidate, records[0].sample_time)
+    machine, sample_time = fitted.candidate.machine, records[0].sample_time
+    known = (Priors(units=machine.priors.units), machine.priors)
+    usual, stated = (next(item for item in parameters(FloorVibration, one) if item.role == "period") for one in known)
+    low, high = min(usual.low, stated.low), _highest(machine, max(usual.high, stated.high), sample_time)
     if low >= high:
         return []
+    own = (stated.low, stated.high) != (usual.low, usual.high)
+    first, last = (0.99 * stated.low, 1.01 * stated.high) if own else (low, high)
     longest = max(records, key=lambda one: one.position.size * one.sample_time)
     bins = np.asarray(np.fft.rfftfreq(_padded(longest.position.size), longest.sample_time), float)
     power = np.zeros(bins.size)
@@ -143,7 +149,7 @@ def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisancePro
         spectrum = np.abs(np.fft.rfft(force, n)) ** 2 / force.size
         power += np.interp(bins, np.fft.rfftfreq(n, record.sample_time), _smooth(spectrum, 5), right=0.0)
     about = _usual_power(bins, power, low, high)
-    inside = np.flatnonzero((bins >= low) & (bins <= high))
+    inside = np.flatnonzero((bins >= max(low, first)) & (bins <= min(high, last)))
     found: list[float] = []
     for i in inside[np.argsort(-(power / about)[inside], kind="stable")]:
         if all(abs(np.log(bins[i] / other)) > 0.15 for other in found):
@@ -153,17 +159,11 @@ def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisancePro
     return found
 
 
-def _looked_for(candidate: Candidate, sample_time: float) -> tuple[float, float]:
-    """Between which frequencies [Hz] a random force is looked for: those that the machine file states, else the usual
-    ones and, as what shakes belongs to the site and not to the machine, all up to a part of the lowest mode's."""
-    machine = candidate.machine
-    known = (Priors(units=machine.priors.units), machine.priors)
-    usual, stated = (next(item for item in parameters(FloorVibration, one) if item.role == "period") for one in known)
-    highest = WITHIN / NEAR[1] / 2 / sample_time
-    if (stated.low, stated.high) != (usual.low, usual.high):
-        return stated.low, min(stated.high, highest)
+def _highest(machine: Machine, usual: float, sample_time: float) -> float:
+    """Up to which frequency [Hz] a random force is looked for: the usual one or, as what shakes belongs to the site and
+    not to the machine, a part of the lowest mode's; within what records of this sample time [s] hold."""
     modes = [machine.plant.modes[i].frequency for i in machine.plant.flexible]
-    return usual.low, min(max(usual.high, BELOW_MODES * min(modes, default=np.inf)), highest)
+    return min(max(usual, BELOW_MODES * min(modes, default=np.inf)), WITHIN / NEAR[1] / 2 / sample_time)
 
 
 def _usual_power(bins: Array, power: Array, low: float, high: float) -> Array:

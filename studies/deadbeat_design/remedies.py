@@ -23,8 +23,8 @@ from studies.deadbeat_design.options import DeadbeatOptions
 
 PEAK: Final = 2.0  # bound on |S| of the feedback that is tried: what pid_tradeoff tunes for unless asked otherwise
 SOONER: Final = 0.75  # of the settling time of x_T*: when that of the one that is tried rests,
-ENOUGH: Final = 0.5  # share of the allowed machines on which a change that would do has to bring all motions in time
 ROOM: Final = 1.1  # but no sooner than this many times the shortest that the thrust allows
+ENOUGH: Final = 0.5  # share of the allowed machines on which a change that would do has to bring all motions in time
 
 Synthesise = Callable[[Machine, float], Deadbeat]
 """The feedforward for a machine that rests after a time [s]; raises DesignError."""
@@ -102,12 +102,13 @@ def _changes(
     """What can be tried, and what cannot be, with the reason."""
     found, refused, pid = [], [], None
     try:
-        pid = _stiffer(machine)
+        pid = _tuned_pid(machine)
     except TuningError as error:
         refused.append(f"another PID: {error.reason}")
     tuned = f"a PID tuned for Ms ≤ {PEAK:g}", f"pid_tradeoff --ms {PEAK:g} writes such a controller.json"
     if pid is not None:
         found.append(_with_feedback(_Change(*tuned, machine, written.controller), pid))
+    gains = f"the gains that pid_tradeoff --ms {PEAK:g} reports, in [control.pid] of the machine file"
     sooner = max(SOONER * wanted["settling_time_s"], ROOM * shortest)
     count = round(sooner / machine.sample_time)
     if count < round(wanted["settling_time_s"] / machine.sample_time):
@@ -121,21 +122,19 @@ def _changes(
             one = _Change(name, how, machine, _assembled(machine, earlier, written))
             found.append(one)
             if pid is not None:
-                both = replace(one, name=f"{tuned[0]}, and {name}", how=f"its gains in the machine file, and {how}")
+                both = replace(one, name=f"{tuned[0]}, and {name}", how=f"{gains}, and {how}")
                 found.append(_with_feedback(both, pid))
     whole = with_all_elements(machine)
     most, now = whole.control.compensator_elements, machine.control.compensator_elements
     if most != now:
-        name, how = (
-            f"a friction compensator of {most} elements",
-            f"control.compensator_elements = {most} in the machine file",
-        )
+        name = f"a friction compensator of {most} elements"
+        how = f"control.compensator_elements = {most} in the machine file"
         found.append(_Change(name, how, whole, _assembled(whole, written.deadbeat, written)))
     return found, refused
 
 
-def _stiffer(machine: Machine) -> PID:
-    """The PID of most integral gain within PEAK; the machine's feedback itself is the user's to change."""
+def _tuned_pid(machine: Machine) -> PID:
+    """The PID of most integral gain within PEAK, on the family of plants that pid_tradeoff covers by itself."""
     mode, mass = usual_errors(machine)
     return tune_pid(machine, ms=PEAK, mode_error=mode, mass_error=mass).pid
 
