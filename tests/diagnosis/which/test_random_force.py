@@ -13,6 +13,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which.random_force import levels, steadiness, strongest_random_force
 from diagnosis.which.scan import partial_out
+from models.effects.priors import Priors
 from models.effects.structure import FloorVibration
 from tests.diagnosis.slow import leg, moved
 
@@ -68,3 +69,17 @@ def test_a_line_is_found_wherever_the_record_shows_it(share: float) -> None:
     assert found.resonance.frequency == pytest.approx(frequency, abs=0.1)
     assert found.gain > 100
     assert found.steady > 0.5
+
+
+def test_a_narrow_stated_range_hides_no_line_in_it_and_keeps_others_out() -> None:
+    """Two lines; the weaker one is in the range that the machine states, which is hardly wider than the line."""
+    machine = leg(500.0)
+    ranges = Priors.of({("floor_vibration", "frequency"): (60.0, 61.0)}, machine.priors.units)
+    machine = replace(machine, scale=replace(machine.scale, resolution=1e-7, noise=3e-8), priors=ranges)
+    lines = (FloorVibration(0.3, 60.4, 1.0), FloorVibration(1.0, 41.0, 0.0))
+    record = moved(replace(machine, effects=lines), seed=2, count=6000)
+    layout = parameters(machine, 1)
+    fitted = fit(Candidate(layout, np.zeros(layout.count)), [record])
+    found = strongest_random_force(fitted, [record], partial_out(fitted, numbered(pieces([record]), [record])))
+    assert found is not None
+    assert found.resonance.frequency == pytest.approx(60.4, abs=0.2)
