@@ -91,6 +91,11 @@ class Plant:
         return tuple(i for i, mode in enumerate(self.modes) if mode.frequency > 0)
 
     @property
+    def lowest_mode(self) -> float:
+        """The lowest frequency of a vibration mode [Hz]; inf without one."""
+        return min((self.modes[i].frequency for i in self.flexible), default=math.inf)
+
+    @property
     def rigid_gain(self) -> float:
         """Acceleration of the rigid body over the thrust reference, K_t k [1/kg]."""
         return self.thrust_constant * self.modes[self.rigid].gain

@@ -14,9 +14,10 @@ from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.effects.motor import CurrentLoopLag
-from models.identification import force, modes
+from models.identification import modes
 from models.identification.estimate import Estimate, newey_west
-from models.identification.force_fit import DAMPING, SURE, ForceFit
+from models.identification.force import by_elements
+from models.identification.force.fit import DAMPING, SURE, ForceFit
 from models.identification.motion import MotionFit
 from models.machine import Machine, Provenance, Tolerance, with_derived_presliding
 from models.records.files import Loaded
@@ -241,5 +242,5 @@ def _sure(value: float, std: float) -> tuple[float, float] | None:
 def _least_squares(columns: Array, wanted: Array) -> tuple[Array, Array]:
     """Weights of the columns (n, p) by least squares and their standard deviations (p,) [N, or 1 for a part of one]."""
     found = np.linalg.lstsq(columns, wanted, rcond=None)[0]
-    covariance = newey_west(columns, wanted - columns @ found, force.TOGETHER)
+    covariance = newey_west(columns, wanted - columns @ found, by_elements.TOGETHER)
     return np.asarray(found, float), np.asarray(np.sqrt(np.diag(covariance)), float)

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from models.controller import References
 from models.friction import elements
 from models.identification.estimate import STRONG, Estimate, left_out, wider
-from models.identification.force_fit import DAMPING, SURE
+from models.identification.force.fit import DAMPING, SURE
 from models.machine import Machine
 from models.records.record import Record, cut
 from models.simulation.simulator import simulate

@@ -49,10 +49,10 @@ def identify(
 
     records: files (CSV, CSV.gz, MAT or Parquet, their columns as machine.record maps them), or what
     `recognise.read` made of them. kinds: one of "response", "excitation", "hysteresis", "motion", "dynamics" or "auto"
-    for each; recognised by default. pass_band [Hz]: of the low-pass for friction, by default 20 Hz for slow records,
-    more where their loops are quick, and 40 Hz for fast ones. modes: how many vibration modes a frequency response has,
-    by default the fewest that pass. rolled: frequency responses in files were measured while the axis rolled. tell:
-    hears the share that is done [1] and a sentence, before each record.
+    for each; recognised by default. pass_band [Hz]: of the low-pass for friction, by default 80 times the frequency
+    of its loops, or 5.8 times that of a fast record's motion. modes: how many vibration modes a frequency response
+    has, by default the fewest that pass. rolled: frequency responses in files were measured while the axis rolled.
+    tell: hears the share that is done [1] and a sentence, before each record.
     Raises RecordError, a sentence that begins with the file's name, for a record that can't be used or is of another
     kind.
 

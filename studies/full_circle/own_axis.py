@@ -131,7 +131,7 @@ def _identified(circle: Circle) -> tuple[Machine, dict[str, Any] | None]:
             raise BadInputError(f"{error}; or move it out of --records") from error
         motions = [one.loaded.content for one in given if isinstance(one.loaded.content, Record)]
         source = "full_circle of " + ", ".join(one.path.name for one in given)
-        rows = results_of(found, None)["estimates"]
+        rows = results_of(found)["estimates"]
         return {
             "machine": to_toml(with_covered(found.machine, motions, source)),
             "estimates": rows,

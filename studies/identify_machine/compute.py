@@ -10,7 +10,7 @@ import numpy as np
 
 from design.judging.known_range import with_covered
 from models.friction import branch
-from models.identification.force_fit import SURE
+from models.identification.force.fit import SURE
 from models.identification.pipeline import identify
 from models.identification.recognise import read, recognised, replayable
 from models.machine import Machine, Parameter, parameters
@@ -53,7 +53,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         )
     except RecordError as error:
         raise BadInputError(str(error)) from error
-    shown = results_of(found, options.pass_band)
+    shown = results_of(found)
     said, checks = controllers.judged(machine, given if options.record else ())
     checks = [*checks_of(found, shown), *checks]
     results: dict[str, Any] = {

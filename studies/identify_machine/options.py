@@ -32,7 +32,8 @@ class IdentificationOptions(RecordOptions):
     pass_band: float | None = quantity(
         "Hz",
         "FREQUENCY",
-        'of the low-pass for friction, such as "40 Hz" (default: 20 Hz for slow loops, more for quick, else 40 Hz)',
+        'of the low-pass for friction, such as "40 Hz" (default: 80 times the frequency of its loops, or 5.8 times '
+        "that of a fast motion)",
         above=0,
     )
     modes: int | None = whole(

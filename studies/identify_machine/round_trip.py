@@ -8,8 +8,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification import force, modes, motion, response
+from models.identification import modes, motion, response
 from models.identification.estimate import Estimate
+from models.identification.force import by_elements
+from models.identification.force.signals import Terms, slow_band
 from models.identification.pipeline import identify
 from models.machine import Machine, Parameter, Provenance, parameters
 from models.records.files import Loaded
@@ -36,8 +38,9 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
             rows["frequency response"].append(_errors(found.estimate, truth))
         else:
             missed += 1
-        terms = force.Terms(mass=found.plant.mass, known_delay=_delay(table))
-        curve = force.identify(own_records.hysteresis(table, own), terms, pass_band=20.0)
+        terms = Terms(mass=found.plant.mass, known_delay=_delay(table))
+        slow = own_records.hysteresis(table, own)
+        curve = by_elements.identify(slow, terms, pass_band=slow_band(slow))
         limit, stiffness = np.array(table.friction.limit), np.array(table.friction.stiffness)
         if len(curve.friction.limit) == limit.size:
             last = slice(-2 * limit.size - 1, None)

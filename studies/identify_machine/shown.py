@@ -10,10 +10,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from models.identification import force, inverse_dynamics, modes, motion
-from models.identification.force_fit import ForceFit
+from models.identification import inverse_dynamics, modes, motion
+from models.identification.force import by_elements
+from models.identification.force.fit import ForceFit
 from models.identification.into_machine import WAYS, Holdable
-from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, FAST_BAND, half_of
+from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, half_of
 from models.identification.joint.steps import Difference, Identified, MotionStep, Step, record_of
 from models.identification.modal.order import SAME, Order
 from models.identification.modal.remarks import ResponseStep
@@ -32,13 +33,13 @@ CUTOFF: Final = 100.0  # Hz, of the inverse dynamics, as EMPS's authors chose it
 CUTOFF_BY_RATE: Final = 0.1  # of the sampling rate: theirs, which a slower record's cut-off keeps to
 
 
-def results_of(found: Identified, pass_band: float | None) -> dict[str, Any]:
-    """The results of each record, under its kind, and the rows of all estimates; pass_band [Hz] as requested."""
+def results_of(found: Identified) -> dict[str, Any]:
+    """The results of each record, under its kind, and the rows of all estimates."""
     results: dict[str, Any] = {}
     estimates, ladders = [], list[dict[str, Any]]()
     for step in found.steps:
         estimate = step.gave.estimate
-        shown = _shown(step, found.machine.sample_time, pass_band)
+        shown = _shown(step, found.machine.sample_time)
         correlation = {"names": list(estimate.names), "matrix": estimate.correlation}
         results[step.result] = {**shown, "correlation": correlation}
         if "ladder" in shown:
@@ -83,7 +84,7 @@ def _agreement(differences: Sequence[Difference]) -> Check:
     return Check(name, largest, "1", limit, f"exceeded by chance once in {1 / BY_CHANCE:.0f} times (Bonferroni)")
 
 
-def _shown(step: Step, sample_time: float, pass_band: float | None) -> dict[str, Any]:
+def _shown(step: Step, sample_time: float) -> dict[str, Any]:
     gave = step.gave
     if isinstance(gave, ResponseStep):
         return _response(gave)
@@ -94,8 +95,7 @@ def _shown(step: Step, sample_time: float, pass_band: float | None) -> dict[str,
     if gave.held is None:
         return shown
     record = record_of(step.loaded)
-    band = pass_band or force.usable_band(FAST_BAND, record.sample_time)
-    return shown | _dynamics(record, gave.fit, gave.held, band)
+    return shown | _dynamics(record, gave.fit, gave.held)
 
 
 def _response(gave: ResponseStep) -> dict[str, Any]:
@@ -176,11 +176,11 @@ def _force(fit: ForceFit) -> dict[str, Any]:
     }
 
 
-def _dynamics(record: Record, fit: ForceFit, held: Holdable, band: float) -> dict[str, Any]:
+def _dynamics(record: Record, fit: ForceFit, held: Holdable) -> dict[str, Any]:
     """Further results of a fast record: the comparison from the published models to the machine file's."""
     half = half_of(record)
     simple, bent = (
-        force.identify(record, terms, pass_band=band, fit_until=half)
+        by_elements.identify(record, terms, pass_band=fit.pass_band, fit_until=half)
         for terms in (BY_DIRECTION, replace(DYNAMICS, bent=True))
     )
     fits = (

@@ -14,7 +14,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, cheby1, sosfiltfilt
 
-from models.identification.force import Terms, identify
+from models.identification.force.by_elements import identify
+from models.identification.force.signals import Terms
 from models.identification.inverse_dynamics import regress
 from models.machine import Machine
 from models.machine import load as load_machine

@@ -19,7 +19,7 @@ from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.friction import elements
 from models.identification import modes
 from models.identification.estimate import Estimate
-from models.identification.force_fit import DAMPING
+from models.identification.force.fit import DAMPING
 from models.identification.joint.steps import Identified
 from models.identification.motion import MotionFit
 from models.identification.recognise import recognised

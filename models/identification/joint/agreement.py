@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from models.identification.estimate import Estimate, combined
-from models.identification.force_fit import ForceFit
+from models.identification.force.fit import ForceFit
 from models.identification.into_machine import Holdable
 from models.identification.joint.steps import ForceStep, Identified, Step
 from models.quantity import show

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from models.identification import force
 from models.identification.estimate import LOOSE, Estimate, combined
-from models.identification.force_fit import ForceFit
+from models.identification.force import by_elements
+from models.identification.force.fit import ForceFit
+from models.identification.force.signals import Terms, fast_band
 from models.identification.into_machine import (
     Found,
     Holdable,
@@ -36,8 +37,7 @@ from models.quantity import show
 from models.records.files import Loaded
 from models.records.record import Record
 
-FAST_BAND: Final = 40.0  # Hz, of the low-pass for friction in a fast record
-BY_DIRECTION: Final = force.Terms(viscous=True, by_direction=True)
+BY_DIRECTION: Final = Terms(viscous=True, by_direction=True)
 KEPT: Final = "the elements of the record that knows it best, not a mean of both"  # where slip forces disagree
 DYNAMICS: Final = replace(BY_DIRECTION, delay=True, damped=True)  # what is identified of a fast record
 
@@ -50,8 +50,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     records show different forms of it, both are that record's.
     """
     record = record_of(loaded)
-    band = settings.pass_band or force.usable_band(FAST_BAND, record.sample_time)
-    fit = force.identify(record, DYNAMICS, pass_band=band, fit_until=half_of(record))
+    band = settings.pass_band or fast_band(record, found.machine.plant.lowest_mode)
+    fit = by_elements.identify(record, DYNAMICS, pass_band=band, fit_until=half_of(record))
     if not fit.estimate.deviation("mass") < LOOSE * abs(fit.estimate.value("mass")):
         raise ValueError(
             f"does not excite the axis: its mass, {fit.estimate.value('mass'):.3g} kg, has a standard deviation of "

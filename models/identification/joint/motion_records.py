@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from models.identification import motion
 from models.identification.estimate import Estimate
-from models.identification.force_fit import SURE
+from models.identification.force.fit import SURE
 from models.identification.into_machine import (
     Found,
     with_damping_of_motion,

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from models.friction import elements
 from models.identification.estimate import combined
-from models.identification.force import LEAST_SHARE
-from models.identification.force_fit import ForceFit
+from models.identification.force.by_elements import LEAST_SHARE
+from models.identification.force.fit import ForceFit
 from models.identification.joint.agreement import vagueness
 
 Array = NDArray[np.float64]

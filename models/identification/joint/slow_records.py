@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.identification import force
 from models.identification.estimate import STRONG
-from models.identification.force_fit import SURE, ForceFit
+from models.identification.force import by_elements
+from models.identification.force.fit import SURE, ForceFit
+from models.identification.force.signals import Terms, slow_band
 from models.identification.into_machine import Found, drag_of, lag_of, with_drag, with_friction, with_offset
 from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together
 from models.identification.joint.one_branch import one_branch
@@ -23,7 +24,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     """The friction elements from a slow record, or from all of them together; mass and dead time as known so far."""
     plant, ts = found.machine.plant, found.machine.sample_time
     dead_time = [std for _, std in found.earlier("dead time")]
-    terms = force.Terms(
+    terms = Terms(
         mass=plant.mass,
         drag=_known_drag(found),
         known_delay=plant.dead_time + lag_of(found.machine) + 0.5 * ts,
@@ -31,9 +32,9 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
         damped=bool(dead_time),
     )
     record = record_of(loaded)
-    band = settings.pass_band or force.slow_band(record)
-    fit = force.identify(record, terms, pass_band=band)
-    dragged = None if terms.drag else force.identify(record, replace(terms, viscous=True), pass_band=band)
+    band = settings.pass_band or slow_band(record)
+    fit = by_elements.identify(record, terms, pass_band=band)
+    dragged = None if terms.drag else by_elements.identify(record, replace(terms, viscous=True), pass_band=band)
     if dragged and _drags(fit, dragged):
         fit = dragged
     slip, spread = fit.slip_force()

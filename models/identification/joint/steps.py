@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from models.identification import modes, motion
 from models.identification.estimate import Estimate, not_identifiable
-from models.identification.force_fit import ForceFit
+from models.identification.force.fit import ForceFit
 from models.identification.into_machine import Holdable, drag_of, lag_of
 from models.identification.modal.remarks import ResponseStep
 from models.machine import Machine

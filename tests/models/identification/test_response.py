@@ -11,9 +11,11 @@ from scipy.signal import chirp
 
 from models.controller import Controller, References
 from models.friction import branch, elements
-from models.identification import force, modes, motion, response
+from models.identification import modes, motion, response
 from models.identification.estimate import Estimate, combined, left_out, newey_west, not_identifiable, wider
-from models.identification.force_fit import ForceFit
+from models.identification.force import by_elements
+from models.identification.force.fit import ForceFit
+from models.identification.force.signals import Terms
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.machine import Machine, Tolerance, load
@@ -182,8 +184,8 @@ def test_the_period_of_an_excitation() -> None:
 def test_the_elements_come_back_from_a_clean_hysteresis() -> None:
     table = own_records.another(MACHINE, 5)
     table = replace(table, scale=replace(table.scale, noise=0.0, resolution=0.0))
-    terms = force.Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
-    found = force.identify(own_records.hysteresis(table, 5), terms, pass_band=20.0)
+    terms = Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
+    found = by_elements.identify(own_records.hysteresis(table, 5), terms, pass_band=20.0)
     assert found.friction.limit == pytest.approx(table.friction.limit, rel=0.03)
     slip, _ = found.slip_force()
     assert slip == pytest.approx(table.friction.coulomb_force, rel=1e-3)
@@ -201,13 +203,13 @@ def test_a_path_that_is_too_short_leaves_the_offset_open_by_what_friction_rememb
     strained = np.where(np.arange(3) == 2, -limit, 0.0)
     given = References(reference, zero, zero)
     record = simulate(table, table.feedback_only(), reference, given=given, seed=5, initial_friction=strained).record
-    terms = force.Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
-    found = force.identify(record, terms, pass_band=20.0)
+    terms = Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
+    found = by_elements.identify(record, terms, pass_band=20.0)
     wrong = found.estimate.value("offset") - table.drive.offset
     assert wrong < -0.5 * stiffness * limit
     assert found.short
     assert abs(wrong) < 3 * found.estimate.deviation("offset")
-    long = force.identify(own_records.hysteresis(table, 5), terms, pass_band=20.0)
+    long = by_elements.identify(own_records.hysteresis(table, 5), terms, pass_band=20.0)
     assert not long.short
     assert long.remembered == 0.0
 
@@ -218,8 +220,8 @@ def slow(seed: int, time: float, late: float = 0.0, late_std: float = 0.0) -> tu
     stiffness = np.array(table.friction.stiffness)
     table = replace(table, friction=elements(stiffness, table.friction.limit, time * stiffness))
     delay = table.plant.dead_time + table.sample_time / 2 - late
-    terms = force.Terms(1 / table.plant.modes[0].gain, known_delay=delay, known_delay_std=late_std, damped=True)
-    return table, force.identify(own_records.hysteresis(table, seed), terms, pass_band=20.0)
+    terms = Terms(1 / table.plant.modes[0].gain, known_delay=delay, known_delay_std=late_std, damped=True)
+    return table, by_elements.identify(own_records.hysteresis(table, seed), terms, pass_band=20.0)
 
 
 @pytest.mark.parametrize("seed", [100, 107])
@@ -261,7 +263,7 @@ def test_a_record_without_friction_in_it_is_refused() -> None:
     n = 4000
     flat = Record(5e-4, *(np.zeros(n) for _ in range(5)))
     with pytest.raises(ValueError, match="constant"):
-        force.identify(flat, force.Terms(), pass_band=20.0)
+        by_elements.identify(flat, Terms(), pass_band=20.0)
 
 
 def test_a_motion_fit_finds_what_was_changed() -> None:

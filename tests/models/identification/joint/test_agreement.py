@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from models.friction import elements
-from models.identification import force
 from models.identification.estimate import Estimate
-from models.identification.force_fit import ForceFit
+from models.identification.force import by_elements
+from models.identification.force.fit import ForceFit
 from models.identification.pipeline import identify
 from models.machine import load
 from models.records.files import Loaded
@@ -37,7 +37,7 @@ def test_slow_records_of_one_machine_give_one_estimate_and_their_disagreement(mo
     drag = Estimate((*names, "viscous friction"), (*units, "N s/m"), np.ones(4), np.eye(4))
     fits = iter([fit(0.0, 1.0, 0.1), fit(1.0, 2.0, 0.3)])
     plain = replace(fit(0.0, 1.0, 0.1), estimate=drag)
-    monkeypatch.setattr(force, "identify", lambda _, terms, **__: plain if terms.viscous else next(fits))
+    monkeypatch.setattr(by_elements, "identify", lambda _, terms, **__: plain if terms.viscous else next(fits))
     record = Record(MACHINE.sample_time, *(np.zeros(n) for _ in range(5)))
     found = identify(
         MACHINE, [Loaded(name, name, record, (), ()) for name in ("a", "b")], kinds=["hysteresis", "hysteresis"]

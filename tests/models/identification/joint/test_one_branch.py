@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from models.friction import branch, elements
 from models.identification.estimate import Estimate
-from models.identification.force_fit import ForceFit
+from models.identification.force.fit import ForceFit
 from models.identification.joint.one_branch import one_branch
 
 TRUTH = np.array([4e6, 1e6, 2e5, 1e-6, 6e-6, 4e-5])

@@ -25,7 +25,7 @@ class ForceFit:
     time [s], measured and modelled force [N], path [m], friction's share [N] (n,); used: which were fitted.
     lag: tau = D_i / K_i and its standard deviation [s] where damping was sought, whether it was taken or not.
     remembered: the force [N] that elements may carry from before the record, which the offset's deviation covers;
-    short: the path is too short to show where the longest element ends.
+    short: the path is too short to show where the longest element ends. pass_band [Hz]: of the low-pass.
     """
 
     friction: Friction
@@ -40,6 +40,7 @@ class ForceFit:
     lag: tuple[float, float] | None = None
     remembered: float = 0.0
     short: bool = False
+    pass_band: float = math.nan
 
     @property
     def damped(self) -> bool:

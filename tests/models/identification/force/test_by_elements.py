@@ -9,8 +9,10 @@ import pytest
 from scipy.signal import cheby1, sosfilt_zi, sosfiltfilt
 
 from models.friction import branch, deflections, elements, follow
-from models.identification.force import FEWEST, Terms, _fitted, _there_and_back, identify, slow_band
-from models.identification.force_fit import DAMPING
+from models.identification.force.by_elements import _fitted, identify
+from models.identification.force.fit import DAMPING
+from models.identification.force.linear import FEWEST
+from models.identification.force.signals import Terms, fast_band, slow_band, there_and_back
 from models.records.record import Record
 
 FORCE = 4.0  # N
@@ -29,19 +31,37 @@ def loops(sample_time: float, step: float = 1e-9, drag: float = 0.0) -> Record:
 
 def test_elements_do_not_depend_on_how_fast_the_loops_were() -> None:
     """Friction does not depend on the speed, so that a band in hertz, the same for all, would be wrong."""
-    bands = [slow_band(loops(ts)) for ts in (1.25e-4, 6.25e-5)]
-    assert bands == pytest.approx([80.0, 160.0], rel=1e-3)
-    slower, faster = (
+    bands = [slow_band(loops(ts)) for ts in (1.25e-4, 1.25e-3)]
+    assert bands == pytest.approx([160.0, 16.0], rel=1e-3)
+    faster, slower = (
         identify(loops(ts), Terms(mass=0.0), pass_band=band).friction
-        for ts, band in zip((1.25e-4, 6.25e-5), bands, strict=True)
+        for ts, band in zip((1.25e-4, 1.25e-3), bands, strict=True)
     )
     assert slower.limit == pytest.approx(faster.limit, rel=1e-6)
     assert slower.stiffness == pytest.approx(faster.stiffness, rel=1e-6)
 
 
-def test_loops_that_are_slow_keep_the_usual_band() -> None:
-    assert slow_band(loops(5e-4)) == pytest.approx(20.0, rel=1e-3)
-    assert slow_band(loops(4e-3)) == pytest.approx(17.0, rel=0.02)  # the widest at 250 Hz
+def strokes(seconds: float, wait: float, sample_time: float = 1e-3) -> Record:
+    """Strokes of 50 mm to and fro, each in so many seconds, and as long a wait [s] behind each."""
+    share = np.linspace(0, 1, round(seconds / sample_time))
+    there = np.append(share**3 * (10 - 15 * share + 6 * share**2), np.ones(round(wait / sample_time)))
+    path = 0.05 * np.tile(np.append(there, 1 - there), 3)
+    return Record(sample_time, *[path] * 5)
+
+
+def test_the_band_of_a_fast_record_is_that_of_its_motion() -> None:
+    """In units of its own time and way, hardly of its scale's noise, not of the wait, and below the lowest mode."""
+    record = strokes(0.25, 2.0)
+    band = fast_band(record, np.inf)
+    assert 30 < band < 60
+    assert band > 2 * slow_band(record)
+    assert fast_band(replace(record, sample_time=100 * record.sample_time), np.inf) == pytest.approx(band / 100)
+    assert fast_band(replace(record, position=7 * record.position), np.inf) == pytest.approx(band)
+    assert fast_band(strokes(0.25, 4.0), np.inf) == pytest.approx(band, rel=0.05)
+    assert fast_band(strokes(0.5, 2.0), np.inf) == pytest.approx(0.5 * band, rel=0.05)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(record.position.size)
+    assert fast_band(replace(record, position=record.position + noise), np.inf) == pytest.approx(band, rel=0.1)
+    assert fast_band(record, 0.5 * band) == pytest.approx(0.35 * band)
 
 
 def test_quick_loops_on_a_fine_scale_show_the_curve_better_than_a_band_for_slow_ones_lets_them() -> None:
@@ -69,7 +89,7 @@ def test_viscous_friction_that_is_known_is_taken_off() -> None:
 def test_the_low_pass_is_scipy_s_to_the_last_digit(band: float, shape: tuple[int, int]) -> None:
     sections = cheby1(8, 0.05, band, output="sos")
     walk = np.cumsum(np.random.default_rng(1).standard_normal(shape), axis=0)
-    found = _there_and_back(sections, sosfilt_zi(sections), walk)
+    found = there_and_back(sections, sosfilt_zi(sections), walk)
     assert np.array_equal(found, sosfiltfilt(sections, walk, axis=0))
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from models.identification.force import SMOOTHING, Terms, identify, usable_band
+from models.identification.force.by_elements import identify
+from models.identification.force.signals import SMOOTHING, Terms, usable_band
 from models.identification.pipeline import identify as identify_machine
 from models.records.files import Loaded
 from studies.identify_machine.shown import results_of
@@ -17,7 +18,7 @@ def test_a_slowly_sampled_axis_is_identified_and_reported(rate: float) -> None:
     record = moved(machine, count=1200)
     found = identify_machine(machine, [Loaded("moves.csv", "none", record, (), ())], kinds=["dynamics"])
     assert found.machine.plant.mass == pytest.approx(0.5, rel=0.05)
-    shown = results_of(found, None)["dynamics"]
+    shown = results_of(found)["dynamics"]
     assert shown["cutoff_Hz"] == pytest.approx(0.1 * rate)
     by_the_authors = next(one for one in shown["published"] if not one["by_direction"])
     mass = next(one["number"] for one in by_the_authors["values"] if one["name"] == "mass")

@@ -1,0 +1,1 @@
+"""Friction elements, and what acts beside them, from a record by inverse dynamics."""
