@@ -8,6 +8,8 @@ import numpy as np
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
+from diagnosis.handover.posterior import deviations_of_values
+from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
 from models.machine import Machine, parameters
 from models.variation import known
@@ -20,7 +22,8 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     adopted; as it was given where there was nothing to explain. Where a richer one of these is worse than a simpler one
     on motions that were left out of its fit, in force, position or settling, it is the simpler one: see
     `diagnosis.how_far.handover`. `source` says what the records were, as in "gap_diagnosis of moves.csv": it becomes
-    the provenance of every value that the diagnosis changed or added.
+    the provenance of every value that the diagnosis changed or added, with its standard deviation where the records are
+    explained.
 
     >>> better = pos.improved_machine(diagnosis, "diagnosis of moves.csv")
     >>> [effect.name for effect in better.effects]
@@ -30,7 +33,10 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     if adopted.finished is None:
         return diagnosis.baseline.delivered if adopted.name == Content.DELIVERED else adopted.machine
     fitted = adopted.finished.fitted
-    return machine_of(nominal, fitted.candidate, deviations_of(fitted, diagnosis.baseline.segment), source)
+    segment = diagnosis.baseline.segment
+    # Where something is left that has no name, values stand in for it by more than their deviations tell.
+    stated = deviations_of_values(fitted, segment) if diagnosis.outcome is not Outcome.NONE else {}
+    return machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,7 @@ _IN_TEXT: Final = re.compile(rf"(?<=\d{_SPACE})(?:{_WHOLE}|1{_BELOW})|(?<=\s\[){
 _UNIT_ALONE: Final = rf"{_WHOLE}|1{_BELOW}|1"
 _IN_CELL: Final = re.compile(rf"(?<=\| )(?:{_UNIT_ALONE})(?:[,;] (?:{_UNIT_ALONE}))*(?= \|$)", re.MULTILINE)
 _PRODUCT: Final = r"[^\s/()]+(?: [^\s/()]+)*"
+_TORQUE: Final = re.compile(r"\b([GMkcmµun]?N)([cm]?m)\b")  # "Nm" and "mNm", as the tools of drives write them
 _UNIT: Final = re.compile(rf"({_PRODUCT})(?:/(?:\(({_PRODUCT})\)|([^\s/()]+)))?")
 
 
@@ -301,8 +302,9 @@ def _is_any_rotary(unit_text: str, unit: str) -> bool:
 def _quantity(unit_text: str, unit: str) -> Any:
     """One of a unit, by the registry of units. Raises QuantityError for an unknown one; unit: an example for it."""
     registry = _registry()
+    text = _TORQUE.sub(r"(\1 \2)", unit_text.replace("kg m2", "kg m^2"))
     try:
-        return registry.Quantity(Decimal(1), registry.parse_units(unit_text.replace("kg m2", "kg m^2")))
+        return registry.Quantity(Decimal(1), registry.parse_units(text))
     except Exception as error:  # pint lets its parser's and Python's tokenizer's errors through, of many types
         raise QuantityError(f"has an unknown unit {cut(unit_text)}; write it like {_example(unit)!r}") from error
 

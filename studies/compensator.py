@@ -87,7 +87,13 @@ def _line(choice: Choice) -> tuple[str, str]:
     """The row of the summary: the number, and the settling times that it was chosen by."""
     told = {choice.count - 1, choice.count, choice.most, *(1 << i for i in range(choice.most.bit_length()))}
     curve = ", ".join(f"{one.count}: {show(one.settling_time, 's')}" for one in choice.trials if one.count in told)
-    met = "the fewest elements that meet" if choice.meets else f"none of 1 to {choice.most} elements meets; the best"
+    met = f"none of 1 to {choice.most} elements meets; the best"
+    if choice.meets:
+        met = (
+            "the fewest elements that meet"
+            if choice.spare
+            else "the elements that meet soonest, none with time to spare"
+        )
     return f"friction compensator, {met}", f"{choice.count} (settling by elements: {curve})"
 
 

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,13 +87,17 @@ def starts_of(candidate: Candidate) -> tuple[Array, ...]:
 
 
 def machine_of(
-    nominal: Machine, candidate: Candidate, deviations: Sequence[Mapping[str, float]] = (), source: str = "diagnosis"
+    nominal: Machine,
+    candidate: Candidate,
+    deviations: Sequence[Mapping[str, float]] = (),
+    source: str = "diagnosis",
+    stated: Mapping[str, float | tuple[float, ...]] = MappingProxyType({}),
 ) -> Machine:
     """The nominal machine with what the candidate changes, each value with its provenance; deviations: of the
-    candidate's effects [SI]."""
+    candidate's effects [SI]; stated: of its nominal values by their dotted names [SI]."""
     whole = with_sines(candidate)
     fitted = replace(whole.machine, priors=nominal.priors, tolerance=nominal.tolerance)
-    sources = {**nominal.sources, **dict(_refitted(nominal, fitted, source))}
+    sources = {**nominal.sources, **dict(_refitted(nominal, fitted, source, stated))}
     if whole.effects:
         given = {effect.name for effect in nominal.effects}
         known = deviations or [{} for _ in candidate.effects]
@@ -116,13 +121,15 @@ def _allowed(effect: Effect) -> Effect:
     return replace(effect, **changed) if changed else effect
 
 
-def _refitted(nominal: Machine, fitted: Machine, source: str) -> Iterator[tuple[str, Provenance]]:
-    """The provenance of every value that the re-fit changed, by the value's dotted name."""
+def _refitted(
+    nominal: Machine, fitted: Machine, source: str, stated: Mapping[str, float | tuple[float, ...]]
+) -> Iterator[tuple[str, Provenance]]:
+    """The provenance of every value that the re-fit changed, by the value's dotted name; stated: see `machine_of`."""
     before = {one.name: one.number for one in values_of(replace(nominal, effects=()))}
     provenance = Provenance("identified", f"{source}, within the tolerance of the file's value")
     for one in values_of(replace(fitted, effects=())):
         if before.get(one.name) != one.number:
-            yield one.name, provenance
+            yield one.name, replace(provenance, std=stated.get(one.name))
 
 
 def provenance_of_effects(

@@ -20,6 +20,9 @@ from diagnosis.model.parameters import bounded
 from diagnosis.model.residual import Candidate
 from diagnosis.which.table import covariance_of
 from models.machine import Machine
+from models.machine import parameters as values_of
+
+Array = NDArray[np.float64]
 
 LEAST: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
 
@@ -34,6 +37,33 @@ def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[M
     fitted = diagnosis.baseline.nominal if adopted is None or adopted.finished is None else adopted.finished.fitted
     found = drawn(fitted, diagnosis.baseline.segment, count, seed)
     return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)
+
+
+def deviations_of_values(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, float | tuple[float, ...]]:
+    """The standard deviation [SI] of each nominal value that the fit moved, by its dotted name in the file: by
+    differences along the coordinates, and never more than the prior's; segment: see `covariance_of`."""
+    candidate, layout = fitted.candidate, fitted.candidate.layout
+    free = np.flatnonzero(np.array(layout.names) != "initial_friction_state")
+    covariance = covariance_of(fitted, segment)[np.ix_(free, free)]
+    wide = np.sqrt(np.diag(covariance))
+    less = np.minimum(layout.deviation[free] / wide, 1.0)
+    root = np.linalg.cholesky(covariance * np.outer(less, less))
+    here = _values(candidate)
+    slopes = {name: np.zeros((free.size, number.size)) for name, number in here.items()}
+    for i, place in enumerate(free):
+        step = 0.1 * wide[i] * (-1.0 if candidate.theta[place] + 0.1 * wide[i] > layout.high[place] else 1.0)
+        theta = candidate.theta + step * (np.arange(layout.count) == place)
+        for name, number in _values(replace(candidate, theta=theta)).items():
+            slopes[name][i] = (number - here[name]) / step
+    variance = {name: np.sum((root.T @ slope) ** 2, axis=0) for name, slope in slopes.items()}
+    deviations = {name: tuple(np.sqrt(one).tolist()) for name, one in variance.items() if np.all(one > 0)}
+    return {name: one if len(one) > 1 else one[0] for name, one in deviations.items()}
+
+
+def _values(candidate: Candidate) -> dict[str, Array]:
+    """Every number [SI] of a candidate's machine without its effects, by its dotted name."""
+    rows = values_of(replace(candidate.machine, effects=()))
+    return {one.name: np.atleast_1d(one.number) for one in rows if not isinstance(one.number, str)}
 
 
 def drawn(fitted: Fit, segment: NDArray[np.int64] | None, count: int, seed: int = 0) -> list[Candidate]:

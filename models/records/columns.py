@@ -1,8 +1,9 @@
 """Which column of a file holds which signal of a record, in which unit, by which factor: a table, not code.
 
 An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/V", "-1" as a factor turns a sign.
-The factor may hold the unit of what is counted: "xist * 5 nm", "current * 31.5 N/A", "sample * 250 us", and of the
-time "row * 250 us" for the count of the rows. What states no unit is in the file's, or else in SI.
+The factor may hold the unit of what is counted: "xist * 5 nm", "current * 31.5 N/A", "torque * 16.3 N/%", and of the
+time "sample * 250 us", or "row * 250 us" for the count of the rows. What states no unit is in the file's, or else in
+SI.
 """
 
 from __future__ import annotations
@@ -111,17 +112,27 @@ UNITS: Final = {
 def _unit_by(factor: str, signal: str, stated: str) -> str:
     """The unit of a column whose mapping states none but in its factor; stated: what the file says, "" for nothing.
 
-    "5 nm" for each of the counts in a column needs none; "31.5 N/A" is of a column in A; and a number that is the
-    unit's own, as in "x_um * 1e-6", converts the column already.
+    "5 nm" for each of the counts in a column needs none; "31.5 N/A" is of a column in A, "16.3 N/%" of one in percent;
+    and a number that is the unit's own, as in "x_um * 1e-6", converts the column already.
     """
     match = _NUMBER.fullmatch(factor)
-    if match is None or (_is_of(factor, signal) and match[2]):
+    if match is None:
+        return ""
+    numerator, _, denominator = match[2].rpartition("/")
+    if _is_of(factor, signal) and match[2] and not _is_part(denominator):
         return ""
     if match[2]:
-        numerator, _, denominator = match[2].rpartition("/")
         return stated or (denominator.strip("() ") if _is_of(f"1 {numerator}", signal) else "")
     own = stated and _is_of(f"1 {stated}", signal) and parse(f"1 {stated}", UNITS[signal])
     return "" if own and own != 1 and math.isclose(float(match[1]), own, rel_tol=1e-9) else stated
+
+
+def _is_part(unit: str) -> bool:
+    """Whether a unit is a number other than 1, such as % or ‰."""
+    try:
+        return bool(unit) and parse(f"1 {unit}", "1") != 1
+    except QuantityError:
+        return False
 
 
 def _is_of(quantity: str, signal: str) -> bool:

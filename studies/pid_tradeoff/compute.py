@@ -47,6 +47,7 @@ LEVELS: Final = tuple(round(1.2 + 0.1 * i, 1) for i in range(19))  # The bounds 
 QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
 ASSESSMENTS: Final = 10  # of each plant's loop that the tuning of one level takes the time of, about
 QUICK_MEMBERS: Final = 10  # A quick run takes one machine of an ensemble out of so many.
+QUICKER: Final = 0.05  # of a settling time, by which a feedback is better than another
 SHOWN: Final = 4.0  # The figures show so many settling times of the reversal.
 BETWEEN: Final = 0.05  # s. The path between the samples is shown for so long after a step of friction.
 PARTS: Final = 10  # That path has so many points a sample.
@@ -83,7 +84,8 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     on_ensemble = _on_ensemble(machine, others, wanted, limits, controller, chosen, tuned=options.ensemble is not None)
     progress(0.8, "published optima, limits and certificates")
     counted = with_elements(with_pid(machine, chosen.pid, "this study"), options, progress, shares=(0.8, 0.85))
-    fit, compensated = _compensated(machine, counted.machine, controller)
+    own = with_elements(machine, options, progress, shares=(0.85, 0.9))  # the present feedback may need other ones
+    fit, compensated = _compensated(own.machine, counted.machine, controller)
     results = {
         "quick": options.quick,
         "wanted": _asked(wanted, tuning),
@@ -100,6 +102,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
         "reversal": _reversal(machine, every, validations, (chosen, tuning.present, points[-1])),
         "between": _between(machine, chosen.pid),
         "compensated": [_outcome(one) for one in compensated],
+        "keep_present": _keeps_present(tuning.present, compensated, limits.ms, machine),
         "effects": [effect.name for effect in machine.effects],
         "left_out": left_out(machine),
         "compensated_over_runs": scattered(counted.machine, fit, compensated[1], options, most=MOST_RUNS),
@@ -119,11 +122,21 @@ def _compensated(
     machine: Machine, fitted: Machine, controller: Controller
 ) -> tuple[Controller, tuple[Validation, ...]]:
     """The controller with the fitted machine's PID and compensation, of friction and of the effects that can be met,
-    and what the present feedback and the PID achieve with that compensation."""
-    rfm = default_controller(fitted).friction_compensation
-    present = with_effects(replace(controller, friction_compensation=rfm), machine)
-    fit = present.with_feedback(fitted.control.pid)
+    and what the present feedback and the PID achieve, each with the elements that its machine states."""
+    present, fit = (
+        with_effects(replace(controller, friction_compensation=default_controller(one).friction_compensation), one)
+        for one in (machine, fitted)
+    )
+    fit = fit.with_feedback(fitted.control.pid)
     return fit, validate_many([machine, fitted], [present, fit])
+
+
+def _keeps_present(present: Point, compensated: Sequence[Validation], ms: float, machine: Machine) -> bool:
+    """Whether the present feedback is better where friction is compensated: it settles sooner by more than QUICKER, and
+    keeps to the bound on |S| [1] or is the only one of both that is in time."""
+    here, there = (one.slowest.settling_time for one in compensated)
+    only = here <= machine.specification.settling_time < there
+    return here < (1 - QUICKER) * there and (present.ms <= ms or only)
 
 
 def _tuned(

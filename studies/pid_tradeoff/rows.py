@@ -104,4 +104,6 @@ def summary(results: dict[str, Any]) -> list[tuple[str, str]]:
     warnings = [(f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]]
     acting = [("effects that act, met where friction is", listed([effect(one) for one in results["effects"]]))]
     rows = [(stated, line(present)), ("chosen PID", line(chosen)), ("fastest of the front", line(fastest))]
-    return [*warnings, *rows, *(acting if results["effects"] else [])]
+    before, after = (show(one["slowest_s"], "s") for one in results["compensated"])
+    kept = [("WARNING, keep the present feedback", f"with friction compensated {before} with it, {after} with the PID")]
+    return [*warnings, *(kept if results["keep_present"] else []), *rows, *(acting if results["effects"] else [])]

@@ -75,14 +75,19 @@ def left_by_moves(limit: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     return np.asarray(deflections(limit, path)[-1])
 
 
+def off_by(machine: Machine, rng: np.random.Generator, wrong: float = 1.0) -> Machine:
+    """The table with nominal values that are off by `wrong` times their tolerances [1]."""
+    layout = parameters(machine, 1)
+    theta = bounded(layout, wrong * layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
+    return applied(layout, theta)
+
+
 def recorded(
     machine: Machine, plan: Sequence[Schedule], effects: Sequence[Effect] = (), *, seed: int, wrong: float = 1.0
 ) -> tuple[Record, ...]:
     """Records of a table whose nominal values are off by `wrong` times their tolerances [1], with effects."""
-    layout = parameters(machine, 1)
     rng = np.random.default_rng(seed)
-    theta = bounded(layout, wrong * layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
-    truth = replace(applied(layout, theta), effects=tuple(effects))
+    truth = replace(off_by(machine, rng, wrong), effects=tuple(effects))
     limit = np.array(truth.friction.limit)
     control = machine.control
     controller = Controller(machine.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))

@@ -27,7 +27,7 @@ from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
 from models.effects.motor import Cogging
 from models.machine import load
 from models.machine_file import to_toml
-from tests.diagnosis.tables import LEAD, recorded, short, table
+from tests.diagnosis.tables import LEAD, off_by, recorded, short, table
 
 MACHINE = table()
 PLAN = (short(MACHINE),)
@@ -60,6 +60,11 @@ def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> Non
     """Force, position and settling; and the closure follows from the terms that are told with it."""
     path, adopted = folder / "improved.toml", found.how_far.handover.adopted
     path.write_text(to_toml(improved_machine(found)), encoding="utf-8")
+    truth, written = off_by(MACHINE, np.random.default_rng(1)), load(path)
+    std = written.sources["plant.dead_time"].std
+    assert isinstance(std, float)
+    assert truth.plant.dead_time != MACHINE.plant.dead_time
+    assert abs(written.plant.dead_time - truth.plant.dead_time) < 4 * std < MACHINE.tolerance.dead_time
     file = judged(load(path), starts_of(adopted.fitted.candidate)).candidate
     left = errors_of(file, found.baseline.records, smooth(file, found.baseline.records)).gap()
     told = to_json(found)["how_far"]

@@ -5,18 +5,23 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from design.controller import default_controller
+from design.family import family
+from design.pid.front import judged
+from design.validation import validate
 from models.controller import load
 from models.machine import Provenance
 from models.machine import load as load_machine
 from studies.command import DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
-from studies.pid_tradeoff.compute import _wanted
+from studies.pid_tradeoff.compute import _keeps_present, _wanted
 from studies.pid_tradeoff.options import TradeoffOptions
 
 TS = 5e-4
@@ -40,6 +45,22 @@ def test_everything_is_written_and_every_check_holds(folder: Path) -> None:
     checks = read(folder, "results.json")["checks"]
     assert len(checks) >= 7
     assert all(check["holds"] for check in checks)
+
+
+def test_a_present_feedback_that_is_better_with_compensation_is_kept() -> None:
+    """Sooner, and with a peak that was asked for, or as the only one of both in time."""
+    machine = load_machine()
+    law = default_controller(machine)
+    quick, slow = validate(machine, law), validate(machine, law.without_compensation())
+    assert quick.slowest.settling_time < machine.specification.settling_time < slow.slowest.settling_time
+    present = judged("present", machine.control.pid, family(machine, 0.05, 0.05, ()))
+    assert _keeps_present(present, (quick, slow), present.ms, machine)
+    assert _keeps_present(present, (quick, slow), 0.9 * present.ms, machine)
+    assert not _keeps_present(present, (quick, quick), present.ms, machine)
+    assert not _keeps_present(present, (slow, quick), present.ms, machine)
+    patient = replace(machine, specification=replace(machine.specification, settling_time=1.0))
+    assert _keeps_present(present, (quick, slow), present.ms, patient)
+    assert not _keeps_present(present, (quick, slow), 0.9 * present.ms, patient)
 
 
 def test_the_front_trades_stability_for_suppression(folder: Path) -> None:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from design.controller import default_controller
 from design.validation import sequence
-from diagnosis.handover.posterior import drawn
-from diagnosis.model.fit import coordinates
+from diagnosis.handover.posterior import deviations_of_values, drawn
+from diagnosis.model.fit import Fit, coordinates
 from diagnosis.model.parameters import parameters
 from diagnosis.refit import refit
 from diagnosis.which.table import covariance_of
 from models.effects.friction_laws import ViscousFriction
 from models.machine import load
+from models.machine import parameters as values_of
 from models.simulation.simulator import simulate
 
 MACHINE = replace(load(), specification=replace(load().specification, interval=0.15))
@@ -22,12 +24,36 @@ DRAG = ViscousFriction(60.0)
 COUNT = 1500
 
 
-def test_draws_have_the_covariance_of_the_fit() -> None:
-    """The correlations of a value with another are checked with their own: of 1500 draws, to 0.1 at four deviations."""
+@pytest.fixture(scope="module")
+def fitted() -> Fit:
+    """The nominal values and the drag fitted to a record of them."""
     noisy = replace(MACHINE, scale=MACHINE.scale.noisy(), effects=(DRAG,))
     record = simulate(noisy, default_controller(MACHINE), sequence(MACHINE, periods=1, lead=100), seed=2).record
     nominal = replace(MACHINE, scale=MACHINE.scale.noisy())
-    fitted = refit(parameters(nominal, 1), [record], (DRAG,))
+    return refit(parameters(nominal, 1), [record], (DRAG,))
+
+
+def test_the_deviations_of_values_are_those_of_drawn_machines_and_cover_the_truth(fitted: Fit) -> None:
+    deviations = deviations_of_values(fitted)
+    machines = [one.machine for one in drawn(fitted, None, COUNT, seed=4)]
+    for name, number in (
+        ("plant.dead_time", [one.plant.dead_time for one in machines]),
+        ("plant.modes.1.gain", [one.plant.rigid_gain for one in machines]),
+        ("drive.offset", [one.drive.offset for one in machines]),
+        ("friction.stiffness", [one.friction.stiffness for one in machines]),
+        ("friction.limit", [one.friction.limit for one in machines]),
+    ):
+        # Logarithms are drawn, whose spread is as large as the values' to the first order.
+        np.testing.assert_allclose(np.std(np.array(number), axis=0), deviations[name], rtol=0.12)
+    known = {one.name: np.array(one.number) for one in values_of(replace(MACHINE, effects=()))}
+    told = {one.name: np.array(one.number) for one in values_of(replace(fitted.candidate.machine, effects=()))}
+    for name in ("plant.dead_time", "plant.modes.1.gain", "plant.modes.2.frequency", "friction.stiffness"):
+        assert np.all(np.abs(told[name] - known[name]) < 4 * np.array(deviations[name])), name
+    assert np.max(deviations["plant.dead_time"]) < 0.5 * MACHINE.tolerance.dead_time
+
+
+def test_draws_have_the_covariance_of_the_fit(fitted: Fit) -> None:
+    """The correlations of a value with another are checked with their own: of 1500 draws, to 0.1 at four deviations."""
     found = drawn(fitted, None, COUNT, seed=3)
     names = np.array(fitted.candidate.layout.names)
     inner = np.isin(names, ("payload_mass", "dead_time", "friction_level", "amplifier_offset"))

@@ -179,6 +179,14 @@ def test_the_unit_that_a_file_states_counts_where_the_mapping_states_none(
         ("i * 31.5 N/A", "mA", 0.0315),
         ("i [mA] * 31.5 N/A", "A", 0.0315),
         ("i * 2 N", "A", 2),
+        ("i * 16.3 N/%", "", 16.3),  # of the rated thrust
+        ("i * 16.3 N/%", "%", 16.3),
+        ("i * 16.3 N/%", "‰", 1.63),
+        ("i [%] * 16.3 N/%", "‰", 16.3),
+        ("i * 16.3 N/count", "increments", 16.3),
+        ("i * 1257 N/(N m)", "Nm", 1257.0),  # of a screw with a lead of 5 mm
+        ("i * 1257 N/Nm", "mNm", 1.257),
+        ("i * 12.57 N/Ncm", "", 12.57),
     ],
 )
 def test_a_factor_states_the_unit_of_what_it_is_for(entry: str, stated: str, factor: float) -> None:
