@@ -31,6 +31,7 @@ Complex = NDArray[np.complex128]
 
 ROLLED: Final = 20  # samples over which an axis that rolls has moved on,
 STEPPED: Final = 5.0  # and steps of its scale
+BACK: Final = 0.25  # of the way that it moves on: by so much it surely moved backwards
 BEGUN: Final = 6  # samples after which a sweep's axis has half of its speed, unless friction still builds up
 WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below are not looked at
 LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks into them
@@ -56,7 +57,8 @@ class FrequencyResponse:
     rolling: the record never stood still nor turned round, so that rolling friction was constant and bends nothing.
     command: the spectrum U (n,) [any unit] of one record without a window: X / U then holds what the record's two ends
     leave of each mode, too; None: no such part. settled [s]: for how long before it the excitation was the same, so
-    that what dies out in that time is the same at both ends; 0 for a single sweep.
+    that what dies out in that time is the same at both ends; 0 for a single sweep. turned: the share [1] of the samples
+    in which an axis that rolls moved backwards, as a mode that is excited too strongly makes it.
     """
 
     frequency: Array
@@ -67,6 +69,7 @@ class FrequencyResponse:
     rolling: bool = False
     command: Complex | None = None
     settled: float = 0.0
+    turned: float = 0.0
 
 
 def period(signal: Array) -> int | None:
@@ -112,7 +115,8 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
     cross_u = np.mean(u * np.conj(r), axis=0)
     variance = error * np.mean(np.abs(r) ** 2, axis=0) / (count * np.abs(cross_u) ** 2)
     rolling = _rolling(record.position)
-    return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling)
+    turned = _turned(record.position)
+    return FrequencyResponse(frequency[used], response, variance, coherence, record.sample_time, rolling, turned=turned)
 
 
 def _repeated(record: Record, length: int) -> FrequencyResponse:
@@ -139,7 +143,15 @@ def _repeated(record: Record, length: int) -> FrequencyResponse:
     command = np.mean(u[:, used], axis=0)
     rolling = _rolling(part.position)
     return FrequencyResponse(
-        frequency[used], response, noise / np.abs(command) ** 2, coherence, ts, rolling, command, length * ts
+        frequency[used],
+        response,
+        noise / np.abs(command) ** 2,
+        coherence,
+        ts,
+        rolling,
+        command,
+        length * ts,
+        _turned(part.position),
     )
 
 
@@ -207,7 +219,9 @@ def _swept(record: Record) -> FrequencyResponse:
     begun, moved = _samples_to_move(part.position, BEGUN), abs(part.position - part.position[0])
     if rolling and moved[begun] < 0.5 * moved[-1] * begun / n:
         raise ValueError("the sweep begins before the axis rolls: friction still builds up; let it roll for a second")
-    return FrequencyResponse(f, x[used] / u, noise / np.abs(u) ** 2, coherence[used], ts, rolling, u)
+    return FrequencyResponse(
+        f, x[used] / u, noise / np.abs(u) ** 2, coherence[used], ts, rolling, u, turned=_turned(part.position)
+    )
 
 
 def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array]:
@@ -291,6 +305,13 @@ def _rolling(position: Array) -> bool:
     span = _samples_to_move(position, ROLLED)
     moved = position[span:] - position[:-span]
     return bool(np.all(moved > 0) or np.all(moved < 0))
+
+
+def _turned(position: Array) -> float:
+    """The share [1] of the samples in which the axis, at position (n,) [m], moved backwards by a part of its way on."""
+    span = _samples_to_move(position, 1)
+    way = (position[-1] - position[0]) / (position.size - 1) * span
+    return float(np.mean((position[span:] - position[:-span]) * np.sign(way) < -BACK * abs(way)))
 
 
 def _samples_to_move(position: Array, least: int) -> int:

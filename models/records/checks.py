@@ -257,6 +257,17 @@ def _shift(record: Record, feedback: Feedback, reference_delay: int) -> Iterator
     best = min(left, key=lambda shift: left[shift])
     share = left[best] / float(np.std(logged[middle]))
     if best != 0 and share < 0.5 and left[best] < 0.5 * left[0]:
+        delays = {
+            delay: float(np.std((logged - np.diff(replay(record, feedback, delay)))[middle]))
+            for delay in range(max(reference_delay - most, 0), reference_delay + most + 1)
+        }
+        other = min(delays, key=lambda delay: delays[delay])
+        if delays[other] <= left[best]:  # which a shift of the log only resembles
+            yield (
+                f"The command is that of the stated controller with a reference delay of {other} samples, and not of "
+                f"{reference_delay}; correct reference_delay in the machine file."
+            )
+            return
         late = "late" if best > 0 else "early"
         yield (
             f"A delay between channels: the command is logged {abs(best)} sample{'s' * (abs(best) > 1)} "

@@ -180,7 +180,7 @@ def checks(one: Mapping[str, Any], specified: float) -> list[Check]:
 def closing(one: Mapping[str, Any], unmet: Sequence[str]) -> str:
     """Why nothing is left to be run; where the specification is missed, why, and which one would be met."""
     if one["met"]:
-        return "the specification is met, and the circle is closed"
+        return "the specification is met in the record, and the circle is closed"
     found = one["after"] if one["state"] == "missed" else one["before"]
     reached = f"a tolerance of {show(one['reached_tolerance_m'], 'm', 2)}"
     if not found["never"]:

@@ -11,6 +11,7 @@ import numpy as np
 from design.judging.known_range import with_covered
 from models.friction import branch
 from models.identification.force.fit import SURE
+from models.identification.modal.remarks import ResponseStep, on_turning
 from models.identification.pipeline import identify
 from models.identification.recognise import read, recognised, replayable
 from models.machine import Machine, Parameter, parameters
@@ -83,6 +84,8 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         (row["name"], f"{show(row['number'], unit, 5)} ± {show(row['std'], unit, 2)}")
         for row, unit in zip(shown["estimates"], units, strict=True)
     ]
+    responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
+    summary[:0] = [(f"WARNING, {name}", said) for name, gave in responses for said in on_turning(gave.measured)]
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from models.identification.estimate import LOOSE
 from models.identification.into_machine import Found, with_response
 from models.identification.joint.agreement import together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
-from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
+from models.identification.modal.remarks import ResponseStep, bent, on_disagreement, on_left_out, on_response
 from models.identification.response import FrequencyResponse
 from models.records.files import Loaded
 from models.records.record import Record
@@ -30,14 +31,27 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
     remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
     if earlier:
-        steps = [*(one.gave for one in earlier if isinstance(one.gave, ResponseStep)), step]
-        best = modes.fit_together(
-            [one.measured for one in steps], [one.fit.used for one in steps], count=settings.modes
-        )
+        every = [*earlier, Step(kind, loaded, step)]
+        used = [one for one in every if not bent(_gave(one).measured)] or every
+        fits = [_gave(one) for one in used]
+        best = _together(fits, settings)
         step = replace(step, together=best)
-        remarks += on_disagreement([one.loaded.name for one in earlier] + [loaded.name], steps)
-        source = Found(together([*earlier, Step(kind, loaded, step)]), "response")
+        remarks += on_disagreement([one.loaded.name for one in used], fits)
+        remarks += on_left_out([one.loaded.name for one in every if one not in used])
+        source = Found(together(used), "response")
     return with_step(found, with_response(found.machine, best, source), kind, loaded, step, remarks)
+
+
+def _together(steps: Sequence[ResponseStep], settings: Settings) -> modes.Fit:
+    """One plant from all of these responses."""
+    if len(steps) == 1:
+        return steps[0].fit
+    return modes.fit_together([one.measured for one in steps], [one.fit.used for one in steps], count=settings.modes)
+
+
+def _gave(step: Step) -> ResponseStep:
+    assert isinstance(step.gave, ResponseStep)
+    return step.gave
 
 
 def _check_excited(fit: modes.Fit, measured: FrequencyResponse) -> None:

@@ -15,6 +15,7 @@ from models.identification.estimate import Estimate
 from models.identification.response import FrequencyResponse
 from models.quantity import listed, show
 
+TURNED: Final = 2e-3  # share of the samples in which an axis may move backwards, as where a sweep begins
 SIGMAS: Final = 3.0  # beyond which two responses differ by more than their noise
 OTHER_LEVEL: Final = 1.5  # ratio of two excitations from which on amplitude may be what makes responses differ
 SAME: Final = 0.1  # relative distance of two frequencies that may be those of one mode
@@ -46,8 +47,24 @@ class ResponseStep:
         return self.fit.estimate
 
 
+def bent(measured: FrequencyResponse) -> bool:
+    """Whether an axis that was to roll moved backwards for long enough to bend its response."""
+    return measured.rolling and measured.turned > TURNED
+
+
+def on_turning(measured: FrequencyResponse) -> Iterator[str]:
+    """That the axis moved backwards where it was to roll, and what to do."""
+    if bent(measured):
+        yield (
+            f"In {100 * measured.turned:.2g} % of the samples the axis moved backwards: friction was not constant, and "
+            "the response is bent where a mode shook it most. Excite with less force there, as by the references that "
+            "--write-references makes of the identified file."
+        )
+
+
 def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
     """What a response shows beside modes, what was not a mode, and what was clipped."""
+    yield from on_turning(measured)
     if not np.all(np.isfinite(measured.variance)):
         yield "The response has no stated deviations: all lines count alike, relative to their size."
     if fit.lag > 0:
@@ -92,6 +109,12 @@ def on_disagreement(names: Sequence[str], steps: Sequence[ResponseStep]) -> Iter
                 f"{one} and {other} disagree in the {name}, {show(values[0], unit)} and {show(values[1], unit)}, by "
                 f"{apart:.1f} standard deviations ({cause}); the machine file has the value of the fit to all together."
             )
+
+
+def on_left_out(names: Sequence[str]) -> Iterator[str]:
+    """That the plant is not from these, in which the axis moved backwards."""
+    if names:
+        yield f"The plant is that of the other responses: {listed(names)} went backwards, and is left out of it."
 
 
 def _apart(one: Estimate, other: Estimate) -> Iterator[tuple[str, tuple[float, float], float]]:

@@ -16,6 +16,7 @@ from models.identification.estimate import Estimate, combined, left_out, newey_w
 from models.identification.force import by_elements
 from models.identification.force.fit import ForceFit
 from models.identification.force.signals import Terms
+from models.identification.modal.remarks import TURNED
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.machine import Machine, Tolerance, load
@@ -111,11 +112,18 @@ def test_an_excitation_that_is_not_periodic_is_taken_over_windows() -> None:
 
 
 def _swept(
-    table: Machine, length: float, times: int = 1, *, method: str = "logarithmic", force: float = 12, top: float = 400
+    table: Machine,
+    length: float,
+    times: int = 1,
+    *,
+    method: str = "logarithmic",
+    force: float = 12,
+    begin: float = 4,
+    top: float = 400,
 ) -> Record:
-    """A sweep over `length` [s] from 4 to `top` [Hz] with `force` [N], `times` in a row, while the axis rolls."""
+    """A sweep over `length` [s] from `begin` to `top` [Hz] with `force` [N], `times` in a row, while the axis rolls."""
     ts = table.sample_time
-    sweep = force * chirp(np.arange(round(length / ts)) * ts, 4, length, top, method=method, phi=-90)
+    sweep = force * chirp(np.arange(round(length / ts)) * ts, begin, length, top, method=method, phi=-90)
     force_ = np.concatenate([np.zeros(round(1 / ts)), np.tile(sweep, times)])
     speed = 1.013 * own_records.SPEED  # no whole number of the scale's steps in a sample, which no axis keeps to
     return own_records.run(table, speed * ts * np.arange(force_.size, dtype=float), force_, 1)
@@ -144,6 +152,29 @@ def test_one_sweep_shows_the_plant_within_its_deviations() -> None:
     assert np.max(np.abs(errors)) < 4
     assert np.mean(np.abs(errors) < WITHIN) >= 0.85
     assert np.sqrt(np.mean(np.square(errors))) > 0.5  # nor are the deviations stated too large
+
+
+def test_a_sweep_whose_mode_turned_the_axis_back_is_left_out_of_the_plant() -> None:
+    """Beside one that rolled throughout; alone it is all that there is, and says so, too."""
+    rigid, mode, _ = MACHINE.plant.modes
+    sharp = (rigid, replace(mode, frequency=150.0, gain=0.0008, damping=0.004))
+    table = replace(MACHINE, plant=replace(MACHINE.plant, modes=sharp))
+    quiet = Loaded("quiet.csv", "12ab", _swept(table, 12), (), ())
+    strong = Loaded("strong.csv", "34cd", _swept(table, 12, force=300, begin=90), (), ())
+    assert response.measured(_record(quiet)).turned == 0
+    assert response.measured(_record(strong)).rolling
+    assert response.measured(_record(strong)).turned > TURNED
+    alone, both, bent = (identify(table, one) for one in ([quiet], [strong, quiet], [strong]))
+    assert both.machine.plant == alone.machine.plant
+    assert both.machine.sources["plant.dead_time"].record == "quiet.csv"
+    assert any("strong.csv went backwards, and is left out" in said for said in both.remarks)
+    assert any("% of the samples the axis moved backwards" in said for said in bent.remarks)
+    assert bent.machine.plant != alone.machine.plant
+
+
+def _record(loaded: Loaded) -> Record:
+    assert isinstance(loaded.content, Record)
+    return loaded.content
 
 
 @pytest.mark.parametrize(

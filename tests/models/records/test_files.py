@@ -276,6 +276,19 @@ def test_what_is_no_error_is_said_too(tmp_path: Path, table: Table) -> None:
     assert "the command is logged 3 samples (1.5 ms) late" in said(tmp_path / "late.csv", late)
 
 
+@pytest.mark.parametrize("stated", [1, 4])
+def test_another_reference_delay_is_no_shift_of_the_log(tmp_path: Path, stated: int) -> None:
+    """Of a command that is nearly all of the reference they look alike; "shift it back" would spoil the dead time."""
+    time, still, pid = np.arange(3000) * 5e-4, np.zeros(3000), PID(1e5, 0.0, 0.0, 0.0)
+    reference, position = (1e-4 * size * np.sin(2 * np.pi * f * time) for size, f in ((1.0, 4.0), (0.2, 3.0)))
+    ran = Record(5e-4, reference, reference, still, still, position)
+    table = {"time_s": time, "reference_m": reference, "position_m": position, "command_N": replay(ran, pid, 2)}
+    loaded = load(csv(tmp_path / "a.csv", table), pid=pid, reference_delay=stated, trusted=True)
+    found = " ".join(loaded.findings)
+    assert f"with a reference delay of 2 samples, and not of {stated}" in found
+    assert "delay between channels" not in found
+
+
 def test_a_controller_that_did_not_run_is_said(tmp_path: Path, table: Table) -> None:
     other = PID(1e3, 0.0, 10.0, 1e-4)
     findings = load(csv(tmp_path / "a.csv", table), pid=other, reference_delay=2).findings
