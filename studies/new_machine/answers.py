@@ -36,6 +36,9 @@ ANSWERS: Final = (
 )
 """What has to be answered."""
 OPTIONAL: Final = (
+    Asked(
+        "offset", "N", "FORCE", "constant force that the drive has to hold, such as gravity; none if not given", "60 N"
+    ),
     Asked("dead_time", "s", "TIME", "dead time from command to thrust; 1.5 sample times if not given", "400 us"),
 )
 """What is assumed where it is not answered."""

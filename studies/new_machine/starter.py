@@ -63,14 +63,14 @@ def _numbers(answers: Mapping[str, str]) -> dict[str, float]:
             numbers[one.name] = parse(answers[one.name], one.unit)
         except QuantityError as error:
             raise BadInputError(f"{one.option}: {error}") from error
-        if not numbers[one.name] > 0:
+        if one.name != "offset" and not numbers[one.name] > 0:
             raise BadInputError(f"{one.option}: {answers[one.name]!r} must be above 0")
     return {"dead_time": DEAD_TIME * numbers["sample_time"], **numbers}
 
 
 def _axis(answers: Mapping[str, str]) -> str:
     """Which kind of axis the answers' units are of, a key of AXES. Raises BadInputError where they mix both kinds."""
-    kinds = {one.option: is_rotary(answers[one.name], one.unit) for one in ANSWERS if one.name in answers}
+    kinds = {one.option: is_rotary(answers[one.name], one.unit) for one in (*ANSWERS, *OPTIONAL) if one.name in answers}
     turning = [option for option, rotary in kinds.items() if rotary]
     straight = [option for option, rotary in kinds.items() if rotary is False]
     if turning and straight:
@@ -141,6 +141,7 @@ name = {_quoted(name)}
 rated_thrust = {given("rated_thrust")} # the commands are forces; see [record]
 rated_power = {number(power, "W", "assumed: rated thrust x rated speed")} # see the motor's datasheet
 rated_speed = {given("rated_speed")}
+offset = {given("offset") if "offset" in answers else number(0, "N", "assumed: none")} # of gravity: M g less a balance
 current_loop_bandwidth = {number(CURRENT_LOOP / ts, "Hz", "assumed: a quarter of the sample rate")} # see the drive
 
 [scale]
@@ -163,7 +164,7 @@ damping = {each(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not de
 
 [control]
 sample_time = {given("sample_time")}
-reference_delay = {_entry(str(late), "derived: whole samples of the dead time")} # of x_T*; 0 if the drive has none
+reference_delay = {_entry(str(late), "assumed: whole samples of the dead time")} # of x_T*; 0 if the drive has none
 compensator_elements = {_entry(_quoted("auto"), AUTOMATIC)} # or a number from 1 to {MOST_COMPENSATED}
 
 [control.pid] # replace it by the PID that runs, or by [control.cascade]
