@@ -80,8 +80,12 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         checks += _round_trip_checks(results["round_trip"], quick=options.quick)
         checks += _curve_checks(machine, shown["hysteresis"]["curve"])
     units = [machine.unit(row["unit"]) for row in shown["estimates"]]
+    several = len(found.steps) > 1
     summary = [
-        (row["name"], f"{show(row['number'], unit, 5)} ± {show(row['std'], unit, 2)}")
+        (
+            f"{row['record']}: {row['name']}" if several else row["name"],
+            f"{show(row['number'], unit, 5)} ± {show(row['std'], unit, 2)}",
+        )
         for row, unit in zip(shown["estimates"], units, strict=True)
     ]
     responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]

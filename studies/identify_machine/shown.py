@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -37,8 +38,10 @@ def results_of(found: Identified) -> dict[str, Any]:
     """The results of each record, under its kind, and the rows of all estimates."""
     results: dict[str, Any] = {}
     estimates, ladders = [], list[dict[str, Any]]()
+    named = Counter(step.result for step in found.steps)
     for step in found.steps:
         estimate = step.gave.estimate
+        record = step.result if named[step.result] == 1 else f"{step.result}, {step.loaded.name}"
         shown = _shown(step, found.machine.sample_time)
         correlation = {"names": list(estimate.names), "matrix": estimate.correlation}
         results[step.result] = {**shown, "correlation": correlation}
@@ -46,7 +49,7 @@ def results_of(found: Identified) -> dict[str, Any]:
             ladders.append({"record": step.loaded.name, "ladder": shown["ladder"]})
             results[step.result]["ladders"] = ladders
         estimates += [
-            {"record": step.result, "name": name, "unit": unit, "number": float(value), "std": float(std)}
+            {"record": record, "name": name, "unit": unit, "number": float(value), "std": float(std)}
             for name, unit, value, std in zip(
                 estimate.names, estimate.units, estimate.values, estimate.deviations, strict=True
             )

@@ -139,7 +139,7 @@ def test_damping_that_the_records_do_not_show_is_assumed_and_said(folder: Path) 
     damping = load(folder / "identified.toml").sources["friction.damping"]
     assert damping.kind == "assumed"
     said = [text for text in read(folder, "results.json")["results"]["said"] if "damping of the elements" in text]
-    assert [text.split()[0] for text in said] == ["The", "Motions"]
+    assert [text.split()[:2] for text in said] == [["slow.csv:", "The"], ["moves.csv:", "Motions"]]
     assert all("at most" in text for text in said)
 
 

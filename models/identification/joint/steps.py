@@ -103,8 +103,10 @@ class Identified:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What to know of the values, in whole sentences: what the records can't show or tell apart, or disagree in."""
-        return tuple(remark for step in self.steps for remark in step.remarks)
+        """What to know of the values, in whole sentences: what the records can't show or tell apart, or disagree in. Of
+        several records each sentence begins with the file's name."""
+        several = len(self.steps) > 1
+        return tuple(f"{step.loaded.name}: {one}" if several else one for step in self.steps for one in step.remarks)
 
     def earlier(self, name: str) -> list[tuple[float, float]]:
         """Value and standard deviation of a parameter [SI] in every record so far that has it."""

@@ -70,8 +70,8 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
     if fit.lag > 0:
         std = fit.estimate.deviation(modes.LAG)
         yield (
-            f"The current loop lags by {show(fit.lag, 's')} with a standard deviation of {show(std, 's', 2)}; the "
-            "machine file has it as the effect current_loop_lag, beside the dead time."
+            f"The current loop lags by {show(fit.lag, 's')} with a standard deviation of {show(std, 's', 2)}, beside "
+            "the dead time; of a machine file that is the effect current_loop_lag."
         )
     if fit.drag > 0:
         std = fit.estimate.deviation(modes.DRAG)
