@@ -26,7 +26,8 @@ PROBE: Final = 4000  # samples of the short simulation
 SIMULATED: Final = 150  # bytes that a simulated sample takes: its signals, of one machine
 DIAGNOSED: Final = 14_000  # bytes that a sample takes in a diagnosis: 150,000 samples took 2.2 GB
 IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
-DIAGNOSING: Final = 300  # samples simulated in the time in which one is diagnosed
+# Samples simulated in the time in which one is diagnosed: 1800 to 4200 on four axes with 1 to 10 friction elements.
+DIAGNOSING: Final = 2500
 IDENTIFYING: Final = 35  # samples simulated in the time in which one is identified from
 OFF: Final = 3.0  # factor by which what is foreseen may be off, either way
 
