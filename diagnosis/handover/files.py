@@ -91,7 +91,7 @@ def machine_of(
     candidate: Candidate,
     deviations: Sequence[Mapping[str, float]] = (),
     source: str = "diagnosis",
-    stated: Mapping[str, float | tuple[float, ...]] = MappingProxyType({}),
+    stated: Mapping[str, float] = MappingProxyType({}),
 ) -> Machine:
     """The nominal machine with what the candidate changes, each value with its provenance; deviations: of the
     candidate's effects [SI]; stated: of its nominal values by their dotted names [SI]."""
@@ -122,7 +122,7 @@ def _allowed(effect: Effect) -> Effect:
 
 
 def _refitted(
-    nominal: Machine, fitted: Machine, source: str, stated: Mapping[str, float | tuple[float, ...]]
+    nominal: Machine, fitted: Machine, source: str, stated: Mapping[str, float]
 ) -> Iterator[tuple[str, Provenance]]:
     """The provenance of every value that the re-fit changed, by the value's dotted name; stated: see `machine_of`."""
     before = {one.name: one.number for one in values_of(replace(nominal, effects=()))}

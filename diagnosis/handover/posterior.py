@@ -39,9 +39,13 @@ def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[M
     return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)
 
 
-def deviations_of_values(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, float | tuple[float, ...]]:
+def deviations_of_values(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, float]:
     """The standard deviation [SI] of each nominal value that the fit moved, by its dotted name in the file: by
-    differences along the coordinates, and never more than the prior's; segment: see `covariance_of`."""
+    differences along the coordinates, and never more than the prior's; segment: see `covariance_of`.
+
+    Not of the friction's elements, which keep the file's tolerance: neighbours stand in for each other, so that their
+    sum is far surer than each, and a file states deviations one by one, as who draws machines from it draws them.
+    """
     candidate, layout = fitted.candidate, fitted.candidate.layout
     free = np.flatnonzero(np.array(layout.names) != "initial_friction_state")
     covariance = covariance_of(fitted, segment)[np.ix_(free, free)]
@@ -57,7 +61,7 @@ def deviations_of_values(fitted: Fit, segment: NDArray[np.int64] | None = None) 
             slopes[name][i] = (number - here[name]) / step
     variance = {name: np.sum((root.T @ slope) ** 2, axis=0) for name, slope in slopes.items()}
     deviations = {name: tuple(np.sqrt(one).tolist()) for name, one in variance.items() if np.all(one > 0)}
-    return {name: one if len(one) > 1 else one[0] for name, one in deviations.items()}
+    return {name: one[0] for name, one in deviations.items() if len(one) == 1}
 
 
 def _values(candidate: Candidate) -> dict[str, Array]:
