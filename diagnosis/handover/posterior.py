@@ -47,11 +47,11 @@ def deviations_of_values(fitted: Fit, segment: NDArray[np.int64] | None = None) 
     sum is far surer than each, and a file states deviations one by one, as who draws machines from it draws them.
     """
     candidate, layout = fitted.candidate, fitted.candidate.layout
-    free = np.flatnonzero(np.array(layout.names) != "initial_friction_state")
+    free = np.flatnonzero((np.array(layout.names) != "initial_friction_state") & (layout.deviation > 0))
     covariance = covariance_of(fitted, segment)[np.ix_(free, free)]
     wide = np.sqrt(np.diag(covariance))
-    less = np.minimum(layout.deviation[free] / wide, 1.0)
-    root = np.linalg.cholesky(covariance * np.outer(less, less))
+    values, vectors = np.linalg.eigh(covariance / np.outer(wide, wide))  # as their sizes differ by far
+    root = np.minimum(wide, layout.deviation[free])[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     here = _values(candidate)
     slopes = {name: np.zeros((free.size, number.size)) for name, number in here.items()}
     for i, place in enumerate(free):
