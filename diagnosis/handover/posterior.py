@@ -2,7 +2,8 @@
 
 Values are drawn together, as records of an axis leave their sums and ratios far better known than each of them. The
 covariance is that of the table of effects: of what is left within a motion as dependent, and never less than if it were
-white.
+white. What theta holds as logarithms is drawn as parts of the value: the motion is linear in stiffnesses, so that the
+sum of elements which stand in for each other stays as sure as it is, where draws of logarithms would make it larger.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from models.machine import parameters as values_of
 
 Array = NDArray[np.float64]
 
+VALUES: Final = ("dead_time", "amplifier_offset", "initial_friction_state")  # of theta; all others are logarithms
+SMALLEST: Final = 0.05  # of a value: the least that is drawn
 LEAST: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
 
 
@@ -82,8 +85,10 @@ def drawn(fitted: Fit, segment: NDArray[np.int64] | None, count: int, seed: int 
     normal = np.random.default_rng([seed, 29]).standard_normal((count, scale.size))
     steps = scale * (normal @ root.T)
     found = []
+    parts = ~np.isin(layout.names, VALUES)
     for step in steps:
-        theta = bounded(layout, candidate.theta + step[: layout.count])
+        moved = np.where(parts, np.log1p(np.maximum(step[: layout.count], SMALLEST - 1)), step[: layout.count])
+        theta = bounded(layout, candidate.theta + moved)
         effects, begin = [], layout.count
         for effect in candidate.effects:
             here = coordinates(effect)

@@ -15,6 +15,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.refit import refit
 from diagnosis.which.table import covariance_of
 from models.effects.friction_laws import ViscousFriction
+from models.friction import branch, elements
 from models.machine import load
 from models.machine import parameters as values_of
 from models.simulation.simulator import simulate
@@ -49,6 +50,21 @@ def test_the_deviations_of_values_are_those_of_drawn_machines_and_cover_the_trut
         assert abs(told[name] - known[name]) < 4 * deviations[name], name
     assert not [name for name in deviations if name.startswith("friction.")]
     assert deviations["plant.dead_time"] < 0.5 * MACHINE.tolerance.dead_time
+
+
+def test_elements_that_stand_in_for_each_other_are_drawn_with_the_sum_that_is_sure() -> None:
+    """Of each element two halves of the same limit: either is open by a half, and friction is known to some per cent.
+    Draws of their logarithms had more friction in the mean."""
+    half = elements(np.repeat(MACHINE.friction.stiffness, 2) / 2, np.repeat(MACHINE.friction.limit, 2))
+    tolerance = replace(MACHINE.tolerance, stiffness=0.7)
+    nominal = replace(MACHINE, friction=half, tolerance=tolerance, scale=MACHINE.scale.noisy())
+    record = simulate(nominal, default_controller(MACHINE), sequence(MACHINE, periods=1, lead=100), seed=2).record
+    found = refit(parameters(nominal, 1), [record])
+    open_by = np.sqrt(np.diag(covariance_of(found)))[np.array(found.candidate.layout.names) == "presliding_stiffness"]
+    assert np.median(open_by) > 0.4
+    distance = np.geomspace(0.5 * min(half.limit), 2 * max(half.limit), 20)
+    curves = np.array([branch(one.machine.friction, distance) for one in drawn(found, None, 400, seed=7)])
+    np.testing.assert_allclose(np.mean(curves, axis=0), branch(found.candidate.machine.friction, distance), rtol=0.02)
 
 
 def test_draws_have_the_covariance_of_the_fit(fitted: Fit) -> None:
