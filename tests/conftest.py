@@ -24,6 +24,8 @@ SLOW = (
     "design/pid",
     "design/trajectory",
     "diagnosis",
+    "models/identification/force/test_slow_records.py",
+    "models/identification/test_motion.py",
     "models/identification/test_response.py",
     "models/test_emps.py",
     "studies",

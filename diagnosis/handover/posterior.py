@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
 from diagnosis.model.fit import Fit, coordinates, with_coordinates
-from diagnosis.model.parameters import bounded
+from diagnosis.model.parameters import TOLERANCES, bounded
 from diagnosis.model.residual import Candidate
 from diagnosis.which.table import covariance_of
 from models.machine import Machine
@@ -25,7 +25,6 @@ from models.machine import parameters as values_of
 
 Array = NDArray[np.float64]
 
-VALUES: Final = ("dead_time", "amplifier_offset", "initial_friction_state")  # of theta; all others are logarithms
 SMALLEST: Final = 0.05  # of a value: the least that is drawn
 LEAST: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
 
@@ -46,7 +45,7 @@ def deviations_of_values(fitted: Fit, segment: NDArray[np.int64] | None = None) 
     """The standard deviation [SI] of each nominal value that the fit moved, by its dotted name in the file: by
     differences along the coordinates, and never more than the prior's; segment: see `covariance_of`.
 
-    Not of the friction's elements, which keep the file's tolerance: neighbours stand in for each other, so that their
+    Not of several friction elements, which keep the file's tolerance: neighbours stand in for each other, so that their
     sum is far surer than each, and a file states deviations one by one, as who draws machines from it draws them.
     """
     candidate, layout = fitted.candidate, fitted.candidate.layout
@@ -85,7 +84,7 @@ def drawn(fitted: Fit, segment: NDArray[np.int64] | None, count: int, seed: int 
     normal = np.random.default_rng([seed, 29]).standard_normal((count, scale.size))
     steps = scale * (normal @ root.T)
     found = []
-    parts = ~np.isin(layout.names, VALUES)
+    parts = np.array([name in TOLERANCES and TOLERANCES[name][1] == "1" for name in layout.names])
     for step in steps:
         moved = np.where(parts, np.log1p(np.maximum(step[: layout.count], SMALLEST - 1)), step[: layout.count])
         theta = bounded(layout, candidate.theta + moved)

@@ -25,7 +25,9 @@ SMOOTHING: Final = (5.6, 4.8, 6.6)
 LOOPS: Final = 80.0
 # Times the frequency below which a fast record's motion has nearly all of its speed's energy that its pass band is
 # wide at least: 40 Hz on EMPS. A vibration mode is no part of the model, so that the band ends below the lowest one.
-MOTION, MOST_ENERGY, BELOW_MODES = 5.8, 0.999, 0.7
+MOTION: Final = 5.8
+MOST_ENERGY: Final = 0.999
+BELOW_MODES: Final = 0.7
 WIDEST: Final = 0.9  # of half the sampling rate: the widest low-pass
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
 STEPS: Final = 4.0  # of the reading: the shortest limit looked at

@@ -9,23 +9,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import chirp
 
-from models.controller import Controller, References
-from models.friction import branch, elements
-from models.identification import modes, motion, response
+from models.identification import modes, response
 from models.identification.estimate import Estimate, combined, left_out, newey_west, not_identifiable, wider
-from models.identification.force import by_elements
-from models.identification.force.fit import ForceFit
-from models.identification.force.signals import Terms
 from models.identification.modal.remarks import TURNED
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
-from models.machine import Machine, Tolerance, load
+from models.machine import Machine, load
 from models.plant import frequency_response, sampled
 from models.records.files import Loaded
 from models.records.record import Record
-from models.simulation.simulator import simulate
 from studies.identify_machine import own_records
-from studies.identify_machine.round_trip import WITHIN, errors_of_file, judged, true_modes
+from studies.identify_machine.round_trip import WITHIN, judged, true_modes
 
 Array = NDArray[np.float64]
 
@@ -212,158 +206,6 @@ def test_the_period_of_an_excitation() -> None:
     assert response.period(np.random.default_rng(0).standard_normal(500)) is None
 
 
-def test_the_elements_come_back_from_a_clean_hysteresis() -> None:
-    table = own_records.another(MACHINE, 5)
-    table = replace(table, scale=replace(table.scale, noise=0.0, resolution=0.0))
-    terms = Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
-    found = by_elements.identify(own_records.hysteresis(table, 5), terms, pass_band=20.0)
-    assert found.friction.limit == pytest.approx(table.friction.limit, rel=0.03)
-    slip, _ = found.slip_force()
-    assert slip == pytest.approx(table.friction.coulomb_force, rel=1e-3)
-    distance = np.array([5e-6, 20e-6, 100e-6, 400e-6])
-    assert found.curve(distance)[0] == pytest.approx(branch(table.friction, distance), abs=0.1)
-
-
-def test_a_path_that_is_too_short_leaves_the_offset_open_by_what_friction_remembers() -> None:
-    """Loops of half of the longest element's range, which began strained: its force looks like an offset."""
-    table = own_records.another(MACHINE, 5)
-    limit, stiffness = table.friction.limit[-1], table.friction.stiffness[-1]
-    t = np.arange(round(8 / table.sample_time)) * table.sample_time
-    reference = limit / 2 * np.sin(np.pi * t / 2)
-    zero = np.zeros(t.size)
-    strained = np.where(np.arange(3) == 2, -limit, 0.0)
-    given = References(reference, zero, zero)
-    record = simulate(table, table.feedback_only(), reference, given=given, seed=5, initial_friction=strained).record
-    terms = Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
-    found = by_elements.identify(record, terms, pass_band=20.0)
-    wrong = found.estimate.value("offset") - table.drive.offset
-    assert wrong < -0.5 * stiffness * limit
-    assert found.short
-    assert abs(wrong) < 3 * found.estimate.deviation("offset")
-    long = by_elements.identify(own_records.hysteresis(table, 5), terms, pass_band=20.0)
-    assert not long.short
-    assert long.remembered == 0.0
-
-
-def slow(seed: int, time: float, late: float = 0.0, late_std: float = 0.0) -> tuple[Machine, ForceFit]:
-    """A table with D_i = time K_i, and what its slow record shows if the delay is taken `late` too short."""
-    table = own_records.another(MACHINE, seed)
-    stiffness = np.array(table.friction.stiffness)
-    table = replace(table, friction=elements(stiffness, table.friction.limit, time * stiffness))
-    delay = table.plant.dead_time + table.sample_time / 2 - late
-    terms = Terms(1 / table.plant.modes[0].gain, known_delay=delay, known_delay_std=late_std, damped=True)
-    return table, by_elements.identify(own_records.hysteresis(table, seed), terms, pass_band=20.0)
-
-
-@pytest.mark.parametrize("seed", [100, 107])
-def test_damping_comes_back_where_the_record_shows_it(seed: int) -> None:
-    table, found = slow(seed, 2e-3)
-    assert found.damped
-    assert found.lag is not None
-    assert abs(found.lag[0] - 2e-3) < 3 * found.lag[1] < 2e-3
-    errors = np.array(found.friction.damping) - np.array(table.friction.damping)
-    assert np.all(np.abs(errors) < 3 * found.damping_std())
-    assert np.all(found.damping_std() < 0.6 * np.array(table.friction.damping))
-
-
-@pytest.mark.parametrize("seed", [100, 107])
-def test_no_damping_is_found_where_there_is_none(seed: int) -> None:
-    _, found = slow(seed, 0.0)
-    assert found.friction.damping == (0.0,) * 3
-    assert found.lag is not None
-    assert abs(found.lag[0]) < 3 * found.lag[1]
-    assert 0 < found.longest_lag < 2e-3  # so that the damping of the test above is seen
-
-
-def test_a_delay_that_is_not_known_is_no_damping() -> None:
-    """A delay 1 ms too short looks like 1 ms of damping: with that much uncertainty of it, nothing is claimed."""
-    _, misled = slow(107, 0.0, late=1e-3)
-    assert misled.damped
-    assert misled.lag is not None
-    assert misled.lag[0] == pytest.approx(1e-3, abs=3 * misled.lag[1])
-    _, found = slow(107, 0.0, late=1e-3, late_std=1e-3)
-    assert not found.damped
-    assert found.longest_lag > 2e-3
-    _, early = slow(107, 0.0, late=-1e-3)
-    assert early.lag is not None
-    assert early.lag[0] == pytest.approx(-1e-3, abs=3 * early.lag[1])
-    assert not early.damped
-
-
-def test_a_record_without_friction_in_it_is_refused() -> None:
-    n = 4000
-    flat = Record(5e-4, *(np.zeros(n) for _ in range(5)))
-    with pytest.raises(ValueError, match="constant"):
-        by_elements.identify(flat, Terms(), pass_band=20.0)
-
-
-def test_a_motion_fit_finds_what_was_changed() -> None:
-    table, truth = own_records.drawn_from(MACHINE, 11)
-    found = motion.identify(own_records.motions(table, 11, MACHINE), MACHINE)
-    assert found.estimate.values == pytest.approx(truth, rel=0.02, abs=0.05)
-    assert np.all(np.abs(found.estimate.values - truth) < 4 * found.estimate.deviations)
-    assert np.diag(found.estimate.correlation) == pytest.approx(np.ones(5))
-
-
-@pytest.mark.parametrize("seed", [21, 23])
-def test_motions_show_the_elements_damping(seed: int) -> None:
-    """D = 0.1 ms times K, a lead of 0.2 um at the motions' 2 mm/s; and none where there is none. What the fit holds as
-    known is right here, and the machine file says so; by the usual tolerances the damping is three times less sure."""
-    sure = Tolerance(mode_gain=1e-3, frequency=1e-3, damping=1e-2, stiffness=1e-3, limit=1e-3)
-    known = replace(MACHINE, tolerance=sure)
-    table, truth = own_records.drawn_from(MACHINE, seed)
-    stiffness = np.array(table.friction.stiffness)
-    damped = replace(table, friction=elements(stiffness, table.friction.limit, 1e-4 * stiffness))
-    found = motion.identify(own_records.motions(damped, seed, MACHINE), known)
-    usual = motion.identify(own_records.motions(damped, seed, MACHINE), MACHINE)
-    assert found.damped
-    assert usual.damped
-    assert usual.lag[1] > 2 * found.lag[1]
-    assert abs(found.lag[0] - 1e-4) < 4 * found.lag[1] < 1e-4
-    truth = np.append(truth[:4], [1e-4, truth[4]])
-    assert np.all(np.abs(found.estimate.values - truth) < 4 * found.estimate.deviations)
-    assert found.machine.friction.damping == pytest.approx(damped.friction.damping, rel=0.6)
-    plain = motion.identify(own_records.motions(table, seed, MACHINE), known)
-    assert not plain.damped
-    assert abs(plain.lag[0]) < 4 * plain.lag[1] < 1e-4
-    assert plain.machine.friction.damping == (0.0,) * len(stiffness)
-
-
-def test_what_friction_remembers_at_the_start_does_not_mislead_a_motion_fit() -> None:
-    """The longest element begins full: the offset alone takes the force that stays in it, no more than is said."""
-    table, truth = own_records.drawn_from(MACHINE, 11)
-    table = replace(table, drive=MACHINE.drive)
-    control = MACHINE.control
-    controller = Controller(MACHINE.sample_time, control.pid, control.reference_delay, (1.0,), (0.0,))
-    given = own_records.motions(table, 11, MACHINE)
-    strained = np.where(
-        np.arange(len(table.friction.limit)) == len(table.friction.limit) - 1, -table.friction.limit[-1], 0
-    )
-    known = References(given.reference, given.feedforward, np.zeros(given.feedforward.size))
-    record = simulate(table, controller, given.target, given=known, seed=11, initial_friction=strained).record
-    found = motion.identify(record, MACHINE)
-    wrong = np.abs(found.estimate.values[:4] - truth[:4])
-    assert np.all(wrong < 4 * found.estimate.deviations[:4])
-    assert found.carried[0] == 1
-    assert 1.0 < abs(found.estimate.value("offset")) < found.carried[1]
-    assert abs(found.estimate.value("offset")) < 2 * found.estimate.deviation("offset")  # it covers that memory
-
-
-def test_motions_of_another_machine_end_in_one_sentence() -> None:
-    """With the command's sign turned round, a Gauss-Newton step comes to a negative presliding length."""
-    record = own_records.motions(own_records.noisy(MACHINE), 1)
-    with pytest.raises(ValueError, match=r"does not converge: it has come to .* check the feedback"):
-        motion.identify(replace(record, command=-record.command), MACHINE)
-
-
-def test_a_motion_record_that_does_not_move_or_has_another_clock_is_refused() -> None:
-    record = own_records.motions(MACHINE, 1)
-    with pytest.raises(ValueError, match="sampled at"):
-        motion.identify(replace(record, sample_time=1e-3), MACHINE)
-    with pytest.raises(ValueError, match="does not move"):
-        motion.identify(replace(record, reference=0 * record.reference), MACHINE)
-
-
 def test_newey_west_is_right_for_white_and_for_coloured_errors() -> None:
     draw = np.random.default_rng(2)
     x = np.column_stack([np.ones(4000), np.linspace(-1, 1, 4000)])
@@ -405,18 +247,6 @@ def test_stated_intervals_hold_the_truth_over_ten_tables() -> None:
         assert np.mean(np.abs(errors) < WITHIN) > 0.9, name
         assert np.sqrt(np.mean(errors**2)) < 1.3, name
         assert np.sqrt(np.mean(errors**2)) > 0.7, name  # deviations that are stated far too large hold anything
-
-
-@pytest.mark.parametrize("seed", [1301, 1304, 1307])
-def test_motions_alone_are_no_surer_than_what_is_held_as_known(seed: int) -> None:
-    """A table that is off in its modes and its friction's shape by what the file tolerates: every value that the file
-    states then is within four deviations, and most within two. Before, masses were off by six deviations, and the
-    friction by twenty."""
-    table, _ = own_records.drawn_from(MACHINE, seed, held=True)
-    record = Loaded("moves.csv", "0", own_records.motions(table, seed, MACHINE), (), ())
-    errors = errors_of_file(identify(MACHINE, [record], kinds=["motion"]).machine, table)
-    assert np.max(np.abs(errors)) < 4
-    assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.6
 
 
 def test_leaving_parts_out_tells_noise_and_what_repeats() -> None:
