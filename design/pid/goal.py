@@ -8,15 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
 from design.family import Member
 from design.loop import controller_response, disturbance_response, frequency_response, grid, sensitivities
 from models.controller import PID
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 Objective = Literal["integral", "band", "step"]

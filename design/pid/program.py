@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import casadi as ca
-import control
 
 from design.family import Member
 from design.pid.goal import Goal
 from models.controller import PID
+
+if TYPE_CHECKING:
+    import control
 
 ROOMS: Final = (50, 80, 160)  # Programs have room for so many slots; the smallest that does is solved.
 SLOTS: Final = ROOMS[-1]  # The most that are ever taken.
