@@ -10,9 +10,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from diagnosis.answer import Answer, doubted
 from diagnosis.baseline import refit_and_null
+from diagnosis.closure import held_out_closure
 from diagnosis.criteria import Criteria
-from diagnosis.diagnose import Diagnosis, diagnose, diagnosed, to_json
+from diagnosis.diagnose import Diagnosis, diagnose, to_json
 from diagnosis.evidence import evidence, examined
 from diagnosis.handover.files import judged, starts_of
 from diagnosis.how_far import errors_of
@@ -84,8 +86,11 @@ def test_two_effects_are_both_named(null_cache: Path) -> None:
     found = _found(null_cache, [RELAXATION, Cogging(1.5, 0.035, 1.0)], 2)
     assert found.outcome == Outcome.ATTRIBUTED
     assert set(found.effects) == {"friction_relaxation", "cogging"}
+    closure = held_out_closure(found.stages, found.baseline, 0)
+    answer = Answer(found.stages, found.effects, closure, found.outcome, found.forms)
+    assert doubted(answer, found.told, found.baseline) == set()
     strict = replace(found.baseline, criteria=Criteria(min_deviations_further=1e9))  # no size is so far from none
-    assert found.effects[1] not in diagnosed(strict).effects
+    assert doubted(answer, found.told, strict) == {found.effects[1]}
 
 
 def test_wrong_nominal_values_are_called_so(null_cache: Path) -> None:

@@ -32,19 +32,18 @@ from models.records.record import Record
 from tests.diagnosis.tables import recorded
 
 FEW = 4  # elements of the coarse file
-LIMITS = np.geomspace(1e-6, 60e-6, 24)
 
 
-def fine() -> Machine:
-    """The paper's table with a scale of a nanometre and a friction of 24 elements, stiff at first and soft at last."""
-    machine = load()
-    stiffness = LIMITS**-1.4
-    stiffness *= machine.friction.coulomb_force / float(stiffness @ LIMITS)
+def fine(count: int) -> Machine:
+    """The paper's table with a scale of a nanometre and a friction of many elements, stiff at first, soft at last."""
+    machine, limits = load(), np.geomspace(1e-6, 60e-6, count)
+    stiffness = limits**-1.4
+    stiffness *= machine.friction.coulomb_force / float(stiffness @ limits)
     scale = replace(machine.scale, resolution=1e-9, noise=3e-10)
-    return replace(machine, scale=scale, friction=elements(stiffness, LIMITS))
+    return replace(machine, scale=scale, friction=elements(stiffness, limits))
 
 
-TRUTH = fine()
+TRUTH = fine(24)
 COARSE = replace(TRUTH, friction=simplify(TRUTH.friction, FEW))
 PLAN = (sequence(TRUTH, repeats=1), amplitude_ladder(TRUTH, (2e-6, 5e-6, 20e-6, 60e-6, 150e-6)))
 
@@ -98,8 +97,9 @@ def test_a_file_with_too_few_elements_gets_more_and_its_curve_comes_nearer(recor
 
 @pytest.mark.parametrize("effect", [None, Cogging(2.0, 4e-5, 0.3), ViscousFriction(60.0)])
 def test_a_file_with_all_elements_keeps_them_whatever_else_is_wrong(effect: Effect | None) -> None:
-    records = recorded(TRUTH, PLAN, [effect] if effect else [], seed=3, wrong=0.0)
-    fitted, segment = refitted(TRUTH, records)
+    machine = fine(12)
+    records = recorded(machine, PLAN, [effect] if effect else [], seed=3, wrong=0.0)
+    fitted, segment = refitted(machine, records)
     if effect:
         assert float(fitted.innovations @ fitted.innovations) > 3.0 * fitted.innovations.size
     assert curve_gain(fitted, records, segment) < 0.3 * fitted.innovations.size
