@@ -104,22 +104,24 @@ def _simulated(candidate: Candidate, record: Record, index: int, seed: int) -> t
     lead = round(SETTLING * loop_time(layout.machine) / record.sample_time)
     ahead = np.zeros(lead)
     given = References(
-        np.concatenate([ahead, record.reference - origin]),
+        np.concatenate([ahead + origin, record.reference]),
         np.concatenate([ahead, record.feedforward]),
         np.zeros(lead + record.reference.size),
     )
     run = simulate(
         replace(machine, scale=machine.scale.noisy(), effects=in_order(effects)),
         machine.feedback_only(),
-        np.concatenate([ahead, record.target - origin]),
+        np.concatenate([ahead + origin, record.target]),
         given=given,
         seed=seed,
         initial_friction=initial_state(layout, candidate.theta, index),
+        origin=origin,
     )
     made = run.record.last(record.position.size)
-    state = deflections(machine.friction.limit, run.position[: lead + 1], initial_state(layout, candidate.theta, index))
+    moved = run.position[: lead + 1] - origin
+    state = deflections(machine.friction.limit, moved, initial_state(layout, candidate.theta, index))
     return Record(
-        record.sample_time, record.target, record.reference, record.feedforward, made.command, made.position + origin,
+        record.sample_time, record.target, record.reference, record.feedforward, made.command, made.position,
     ), state[-1]  # fmt: skip
 
 

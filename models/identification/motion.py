@@ -358,10 +358,10 @@ def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:
 def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) -> Array:
     """u (n,) [N] of the loop over the record's reference and feedforward, from rest with friction unstrained."""
     changed = _changed(machine, theta)
-    origin = record.reference[0]
-    given = References(record.reference - origin, record.feedforward, np.zeros(record.feedforward.size))
+    given = References(record.reference, record.feedforward, np.zeros(record.feedforward.size))
+    origin = float(record.reference[0])
     command = simulate(
-        changed, machine.feedback_only(), record.target - origin, given=given, substeps=6, seed=seed
+        changed, machine.feedback_only(), record.target, given=given, substeps=6, seed=seed, origin=origin
     ).record.command
     if not np.all(np.isfinite(command)):
         raise ValueError(_diverged(theta))

@@ -211,9 +211,11 @@ def _along(
 
 
 @compiled
-def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
+def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays, origin: float) -> None:
     """Advances one machine over the n samples of `run`; what `models.simulation.kernel.run_one` does, with hooks, and
     with any linear feedback in place of the PID where `law` has states.
+
+    All positions are from the place where the run begins, `origin` [m]: only the hooks are told where that is.
 
     The plant's modes in `loop` have those of the effects behind them. The feedback's integral, if it has one, holds the
     external force of the start, too.
@@ -228,7 +230,7 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
     now, taken = np.zeros(8), np.empty(n)
     kept_memory, trial_contact = np.empty(hooks.memory.size), np.empty(contact.shape)
     put(hooks.memory, kept_memory)
-    now[H] = 0.5 * loop.step[1]
+    now[X], now[H] = origin, 0.5 * loop.step[1]
     held = act(FORCE, 0.0, hooks, now, contact)
     has_integral = law.has_integral if follows_law else loop.gains[KI] > 0.0
     start = run.start - held if has_integral else run.start
@@ -243,9 +245,10 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
     at = contact_position = x  # of the table when its contacts were last moved, and of these contacts
     elapsed = 0.0  # time since then
     for k in range(n):
-        now[T], now[X], now[V], now[H] = k * loop.sample_time, x, v, loop.sample_time
+        now[T], now[X], now[V], now[H] = k * loop.sample_time, origin + x, v, loop.sample_time
         run.position[k] = x
-        run.reading[k] = quantised(act(READING, x, hooks, now, contact) + run.noise[k], loop.resolution)
+        seen = act(READING, origin + x, hooks, now, contact) - origin
+        run.reading[k] = quantised(seen + run.noise[k], loop.resolution)
         error = run.reference[max(k - loop.delays[1], 0)] - run.reading[k]
         if follows_law:
             waiting = run.reference[max(k - loop.delays[1], 0)]
@@ -274,7 +277,7 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays) -> None:
             for i in range(loop.counts[part]):
                 middle, ahead = x + 0.5 * h * v, v + 0.5 * h * acceleration
                 now[T] = k * loop.sample_time + part * loop.counts[0] * loop.step[0] + (i + 0.5) * h
-                now[X], now[V], now[H], now[U], now[MOVED] = middle, ahead, h, thrust, middle - at
+                now[X], now[V], now[H], now[U], now[MOVED] = origin + middle, ahead, h, thrust, middle - at
                 driven = act(THRUST, thrust, hooks, now, contact) - loop.offset
                 external = act(FORCE, 0.0, hooks, now, contact)
                 now[H] = elapsed + 0.5 * h

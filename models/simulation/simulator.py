@@ -76,14 +76,17 @@ def simulate(
     seed: int = 0,
     initial_friction: ArrayLike | None = None,
     given: References | None = None,
+    origin: float = 0.0,
 ) -> Response:
-    """Response to a target r (n,) [m], from rest at r = 0 with the feedback's integral holding the friction's force.
+    """Response to a target r (n,) [m], from rest at `origin` [m] with the feedback's integral holding the friction's
+    force.
 
     A feedback without an integral holds nothing: the friction then moves the table at the start.
 
     substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
     default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
-    as a slow stroke with an excitation on u_ff. Raises ValueError if machine and controller differ in sample time.
+    as a slow stroke with an excitation on u_ff. origin: where on its way the table stands at the start, which matters
+    to forces that depend on the place. Raises ValueError if machine and controller differ in sample time.
 
     >>> target = pos.feeding_sequence(20e-6, 5, 0.1, machine.sample_time)
     >>> response = pos.simulate(machine, controller, target)
@@ -91,8 +94,20 @@ def simulate(
     True
     """
     r = np.asarray(target, float)
-    known = given or references(controller, r)
-    return _alone(machine, controller.law, r, _prepare(machine, controller, known, substeps, seed, initial_friction))
+    way = r - origin  # seen from where the run begins
+    known = references(controller, way) if given is None else replace(given, position=given.position - origin)
+    prepared = _prepare(machine, controller, known, substeps, seed, initial_friction)
+    response = _alone(machine, controller.law, way, prepared, origin)
+    return response if origin == 0.0 else _seen_from(-origin, response)
+
+
+def _seen_from(place: float, response: Response) -> Response:
+    """A response whose positions are from another place [m]."""
+    record = response.record
+    moved = replace(
+        record, target=record.target - place, reference=record.reference - place, position=record.position - place
+    )
+    return replace(response, record=moved, position=response.position - place)
 
 
 def simulate_many(
@@ -151,11 +166,13 @@ def _each_start(initial_friction: ArrayLike | Sequence[ArrayLike], count: int) -
     return list(initial_friction)  # type: ignore[arg-type]
 
 
-def _alone(machine: Machine, law: Law | None, target: Array, prepared: tuple[Loop, Run]) -> Response:
-    """The response of one machine under its PID, or under a law."""
+def _alone(
+    machine: Machine, law: Law | None, target: Array, prepared: tuple[Loop, Run], origin: float = 0.0
+) -> Response:
+    """The response of one machine under its PID, or under a law, its positions from where it begins [m]."""
     loop, run = prepared
     if machine.effects or law is not None:
-        run_effects(loop, run, pack(machine.effects, run.z.size), arrays(law))
+        run_effects(loop, run, pack(machine.effects, run.z.size), arrays(law), origin)
     else:
         run_one(loop, run)
     return _response(machine, target, run)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from diagnosis.how_far import acting
+from diagnosis.how_far import acting, errors_of
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, SmoothedPath, smooth
 from diagnosis.model.start_states import static_equilibrium_start
+from models.controller import References
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import ViscousFriction
+from models.effects.motor import Cogging
 from models.effects.scale import ScalePeriodicError
 from models.effects.structure import CableSpring
 from models.records.record import Record
+from models.simulation.simulator import simulate
 from tests.diagnosis.tables import recorded, short, table
 
 MACHINE = table()
@@ -57,3 +62,21 @@ def test_an_effect_on_the_reading_acts_in_metres(seen: Seen) -> None:
 
 def test_what_is_not_in_the_model_does_nothing(seen: Seen) -> None:
     assert acting("cogging", *seen) is None
+
+
+def test_a_closed_loop_begins_where_its_record_does() -> None:
+    """A third of a pitch from where the machine has its zero: the model that made the record leaves nothing of it."""
+    origin, plan = 0.013, short(MACHINE)
+    truth = replace(MACHINE, effects=(Cogging(2.0, 0.04, 1.0),))
+    signals = (plan.given.position + origin, plan.given.feedforward, plan.given.compensation)
+    given = References(*(np.concatenate([np.full(1000, signal[0]), signal]) for signal in signals))
+    target = np.concatenate([np.full(1000, origin), plan.target + origin])
+    run = simulate(truth, MACHINE.feedback_only(), target, given=given, seed=3, origin=origin)
+    records = (run.record.last(plan.target.size),)
+    layout = parameters(MACHINE, 1)
+    candidate = Candidate(layout, static_equilibrium_start(layout, records), truth.effects)
+    gap = errors_of(candidate, records, smooth(candidate, records)).gap()
+    reading = float(np.hypot(MACHINE.scale.resolution / np.sqrt(12), MACHINE.scale.noise))
+    assert gap.position < 1.2 * reading
+    elsewhere = replace(candidate, effects=(Cogging(2.0, 0.04, 1.0 - 2 * np.pi * origin / 0.04),))
+    assert errors_of(elsewhere, records, smooth(elsewhere, records)).gap().position > 3 * reading

@@ -18,6 +18,8 @@ from scipy.interpolate import CubicSpline
 from models.controller import Controller, references
 from models.effects.base import Effect
 from models.effects.catalogue import every, in_order
+from models.effects.motor import Cogging
+from models.effects.scale import ScalePeriodicError
 from models.feedback.law import arrays
 from models.friction import elements
 from models.machine import Machine, load
@@ -70,7 +72,7 @@ def test_the_loop_without_hooks_is_the_loop_without_effects(index: int) -> None:
     strained = 0.4 * np.array(machine.friction.limit)
     nominal = simulate(machine, CONTROLLER, TARGET, seed=2, initial_friction=strained)
     loop, run = simulator._prepare(machine, CONTROLLER, references(CONTROLLER, TARGET), 10, 2, strained)
-    run_effects(loop, run, pack((), len(machine.friction.limit)), arrays(None))
+    run_effects(loop, run, pack((), len(machine.friction.limit)), arrays(None), 0.0)
     assert np.array_equal(run.position, nominal.position)
     assert np.array_equal(run.friction, nominal.friction)
     assert np.array_equal(run.command, nominal.record.command)
@@ -94,6 +96,23 @@ def test_every_effect_is_second_order(name: str) -> None:
     assert fine < 1e-8  # a tenth of the scale's resolution
     if LAWS[name].name != "dac_quantisation":  # a command beside the edge of a step falls to this side or to that
         assert fine < coarse / 8**1.6
+
+
+def test_a_run_that_begins_elsewhere_meets_the_forces_and_the_scale_of_that_place() -> None:
+    """As if both had been moved the other way; without effects nothing depends on the place."""
+    origin, shown = -1.3e-2, simulate(TABLE, CONTROLLER, TARGET)
+    plain = simulate(TABLE, CONTROLLER, TARGET + origin, origin=origin)
+    assert plain.position - origin == pytest.approx(shown.position, abs=1e-12)
+    assert plain.record.position - plain.position == pytest.approx(shown.record.position - shown.position, abs=1e-12)
+    cogging, scale = Cogging(2.0, 4e-2, 0.3), ScalePeriodicError(1e-7, 2.5e-5, 0.2)
+    here = with_effects(TABLE, cogging, scale)
+    turns = [2 * np.pi * origin / length for length in (cogging.pitch, scale.period)]
+    moved = with_effects(TABLE, replace(cogging, phase=0.3 + turns[0]), replace(scale, phase=0.2 + turns[1]))
+    there = simulate(here, CONTROLLER, TARGET + origin, origin=origin)
+    same = simulate(moved, CONTROLLER, TARGET)
+    assert np.max(np.abs(there.position - origin - same.position)) < 1e-12
+    assert np.max(np.abs(there.record.command - same.record.command)) < 1e-6 * np.max(np.abs(same.record.command))
+    assert np.max(np.abs(same.position - simulate(here, CONTROLLER, TARGET).position)) > 1e-9
 
 
 def test_many_machines_with_and_without_effects() -> None:
