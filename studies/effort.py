@@ -25,6 +25,7 @@ SAID: Final = 20.0  # s from which on the time is said before the work
 PROBE: Final = 4000  # samples of the short simulation
 SIMULATED: Final = 150  # bytes that a simulated sample takes: its signals, of one machine
 DIAGNOSED: Final = 14_000  # bytes that a sample takes in a diagnosis: 150,000 samples took 2.2 GB
+TRANSFERRED: Final = 1.5  # factor on its time and memory where fits to single records are made beside that to all
 IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
 # Samples simulated in the time in which one is diagnosed: 1800 to 4200 on four axes with 1 to 10 friction elements.
 DIAGNOSING: Final = 2500
@@ -42,6 +43,12 @@ def seconds_a_sample(machine: Machine) -> float:
         simulate(machine, law, target)
         taken.append(time.process_time() - begin)
     return min(taken) / PROBE
+
+
+def diagnosing(machine: Machine, samples: int, records: int) -> tuple[float, float]:
+    """Processor time [s] and memory [bytes] that a diagnosis of so many samples in so many records takes here."""
+    work = samples * (TRANSFERRED if records > 1 else 1.0)
+    return work * DIAGNOSING * seconds_a_sample(machine), work * DIAGNOSED
 
 
 def period(machine: Machine) -> float:

@@ -29,7 +29,7 @@ from models.quantity import show
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable
-from studies.effort import DIAGNOSED, DIAGNOSING, foresee, seconds_a_sample
+from studies.effort import diagnosing, foresee
 from studies.full_circle import asked, redesigning, verification
 from studies.full_circle.folder_of_records import Given, hashes, loaded
 from studies.full_circle.options import CircleOptions
@@ -155,9 +155,9 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
     def work() -> dict[str, Any]:
         records = loaded_of(identified, options, paths, circle.progress)
         samples = sum(one.loaded.content.position.size for one in given if isinstance(one.loaded.content, Record))
-        taken = samples * DIAGNOSING * seconds_a_sample(identified)
-        work_ahead = {f"a diagnosis of {samples:.3g} samples": taken}
-        foresee(work_ahead, samples * DIAGNOSED, options, circle.progress, math.inf)  # their reader bounds the samples
+        taken, memory = diagnosing(identified, samples, len(given))
+        work_ahead = {f"a diagnosis of {samples:,} samples": taken}
+        foresee(work_ahead, memory, options, circle.progress, math.inf)  # their reader bounds the samples
         within = lambda share, text: circle.progress(0.1 + 0.6 * share, text)  # noqa: E731
         found, answer = answered(given_of(identified, records), (), options.disable, options, within)
         count = FEW if circle.options.quick else RUNS
@@ -321,8 +321,8 @@ def _more_samples(circle: Circle, text: str) -> str:
     if count <= circle.options.most_samples:
         return ""
     most = math.ceil(count / 1000) * 1000
-    memory = most * DIAGNOSED / 1e9
-    return f"; with its record, give --most-samples {most}, which takes about {memory:.2g} GB of memory"
+    _, memory = diagnosing(circle.machine, most, len(circle.of("diagnose")) + 1)
+    return f"; with its record, give --most-samples {most}, which takes about {memory / 1e9:.2g} GB of memory"
 
 
 def _run(name: str, files: Mapping[str, Any], machine: Machine, why: str) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from models.machine_file import to_toml
 from models.records.files import Loaded
 from models.records.record import Record
 from studies.beforehand import require_designable, require_stable
-from studies.effort import DIAGNOSED, DIAGNOSING, MOST, foresee, seconds_a_sample
+from studies.effort import MOST, diagnosing, foresee
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import OVERRUN, sentences
 from studies.gap_diagnosis.course import confirmed, copies, course
@@ -43,7 +43,6 @@ from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
 CACHE: Final = Path("reports/out/.null")  # keeps the thresholds of a machine and a schedule from run to run
-TRANSFERRED: Final = 0.5  # of a diagnosis' time that the fits to single records take
 CLOSED: Final = 0.9  # share of the gap that the effect in simulated records has to close
 
 
@@ -69,14 +68,14 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
     require_stable(machine)  # as thresholds are those of simulated tables, whose loop is closed by the machine's PID
     if not options.record:
         require_designable(machine)
-        samples = own_records.duration(quick=options.quick) / machine.sample_time
-        _foresee(machine, samples, options, progress)
+        samples = round(own_records.duration(quick=options.quick) / machine.sample_time)
+        _foresee(machine, samples, 1, options, progress)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
     apart, _ = held_out(machine, options, progress), course(options.looks)  # what can't be read is said before the work
     if options.record:
         samples = sum(record.position.size for record in given.records)
-        _foresee(machine, samples * (1 + TRANSFERRED * (len(given.records) > 1)), options, progress)
+        _foresee(machine, samples, len(given.records), options, progress)
 
     return answered(given, apart, unused, options, progress)[1]
 
@@ -121,11 +120,11 @@ def answered(
     return found, Answer(results, tuple(_checks(found, given)), written, summary)
 
 
-def _foresee(machine: Machine, samples: float, options: DiagnosisOptions, progress: Progress) -> None:
+def _foresee(machine: Machine, samples: int, records: int, options: DiagnosisOptions, progress: Progress) -> None:
     """The time and the memory of a diagnosis of so many samples; of records given, their reader bounds them."""
-    taken = samples * DIAGNOSING * seconds_a_sample(machine) / min(os.cpu_count() or 1, 2)
+    taken, held = diagnosing(machine, samples, records)
     most = math.inf if options.record else MOST
-    foresee({f"{samples:.3g} samples": taken}, samples * DIAGNOSED, options, progress, most)
+    foresee({f"{samples:,} samples": taken / min(os.cpu_count() or 1, 2)}, held, options, progress, most)
 
 
 def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> Given:

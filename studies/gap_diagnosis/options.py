@@ -10,8 +10,8 @@ from models.records.tables.formats import LISTED
 from studies.options import files, path, paths, quantity, text, texts, whole
 from studies.record_options import RecordOptions
 
-# Of all records together, by default: 150,000 took 2.2 GB. The effects' columns that the null keeps take 1.5 kB a
-# sample, and what two threads compute of them at a time the rest.
+# Of all records together, by default: 150,000 took 2.2 GB, and 105,000 of two records 2.3. What the null keeps of the
+# effects takes 1.5 kB a sample, and what two threads compute of them at a time the rest.
 MOST_SAMPLES: Final = 120_000
 
 
@@ -19,8 +19,8 @@ def samples_at_most() -> Any:
     """A field: how many samples all records of a diagnosis may have together."""
     return whole(
         "N",
-        "of all records together; more are refused, as each takes about 14 kB of memory "
-        f"(default: {MOST_SAMPLES:,}, which take 2 GB)",
+        "of all records together; more are refused, as each takes about 14 kB of memory, and 21 kB of several records "
+        f"(default: {MOST_SAMPLES:,}, which take up to 2.5 GB)",
         1,
         default=MOST_SAMPLES,
     )

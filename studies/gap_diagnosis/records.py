@@ -69,7 +69,7 @@ def loaded_of(
     mapping, control = mapped(machine, options, (*options.record, *options.hold_out)), machine.control
     found, most = list[Loaded](), options.most_samples
     limits = replace(
-        LIMITS, samples=most, remedy=f"{WAY_OUT}, or give --most-samples where there are 14 kB of memory for each"
+        LIMITS, samples=most, remedy=f"{WAY_OUT}, or give --most-samples where there are 21 kB of memory for each"
     )
     for path in paths:
         columns = mapping.columns(path)
