@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from design.deadbeat import Constraints, Deadbeat, Objective, synthesise
+from design.effect_compensation import designed_with_effects
 from design.element_count import choose
 from design.friction_compensation import simplify
 from models.controller import Controller
@@ -121,9 +122,11 @@ def design_deadbeat(
 def default_controller(machine: Machine) -> Controller:
     """The controller that the machine's specification asks for: its default deadbeat, assembled.
 
-    Raises DesignError where there is none.
+    The deadbeat is for the plant with the modes and delays of the machine's effects. Raises DesignError where there is
+    none.
     """
-    return assemble(machine, design_deadbeat(machine))
+    whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
+    return assemble(machine, deadbeat, whole.plant)
 
 
 def paper_controller(machine: Machine) -> Controller:
@@ -134,4 +137,5 @@ def paper_controller(machine: Machine) -> Controller:
 
 def bare_controller(machine: Machine) -> Controller:
     """`default_controller` without its friction compensation. Raises DesignError where there is none."""
-    return assemble_bare(machine, design_deadbeat(machine))
+    whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
+    return assemble_bare(machine, deadbeat, whole.plant)

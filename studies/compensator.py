@@ -8,6 +8,7 @@ from typing import Any
 
 from design.controller import assemble_bare, design_deadbeat
 from design.deadbeat import Deadbeat, DesignError
+from design.effect_compensation import designed_with_effects
 from design.element_count import FURTHER, Choice, choose, largest_count
 from design.validation import LONGER, PERIODS
 from models.machine import Machine
@@ -39,8 +40,8 @@ def with_elements(
 ) -> Counted:
     """The machine with a number of elements [-]; where its file says "auto", the fewest with which the design holds.
 
-    deadbeat: the feedforward that the compensator stands beside; by default the one of the machine's specification.
-    plant: that it is designed for, where that is not the machine's own; the effects that can be met are met.
+    deadbeat: the feedforward that the compensator stands beside, and plant, that it is designed for, where that is not
+    the machine's own; by default that of `design.controller.default_controller`. The effects that can be met are met.
     shares: of the study's work [1] that are done before and after the search. `results` goes into results.json and
     `summary` into the summary; both are empty where the file states a number.
     Raises BadInputError where there is no such feedforward, or the search would take too long.
@@ -49,7 +50,7 @@ def with_elements(
         return Counted(machine)
     _foresee(machine, options, progress)
     try:
-        made = design_deadbeat(machine) if deadbeat is None else deadbeat
+        made, known = (deadbeat, plant) if deadbeat else _default(machine)
     except DesignError as error:
         raise BadInputError(f"--machine: {error}") from error
 
@@ -57,10 +58,16 @@ def with_elements(
         share = shares[0] + (shares[1] - shares[0]) * (count - 1) / most
         progress(share, f"trying the friction compensator with {count} of at most {most} elements")
 
-    bare = assemble_bare(machine, made, plant)
+    bare = assemble_bare(machine, made, known)
     choice = choose(machine, bare, stroke=made.stroke, seed=options.seed, further=FURTHER, tell=tell)
     stated = replace(machine, control=replace(machine.control, compensator_elements=choice.count))
     return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice),))
+
+
+def _default(machine: Machine) -> tuple[Deadbeat, Plant]:
+    """The feedforward of the machine's specification, and the plant that it is for."""
+    whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
+    return deadbeat, whole.plant
 
 
 def _plain(choice: Choice) -> dict[str, Any]:

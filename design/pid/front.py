@@ -14,7 +14,7 @@ from design.family import Member
 from design.loop import Assessment, assess
 from design.pid.problem import Attempt, Bounds, Problem, Tuning, TuningError, mt_bound
 from design.pid.rules import fast_rule, lambda_rule, simc, slow_rule
-from design.pid.tuning import tune
+from design.pid.tuning import tuned_from
 from models.controller import PID, Feedback
 from models.feedback.law import Law
 from models.machine import Machine
@@ -22,8 +22,6 @@ from models.machine import Machine
 SECOND_START: Final = 6  # Only every so many points start from the fast rule too, since that doubles the time.
 RULE_TIMES: Final = (3e-3, 3.5e-3, 4e-3, 5e-3, 6e-3, 8e-3, 12e-3)  # s. tau_c of SIMC, from about theta on.
 LAMBDAS: Final = (5e-3, 6e-3, 7e-3, 8e-3, 10e-3, 14e-3, 20e-3)  # s. The time constants of the lambda rule.
-
-Start = tuple[str, PID]
 
 
 @dataclass(frozen=True)
@@ -79,6 +77,7 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
         others = [("fast rule", fast_rule(machine))]
         if many or i % SECOND_START == 0:
             starts, others = starts + others, []
+        others = [*others, ("present PID", machine.control.pid)]  # of a loop that runs, however quick the axis is
         try:
             last = tuned_from(problem, bounds, starts, others)
             points.append(Point(f"tuned, {ms:g}", last.pid, last.loops, ms))
@@ -88,25 +87,11 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
             refusal = error
             if i == 0 and len(levels) > 1:  # what keeps to any level keeps to the last one, too
                 loosest = replace(limits, ms=levels[-1], mt=mt_bound(levels[-1], limits.mt))
-                tune(problem, loosest, [("slow rule", slow_rule(machine)), ("fast rule", fast_rule(machine))])
+                thumb = [("slow rule", slow_rule(machine)), ("fast rule", fast_rule(machine))]
+                tuned_from(problem, loosest, thumb, others[-1:])
     if refusal is not None and not points:
         raise refusal
     return Front(tuple(points), tuple(attempts))
-
-
-def tuned_from(problem: Problem, bounds: Bounds, starts: Sequence[Start], others: Sequence[Start]) -> Tuning:
-    """`tune` from the starts, and from the others [-] where none of these leads to a PID."""
-    try:
-        return tune(problem, bounds, starts)
-    except TuningError as error:
-        if not others:
-            raise
-        tried = error
-    try:
-        found = tune(problem, bounds, others)
-    except TuningError as error:
-        raise TuningError(str(error), (*tried.attempts, *error.attempts), error.reason) from tried
-    return replace(found, attempts=(*tried.attempts, *found.attempts))
 
 
 def judged(name: str, pid: PID, members: Sequence[Member], law: Law | None = None) -> Point:

@@ -39,6 +39,8 @@ from models.controller import PID
 from models.machine import Machine
 from models.quantity import show
 
+Start = tuple[str, PID]
+
 TOLERANCE: Final = 1e-4  # A certified peak may exceed its bound by this share.
 MANY: Final = 24  # A program sees so many plants at most; more that are alike would crowd each other out of its slots.
 # With an integral |CS| is the contact stiffness at low frequencies: its bound is at least so many times the steepest.
@@ -70,7 +72,8 @@ def tune_pid(
     if noise is None:
         noise = noise_bound(machine, [assess(member.plant, present) for member in members])
     bounds = Bounds(ms, mt_bound(ms) if mt is None else mt, noise)
-    return tune(pose(members, Goal(), magnitude(machine)), bounds, [("slow rule", slow_rule(machine))])
+    problem = pose(members, Goal(), magnitude(machine))
+    return tuned_from(problem, bounds, [("slow rule", slow_rule(machine))], [("present PID", present)])
 
 
 def noise_bound(machine: Machine, present: Sequence[Assessment]) -> float:
@@ -136,6 +139,21 @@ def tune(problem: Problem, bounds: Bounds, starts: Sequence[tuple[str, PID]], to
         advice = "raise a bound, or take plants out of the family"
         raise TuningError(f"{none} ({tried}); {advice}", tuple(attempts), none)
     return replace(best, attempts=tuple(attempts))
+
+
+def tuned_from(problem: Problem, bounds: Bounds, starts: Sequence[Start], others: Sequence[Start]) -> Tuning:
+    """`tune` from the starts, and from the others [-] where none of these leads to a PID."""
+    try:
+        return tune(problem, bounds, starts)
+    except TuningError as error:
+        if not others:
+            raise
+        tried = error
+    try:
+        found = tune(problem, bounds, others)
+    except TuningError as error:
+        raise TuningError(str(error), (*tried.attempts, *error.attempts), error.reason) from tried
+    return replace(found, attempts=(*tried.attempts, *found.attempts))
 
 
 def _with_active_plants(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -> Result:

@@ -151,7 +151,7 @@ def test_a_lag_is_designed_for_as_dead_time() -> None:
     machine = with_these(exact(), every()["current_loop_lag"].typical())
     lag = machine.effects[0].input_delay()
     assert designed_for(machine) == replace(machine.plant, dead_time=machine.plant.dead_time + lag)
-    unknowing = default_controller(machine)
+    unknowing = assemble(machine, design_deadbeat(machine))
     whole, deadbeat, refused = designed_with_effects(machine, design_deadbeat)
     knowing = with_effects(assemble(machine, deadbeat, whole.plant), machine)
     assert not refused
@@ -163,6 +163,7 @@ def test_a_lag_is_designed_for_as_dead_time() -> None:
         return float(np.sqrt(np.mean((found.position[late:] - found.record.reference[: -late or None]) ** 2)))
 
     assert off(last, knowing) < 0.5 * off(first, unknowing)
+    assert default_controller(machine) == knowing
 
 
 def test_a_number_of_elements_is_judged_on_the_machine_whose_lag_acts_once(monkeypatch: pytest.MonkeyPatch) -> None:

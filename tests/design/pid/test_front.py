@@ -29,12 +29,13 @@ def test_where_neither_the_first_nor_the_loosest_level_has_a_pid_no_other_is_tri
 ) -> None:
     machine, tried = load(), []
 
-    def none(_problem: Any, bounds: Bounds, starts: Any) -> None:
-        tried.append((bounds.ms, bounds.mt, len(starts)))
+    def none(_problem: Any, bounds: Bounds, *starts: Any) -> None:
+        tried.append((bounds.ms, bounds.mt, [name for part in starts for name, _ in part]))
         raise TuningError("no PID")
 
-    monkeypatch.setattr(front, "tune", none)
+    monkeypatch.setattr(front, "tuned_from", none)
     problem = pose([Member("P_l", sampled(machine.plant, machine.sample_time))], Goal(), magnitude(machine))
     with pytest.raises(TuningError, match="no PID"):
         front.tuned(problem, (1.2, 1.6, 2.0, 3.0), Bounds(2.0, math.inf, 1e8), machine)
-    assert tried == [(1.2, 1.4, 2), (3.0, 3.0, 2)]
+    starts = ["slow rule", "fast rule", "present PID"]
+    assert tried == [(1.2, 1.4, starts), (3.0, 3.0, starts)]

@@ -10,14 +10,14 @@ import pytest
 
 from design.family import Member, family, slopes
 from design.loop import assess, controller_response, frequency_response, grid, sensitivities, sensitivity, stays_below
-from design.pid.front import tuned_from
 from design.pid.goal import Goal, achieved
 from design.pid.problem import Bounds, Problem, TuningError
 from design.pid.rules import lambda_rule, simc
-from design.pid.tuning import MANY, pose, tune
+from design.pid.tuning import MANY, pose, tune, tune_pid, tuned_from
 from models.controller import PID
 from models.ensemble import load_ensemble
 from models.machine import load
+from tests.diagnosis.units import Change
 
 MACHINE = load()
 SLOW = simc(MACHINE.plant, MACHINE.sample_time, 12e-3, 2e-4)
@@ -171,3 +171,13 @@ def test_rules_place_the_poles_they_name() -> None:
     pid = simc(MACHINE.plant, MACHINE.sample_time, 5e-3, 0.0)
     slow = 4 * (5e-3 + MACHINE.plant.dead_time + MACHINE.sample_time / 2)
     assert np.roots([pid.kd, pid.kp, pid.ki]) == pytest.approx([-1 / slow] * 2, rel=1e-6)
+
+
+def test_a_machine_told_in_other_units_of_time_has_the_same_pid() -> None:
+    """A tenth of all times: the rule that a tuning starts from is then too slow for the contacts, and the present PID,
+    of a loop that runs, takes its place."""
+    quick = Change(time=0.1)
+    usual, other = (tune_pid(one, mode_error=0, mass_error=0).pid for one in (MACHINE, quick.machine(MACHINE)))
+    assert other.ki / quick.factor("N/(m s)") == pytest.approx(usual.ki, rel=1e-3)
+    assert other.kp / quick.factor("N/m") == pytest.approx(usual.kp, rel=2e-2)  # flat along the optimum
+    assert other.kd / quick.factor("N s/m") == pytest.approx(usual.kd, rel=2e-2)
