@@ -128,6 +128,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("motions are checked to settle within (machine file)", show(machine.specification.settling_time, "s")),
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
         *counted.summary,
+        *_reference_delay(machine, controller),
         ("machines that the file allows on which all motions settle in time", in_short(results["as_known"])),
         *told_remedies(results),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
@@ -153,6 +154,16 @@ def _validated(
         return without, Written(controller, plain, machine.plant, with_rfm, {})
     progress(0.5, "meeting the machine's effects")
     return without, compensate(machine, plain, known, (without, with_rfm), seed)
+
+
+def _reference_delay(machine: Machine, controller: Controller) -> list[tuple[str, str]]:
+    """That the drive's setting has to change with this controller, where it has to."""
+    now, then = machine.control.reference_delay, controller.reference_delay
+    if now == then:
+        return []
+    return [
+        ("WARNING, reference delay of this controller", f"{then} samples, where the one in place has {now}: set it")
+    ]
 
 
 def _asked_by(options: DeadbeatOptions) -> str:

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,13 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
+from design.controller import bare_controller
 from models.controller import load
 from models.machine import DEFAULT
+from models.machine import load as machine_of
 from studies.command import CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY
+from studies.deadbeat_design.compute import _reference_delay
 
 ROOT = Path(__file__).parents[2]
 
@@ -318,3 +322,14 @@ damping = "0.02"
 [effects.scale_gain_error]
 error = "100e-6"
 """
+
+
+def test_a_reference_delay_other_than_that_in_place_is_told() -> None:
+    """The drive has to be set to it: kept at the old one, x_T* comes at another time than the feedforward."""
+    machine = machine_of(DEFAULT)
+    controller = bare_controller(machine)
+    assert _reference_delay(machine, controller) == []
+    other = replace(machine, control=replace(machine.control, reference_delay=machine.control.reference_delay + 1))
+    ((name, told),) = _reference_delay(other, controller)
+    assert name.startswith("WARNING, reference delay")
+    assert told == "2 samples, where the one in place has 3: set it"
