@@ -424,7 +424,12 @@ def _check(machine: Machine) -> None:
     _check_modes(machine)
     if len(machine.effects) > EFFECTS:
         raise MachineError(f"effects: {len(machine.effects)} are more than {EFFECTS}; keep those that matter most")
-    drive = machine.drive
+    drive, specification = machine.drive, machine.specification
+    if specification.motions * specification.stroke > drive.travel > 0:
+        raise MachineError(
+            f"drive.travel: {show(drive.travel, 'm')} are less than the specification's {specification.motions} "
+            f"motions of {show(specification.stroke, 'm')} one way"
+        )
     if abs(drive.offset) >= drive.rated_thrust:
         raise MachineError(
             f"drive.offset: the drive can't hold {drive.offset:g} N within drive.rated_thrust, "

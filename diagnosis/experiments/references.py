@@ -48,8 +48,9 @@ def axis_references(machine: Machine) -> dict[str, Schedule]:
 
 
 def _slow_loops(machine: Machine) -> Schedule:
-    """Two slow loops over 2.5 presliding distances either way, then four inner ones; the inertial force is slight."""
-    ts, reach = machine.sample_time, max(machine.friction.limit)
+    """Two slow loops over 2.5 presliding distances either way, as far as the axis may travel, then four inner ones; the
+    inertial force is slight."""
+    ts, reach = machine.sample_time, min(max(machine.friction.limit), machine.drive.room / (2 * WIDE[0]))
     heavy = machine.plant.mass * WIDE[0] * reach / (SLOW * machine.friction.coulomb_force)
     count = max(SAMPLES, round(2 * np.pi * np.sqrt(heavy) / ts))
     angle = 2 * np.pi * np.arange(4 * count) / count
@@ -64,8 +65,8 @@ def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     Its force grows with frequency up to a share of the rated thrust, and is less about the file's modes, so that the
     axis never stops; it begins after a twentieth of rolling alone.
     """
-    ts, speed = machine.sample_time, ROLLING * machine.drive.rated_speed
-    begin, count = SWEEP // 20, SWEEP
+    ts, begin, count = machine.sample_time, SWEEP // 20, SWEEP
+    speed = min(ROLLING * machine.drive.rated_speed, machine.drive.room / ((begin + count) * ts))
     share = np.arange(count) / count
     low, rate = TOP / ts / 10**DECADES, DECADES * np.log(10)
     frequency = low * np.exp(rate * share)
@@ -82,11 +83,12 @@ def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
 
 
 def _strokes(machine: Machine) -> Schedule:
-    """Strokes of the specification, half as long and ten times, up and down, each with its rigid body's feedforward.
-    The longest come first: from their end on the friction's state is known, and a fit begins there."""
+    """Strokes of the specification, of half and up to ten times its length, up and down, each with its rigid body's
+    feedforward. The longest come first: from their end on the friction's state is known, and a fit begins there."""
     wanted = machine.specification
     steps: list[Step] = []
-    for size in (10.0, 1.0, 0.5):
+    far = min(10.0, machine.drive.room / (wanted.motions * wanted.stroke))  # specified strokes
+    for size in (far, 1.0, 0.5):
         for sign in (1, -1):
             steps += [_move(machine, sign * size * wanted.stroke)] * wanted.motions
     return schedule("strokes", machine, steps, lead=wanted.settling_time)

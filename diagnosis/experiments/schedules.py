@@ -5,8 +5,8 @@ the force that the rigid body needs for it, plus an excitation at rest where the
 
 What an axis is asked to do is in its own sizes: lengths in the specified stroke or in the friction's presliding
 distance, speeds in the rated one, forces in the friction, times in the specified settling time or in samples where that
-is less, frequencies in the sample rate. The rated thrust and speed are kept to. How far the axis may travel is in no
-machine file.
+is less, frequencies in the sample rate. The rated thrust and speed are kept to, and the travel
+where the machine file states it.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ MOST: Final = 0.6  # of the rated thrust, for what need not be fast
 LADDER: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1)  # of the longest move
 DWELL_STROKE: Final = 0.865  # specified strokes
 RESTS: Final = (2.4, 4.8, 10, 20, 40, 60)  # pauses
+PLACES: Final = 6  # along the way at which fast moves are made
 SPEEDS: Final = (0.0021, 0.0083, 0.021, 0.042)  # of the rated speed
 LONGEST: Final = 200.0  # pauses that a stroke may take: slower ones would take minutes where the rated speed is low
 FAR: Final = (
@@ -149,8 +150,8 @@ def reach(machine: Machine) -> float:
 
 
 def length(machine: Machine, distances: float, strokes: float) -> float:
-    """So many presliding distances or specified strokes [m], whichever is more."""
-    return max(distances * reach(machine), strokes * machine.specification.stroke)
+    """So many presliding distances or specified strokes [m], whichever is more, as far as the axis may travel."""
+    return min(max(distances * reach(machine), strokes * machine.specification.stroke), machine.drive.room)
 
 
 def pause(machine: Machine) -> float:
@@ -351,7 +352,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     """The experiments that can be run on this machine, with settings within its ratings."""
     high, each_way = top(machine), 8 * pause(machine)
     stroke, longest, short = length(machine, 100, 0.1), length(machine, 600, 3), length(machine, 10, 0.1)
-    apart = length(machine, 100, 0.5)
+    apart = min(length(machine, 100, 0.5), (machine.drive.room - short) / (PLACES - 1))
     speeds = tuple(dict.fromkeys(rounded(at_share(machine, stroke, share), 3) for share in SPEEDS))
     slow, fast = speeds[0], rounded(at_share(machine, longest, 1 / 16), 3)
     loops = tuple(rounded(share * reach(machine)) for share in (0.3, 0.1, 0.03, 0.01))
@@ -373,7 +374,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
         Experiment(
             f"a slow stroke of {show(stroke, 'm', 3)} there and back at {slow * 1e3:g} mm/s, not commensurate with "
             "the scale's period",
-            strokes(machine, stroke + 0.17 * reach(machine), (slow,)),
+            strokes(machine, min(stroke + 0.17 * reach(machine), machine.drive.room), (slow,)),
             (),
         ),
         Experiment(
@@ -408,9 +409,9 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
             ("command",),
         ),
         Experiment(
-            f"fast moves of {show(short, 'm', 3)} back and forth, at half the rated thrust, at 6 places "
+            f"fast moves of {show(short, 'm', 3)} back and forth, at half the rated thrust, at {PLACES} places "
             f"{show(apart, 'm', 3)} apart",
-            moves_along(machine, 6, apart, short),
+            moves_along(machine, PLACES, apart, short),
         ),
         Experiment(
             f"one stroke of {show(length(machine, 50, 1), 'm', 3)} at the same place, twelve times there and back",

@@ -1,7 +1,7 @@
 """Experiments for a machine that states how far, how fast and with what force it may be driven.
 
-The menu of schedules.py is in the machine's own sizes, but how far an axis may travel is in no machine file. Here each
-experiment is as large as its travel, speed and force allow, and so short that several fit into a minute.
+The menu of schedules.py is in the machine's own sizes. Here each experiment is as large as the travel, speed and force
+allow, and so short that several fit into a minute.
 """
 
 from __future__ import annotations

@@ -49,6 +49,19 @@ class Drive:
         because=FORCE,
         default=0.0,
     )
+    travel: float = value(
+        "m",
+        "how far the axis may travel, which experiments keep to; 0: not stated",
+        at_least=0,
+        at_most=1e4,
+        because=LONG,
+        default=0.0,
+    )
+
+    @property
+    def room(self) -> float:
+        """How long the way of an experiment may be [m]: the travel less a twentieth at each end; inf if not stated."""
+        return 0.9 * self.travel if self.travel > 0 else math.inf
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,9 @@ OPTIONAL: Final = (
     Asked(
         "offset", "N", "FORCE", "constant force that the drive has to hold, such as gravity; none if not given", "60 N"
     ),
+    Asked(
+        "travel", "m", "LENGTH", "how far the axis may travel, which experiments keep to; open if not given", "40 mm"
+    ),
     Asked("dead_time", "s", "TIME", "dead time from command to thrust; 1.5 sample times if not given", "400 us"),
 )
 """What is assumed where it is not answered."""

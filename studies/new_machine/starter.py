@@ -142,6 +142,7 @@ rated_thrust = {given("rated_thrust")} # the commands are forces; see [record]
 rated_power = {number(power, "W", "assumed: rated thrust x rated speed")} # see the motor's datasheet
 rated_speed = {given("rated_speed")}
 offset = {given("offset") if "offset" in answers else number(0, "N", "assumed: none")} # of gravity: M g less a balance
+travel = {given("travel") if "travel" in answers else number(0, "m", "assumed: not known")} # for experiments; 0: open
 current_loop_bandwidth = {number(CURRENT_LOOP / ts, "Hz", "assumed: a quarter of the sample rate")} # see the drive
 
 [scale]

@@ -40,13 +40,14 @@ def test_a_file_from_ten_answers_meets_its_specification_as_it_stands(axis: str,
 
 def test_the_file_holds_the_answers_and_says_of_every_value_where_it_is_from(tmp_path: Path) -> None:
     file = tmp_path / "axis.toml"
-    assert main(command(file, middle(), "--dead-time", "300 us", "--offset", "-60 N")) == 0
+    assert main(command(file, middle(), "--dead-time", "300 us", "--offset", "-60 N", "--travel", "40 mm")) == 0
     machine = load(file)
     assert machine.plant.mass == pytest.approx(12, rel=1e-5)
     assert machine.friction.coulomb_force == pytest.approx(10, rel=1e-5)
     assert max(machine.friction.limit) == pytest.approx(50e-6)
     assert machine.plant.dead_time == 300e-6
     assert machine.drive.offset == -60
+    assert machine.drive.travel == 40e-3
     kinds = {one.name: one.provenance.kind for one in parameters(machine)}
     assert set(kinds.values()) == {"given", "derived", "assumed"}
     assert all(one.provenance.detail for one in parameters(machine))

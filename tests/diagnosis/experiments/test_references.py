@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import hilbert
 
 from diagnosis.experiments.references import LEVELS, NAMES, axis_references
+from diagnosis.experiments.schedules import menu
 from models.friction import elements
 from models.identification.motion import START, begin
 from models.identification.recognise import recognised
@@ -55,6 +56,21 @@ def test_references_stay_within_the_ratings(name: str) -> None:
     friction = machine.friction.coulomb_force
     assert np.max(np.abs(given.feedforward)) < machine.drive.rated_thrust - friction
     assert np.max(np.abs(np.diff(given.position))) / machine.sample_time < machine.drive.rated_speed
+
+
+@pytest.mark.parametrize("travel", [0.4e-3, 4e-3, 40e-3])
+def test_references_and_experiments_stay_within_a_stated_travel(travel: float) -> None:
+    """And where there is room, they are those of an axis whose travel is open."""
+    machine = load()
+    stated = replace(machine, drive=replace(machine.drive, travel=travel))
+    planned = [axis_references(one).values() for one in (stated, machine)]
+    planned = [
+        [*given, *(one.schedule for one in menu(m))] for given, m in zip(planned, (stated, machine), strict=True)
+    ]
+    for within, usual in zip(*planned, strict=True):
+        way, far = (float(np.ptp(one.given.position)) for one in (within, usual))
+        assert way <= travel
+        assert way == pytest.approx(far) or way > 0.4 * travel or far > travel
 
 
 def test_the_slow_loops_show_friction_alone() -> None:
