@@ -63,9 +63,9 @@ def test_references_and_experiments_stay_within_a_stated_travel(travel: float) -
     """And where there is room, they are those of an axis whose travel is open."""
     machine = load()
     stated = replace(machine, drive=replace(machine.drive, travel=travel))
-    planned = [axis_references(one).values() for one in (stated, machine)]
     planned = [
-        [*given, *(one.schedule for one in menu(m))] for given, m in zip(planned, (stated, machine), strict=True)
+        [*axis_references(one).values(), *(experiment.schedule for experiment in menu(one))]
+        for one in (stated, machine)
     ]
     for within, usual in zip(*planned, strict=True):
         way, far = (float(np.ptp(one.given.position)) for one in (within, usual))
