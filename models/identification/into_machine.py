@@ -18,7 +18,7 @@ from models.effects.structure import CableSpring
 from models.identification import modes
 from models.identification.estimate import Estimate, newey_west
 from models.identification.force import by_elements
-from models.identification.force.fit import DAMPING, SURE, ForceFit
+from models.identification.force.fit import DAMPING, SPRING, SURE, ForceFit
 from models.identification.motion import MotionFit
 from models.machine import Machine, Provenance, Tolerance, with_derived_presliding
 from models.records.files import Loaded
@@ -73,8 +73,8 @@ def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
     machine = machine.with_part("plant", fit.plant, sources)
     lag = (fit.lag, e.deviation(modes.LAG)) if fit.lag > 0 else None
     machine = with_lag(machine, lag, found)
-    if modes.SPRING in e.names:
-        machine = with_spring(machine, (fit.spring, e.deviation(modes.SPRING)), found)
+    if SPRING in e.names:
+        machine = with_spring(machine, (fit.spring, e.deviation(SPRING)), found)
     return with_drag(machine, (fit.drag, e.deviation(modes.DRAG)), None, found) if fit.drag > 0 else machine
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from models.identification import MOST_MODES
 from models.identification.estimate import Estimate
+from models.identification.force.fit import SPRING
 from models.identification.modal.fitting import Beside, Problem, Structure, decoded, left_of, problem_of, sizes
 from models.identification.modal.order import HEAVY, Candidate, Order, chosen
 from models.identification.modal.transfer import Array, Complex, response
@@ -28,7 +29,6 @@ FEWEST_LINES: Final = 12
 POOR: Final = 0.1  # squared relative error of the lines from which on no model fits them at all
 LAG: Final = "current loop lag"
 DRAG: Final = "viscous friction"
-SPRING: Final = "spring to ground"
 NAMED: Final = {"lag": (LAG, "s"), "drag": (DRAG, "N s/m"), "spring": (SPRING, "N/m")}
 
 

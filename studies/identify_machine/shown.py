@@ -186,7 +186,7 @@ def _dynamics(record: Record, fit: ForceFit, held: Holdable) -> dict[str, Any]:
     """Further results of a fast record: the comparison from the published models to the machine file's."""
     half = half_of(record)
     simple, bent = (
-        by_elements.identify(record, terms, pass_band=fit.pass_band, fit_until=half)
+        by_elements.identify(record, replace(terms, effects=fit.effects), pass_band=fit.pass_band, fit_until=half)
         for terms in (BY_DIRECTION, replace(DYNAMICS, bent=True))
     )
     fits = (

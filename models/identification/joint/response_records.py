@@ -10,6 +10,7 @@ import numpy as np
 from models.effects.structure import CableSpring
 from models.identification import modes, response
 from models.identification.estimate import LOOSE
+from models.identification.force.fit import SPRING
 from models.identification.into_machine import Found, spring_of, with_response, with_spring
 from models.identification.joint.agreement import together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
@@ -59,7 +60,7 @@ def _showed_spring(found: Identified) -> bool:
     """Whether the machine's spring is that of an earlier response, so that the fit of all is to find it anew."""
     earlier = found.last("response")
     fit = None if not isinstance(earlier, ResponseStep) else earlier.together or earlier.fit
-    return fit is not None and modes.SPRING in fit.estimate.names
+    return fit is not None and SPRING in fit.estimate.names
 
 
 def _together(steps: Sequence[ResponseStep], settings: Settings, spring: modes.Spring) -> modes.Fit:

@@ -12,6 +12,7 @@ import numpy as np
 
 from models.identification import modes
 from models.identification.estimate import Estimate
+from models.identification.force.fit import SPRING
 from models.identification.response import FrequencyResponse
 from models.quantity import listed, show
 
@@ -24,7 +25,7 @@ CAUSES: Final = (
     ("dead time", "commands or positions logged a sample apart, or another current loop"),
     (modes.LAG, "another setting of the current loop"),
     (modes.DRAG, "another speed or temperature"),
-    (modes.SPRING, "friction that grows along the way, as that turns with the direction and a spring does not"),
+    (SPRING, "friction that grows along the way, as that turns with the direction and a spring does not"),
     ("", "another place of the table, or joints that depend on the amplitude"),
 )
 
@@ -96,8 +97,8 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
 
 def _on_spring(fit: modes.Fit) -> Iterator[str]:
     """What a response says of a spring to ground."""
-    if modes.SPRING in fit.estimate.names:
-        std = fit.estimate.deviation(modes.SPRING)
+    if SPRING in fit.estimate.names:
+        std = fit.estimate.deviation(SPRING)
         yield (
             f"A spring to ground of {fit.spring:.4g} N/m with a standard deviation of {std:.2g} N/m pulls at the axis: "
             "the force rises in proportion to the way that it rolls; of a machine file that is the effect cable_spring."
