@@ -31,7 +31,6 @@ from models.machine import Machine
 from models.quantity import listed, show
 from models.records.files import Loaded
 
-STILL: Final = 0.2  # of the path's span: longer elements slip over little of a loop, or never
 WIDER: Final = 2.0  # times the way in which friction turns round, that loops go on in which a spring is told from it
 
 
@@ -91,20 +90,26 @@ def _shown_by_a_response(found: Identified) -> bool:
 
 def _may_be_a_spring(plain: ForceFit) -> bool:
     """Whether the longest element keeps still over most of the path, so that a spring to ground may be what it is."""
-    return max(plain.friction.limit) > STILL * float(np.ptp(plain.path))
+    return not _wide_beside(plain)
+
+
+def _wide_beside(fit: ForceFit) -> bool:
+    """Whether the path goes on for WIDER times the way in which the friction turns round."""
+    return float(np.ptp(fit.path)) >= WIDER * 2 * max(fit.friction.limit)
 
 
 def _springs(plain: ForceFit, sprung: ForceFit) -> bool:
     """Whether a slow record shows a spring to ground rather than a longer element of friction.
 
     Over one width of loops, an element that never slips is a spring. So the spring has to be sure, to explain the
-    record with fewer parameters, and to go on over loops that are WIDER times as wide as those in which the last
-    element slips: friction that would go on beyond them has elements between.
+    record as well with an element less, or surely better, and to go on over loops that are WIDER times as wide as those
+    in which the last element slips: friction that would go on beyond them has elements between.
     """
     value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)
-    better = sprung.criterion[len(sprung.friction.limit)] < plain.criterion[len(plain.friction.limit)]
-    wide = float(np.ptp(sprung.path)) >= WIDER * 2 * max(sprung.friction.limit)
-    return value > SURE * std and better and wide
+    counts = [len(fit.friction.limit) for fit in (plain, sprung)]
+    fallen = plain.criterion[counts[0]] - sprung.criterion[counts[1]]
+    better = fallen > (0.0 if counts[1] < counts[0] else STRONG)
+    return value > SURE * std and better and _wide_beside(sprung)
 
 
 def _drags(plain: ForceFit, dragged: ForceFit) -> bool:

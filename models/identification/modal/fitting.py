@@ -156,7 +156,7 @@ class Beside:
 
 
 def decoded(theta: Array, structure: Structure, problem: Problem) -> tuple[Plant, Beside]:
-    """The plant that theta stands for, its modes in theta's order, and what acts beside them."""
+    """The plant [SI] that theta stands for, its modes in theta's order, and what acts beside them."""
     rigid, unit = math.exp(theta[0]), sizes(problem)
     values = {part: float(theta[structure.index(part)]) * unit[part] for part in structure.parts}
     beside = Beside(
