@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import chirp
 
 from models.controller import PID
 from models.effects.base import Effect
@@ -17,6 +18,8 @@ from models.friction import elements
 from models.identification.force.fit import SPRING
 from models.identification.force.stated import along_the_path, left_out
 from models.identification.joint.steps import Identified
+from models.identification.modal.remarks import ResponseStep
+from models.identification.modes import LAG
 from models.identification.pipeline import identify
 from models.machine import Machine, Provenance, load
 from models.plant import Mode, Plant
@@ -139,4 +142,24 @@ def test_a_response_of_an_axis_on_a_spring_shows_the_spring_and_no_lag(stated: b
     assert abs(estimate.value("rigid body gain") - gain) < 4 * estimate.deviation("rigid body gain")
     assert abs(estimate.value("dead time") - true.plant.dead_time) < 4 * estimate.deviation("dead time")
     step = answer.steps[0].gave
-    assert answer.misfit(step) < 1.5  # type: ignore[arg-type]
+    assert isinstance(step, ResponseStep)
+    assert answer.misfit(step) < 1.5
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_one_sweep_while_a_small_stage_rolls_tells_its_spring_from_a_lag(stated: bool) -> None:
+    """Its lines are far above the spring's own frequency: what tells is that the command rises along the way."""
+    true, ts = replace(STAGE, effects=(CableSpring(180.0),)), STAGE.sample_time
+    sweep = 0.2 * chirp(np.arange(round(2 / ts)) * ts, 200, 2, 2000, method="logarithmic", phi=-90)
+    force = np.concatenate([np.zeros(round(0.2 / ts)), sweep])
+    record = own_records.run(true, 1.0137e-3 * ts * np.arange(force.size, dtype=float), np.asarray(force, float), 1)
+    answer = identify(true if stated else STAGE, [Loaded("sweep.csv", "", record, (), ())], kinds=["excitation"])
+    estimate, step = answer.estimates["sweep.csv"], answer.steps[0].gave
+    truth = {"rigid body gain": 3.2, "dead time": 85e-6, "mode 1 frequency": 640.0} | (
+        {} if stated else {SPRING: 180.0}
+    )
+    for name, value in truth.items():
+        assert abs(estimate.value(name) - value) < 4 * estimate.deviation(name), name
+    assert LAG not in estimate.names
+    assert isinstance(step, ResponseStep)
+    assert answer.misfit(step) < 1.5
