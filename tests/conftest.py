@@ -27,6 +27,7 @@ SLOW = (
     "models/identification/force/test_slow_records.py",
     "models/identification/test_motion.py",
     "models/identification/test_response.py",
+    "models/identification/test_springs.py",
     "models/test_emps.py",
     "studies",
     "test_positioning.py",

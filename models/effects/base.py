@@ -312,6 +312,10 @@ class Effect(ABC):
         """Of its friction, what grows in proportion to the speed [N s/m], alike in both directions."""
         return 0.0
 
+    def spring_to_ground(self) -> float:
+        """Of its force, what pulls back in proportion to the position, everywhere alike [N/m]."""
+        return 0.0
+
     def larger_forwards(self) -> tuple[float, float]:
         """How much larger than the mean of both directions friction is forwards: by a part of all other friction [1],
         and by a drag [N s/m]."""

@@ -98,3 +98,7 @@ class CableSpring(Effect):
     stiffness: float = counted(
         parameter("N/m", "stiffness k", 50.0, 500.0, "amplitude", at_least=0), {"force": 1, "travel": -1}
     )
+
+    def spring_to_ground(self) -> float:
+        """All of it [N/m]."""
+        return self.stiffness

@@ -14,10 +14,11 @@ from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.effects.motor import CurrentLoopLag
+from models.effects.structure import CableSpring
 from models.identification import modes
 from models.identification.estimate import Estimate, newey_west
 from models.identification.force import by_elements
-from models.identification.force.fit import DAMPING, SURE, ForceFit
+from models.identification.force.fit import DAMPING, SPRING, SURE, ForceFit
 from models.identification.motion import MotionFit
 from models.machine import Machine, Provenance, Tolerance, with_derived_presliding
 from models.records.files import Loaded
@@ -56,7 +57,8 @@ class Found:
 
 def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
     """The machine with the plant of a frequency response, whose gains hold the thrust constant; the lag of the current
-    loop and the viscous drag that it shows are effects. Without a lag of its own the dead time holds any."""
+    loop, the viscous drag and the spring to ground that it shows are effects. Without a lag of its own the dead time
+    holds any."""
     e = fit.estimate
     sources = {
         "dead_time": found.by(e.deviation("dead time")),
@@ -71,18 +73,31 @@ def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
     machine = machine.with_part("plant", fit.plant, sources)
     lag = (fit.lag, e.deviation(modes.LAG)) if fit.lag > 0 else None
     machine = with_lag(machine, lag, found)
+    if SPRING in e.names:
+        machine = with_spring(machine, (fit.spring, e.deviation(SPRING)), found)
     return with_drag(machine, (fit.drag, e.deviation(modes.DRAG)), None, found) if fit.drag > 0 else machine
 
 
 def with_lag(machine: Machine, lag: tuple[float, float] | None, found: Found) -> Machine:
     """The machine with a current loop's time constant and its standard deviation [s] as an effect; None takes it
     out."""
-    name = CurrentLoopLag.name
+    new = None if lag is None else (CurrentLoopLag(lag[0]), found.by(lag[1]))
+    return _with_effect(machine, CurrentLoopLag.name, "time", new)
+
+
+def with_spring(machine: Machine, spring: tuple[float, float] | None, found: Found) -> Machine:
+    """The machine with a spring to ground and its standard deviation [N/m] as an effect; None takes it out."""
+    new = None if spring is None else (CableSpring(spring[0]), found.by(spring[1]))
+    return _with_effect(machine, CableSpring.name, "stiffness", new)
+
+
+def _with_effect(machine: Machine, name: str, part: str, new: tuple[Effect, Provenance] | None) -> Machine:
+    """The machine with an effect of one value [SI] in place of those of its name; None takes them out."""
     sources = {path: one for path, one in machine.sources_of("effects").items() if not path.startswith(name)}
     others = [effect for effect in machine.effects if effect.name != name]
-    if lag is not None:
-        sources[f"{name}.time"] = found.by(lag[1])
-        others.append(CurrentLoopLag(lag[0]))
+    if new is not None:
+        sources[f"{name}.{part}"] = new[1]
+        others.append(new[0])
     return machine.with_part("effects", catalogue.in_order(others), sources)
 
 
@@ -94,6 +109,11 @@ def lag_of(machine: Machine) -> float:
 def drag_of(machine: Machine) -> float:
     """The viscous drag [N s/m] among the machine's effects; 0 without one."""
     return sum(effect.viscous_drag() for effect in machine.effects)
+
+
+def spring_of(machine: Machine) -> float:
+    """The spring to ground [N/m] among the machine's effects; 0 without one."""
+    return sum(effect.spring_to_ground() for effect in machine.effects)
 
 
 def with_friction(machine: Machine, fit: ForceFit, found: Found) -> Machine:

@@ -58,7 +58,8 @@ class FrequencyResponse:
     command: the spectrum U (n,) [any unit] of one record without a window: X / U then holds what the record's two ends
     leave of each mode, too; None: no such part. settled [s]: for how long before it the excitation was the same, so
     that what dies out in that time is the same at both ends; 0 for a single sweep. turned: the share [1] of the samples
-    in which an axis that rolls moved backwards, as a mode that is excited too strongly makes it.
+    in which an axis that rolls moved backwards, as a mode that is excited too strongly makes it. slope: of the straight
+    line that was taken off the position [m per sample]; a spring to ground pulls along it.
     """
 
     frequency: Array
@@ -70,6 +71,7 @@ class FrequencyResponse:
     command: Complex | None = None
     settled: float = 0.0
     turned: float = 0.0
+    slope: float = 0.0
 
 
 def period(signal: Array) -> int | None:
@@ -152,6 +154,7 @@ def _repeated(record: Record, length: int) -> FrequencyResponse:
         command,
         length * ts,
         _turned(part.position),
+        _slope(part.position),
     )
 
 
@@ -219,8 +222,9 @@ def _swept(record: Record) -> FrequencyResponse:
     begun, moved = _samples_to_move(part.position, BEGUN), abs(part.position - part.position[0])
     if rolling and moved[begun] < 0.5 * moved[-1] * begun / n:
         raise ValueError("the sweep begins before the axis rolls: friction still builds up; let it roll for a second")
+    variance, turned = noise / np.abs(u) ** 2, _turned(part.position)
     return FrequencyResponse(
-        f, x[used] / u, noise / np.abs(u) ** 2, coherence[used], ts, rolling, u, turned=_turned(part.position)
+        f, x[used] / u, variance, coherence[used], ts, rolling, u, turned=turned, slope=_slope(part.position)
     )
 
 
@@ -245,6 +249,11 @@ def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array]:
 def _level(position: Array) -> Array:
     """A position (n,) less the straight line from its first to its last sample, which leaks into every line."""
     return np.asarray(position - np.linspace(position[0], position[-1], position.size))
+
+
+def _slope(position: Array) -> float:
+    """The slope of that line [m per sample]."""
+    return float(position[-1] - position[0]) / (position.size - 1)
 
 
 def _periods(signal: Array, length: int) -> Complex:

@@ -12,6 +12,8 @@ from models.identification import modes, motion, response
 from models.identification.estimate import Estimate
 from models.identification.force import by_elements
 from models.identification.force.signals import Terms, slow_band
+from models.identification.force.stated import along_the_path
+from models.identification.into_machine import drag_of, spring_of
 from models.identification.pipeline import identify
 from models.machine import Machine, Parameter, Provenance, parameters
 from models.records.files import Loaded
@@ -32,13 +34,16 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
         tell(i / tables, f"round trip of table {i + 1} of {tables}")
         own = seed + 1000 + i
         table = own_records.another(machine, own)
-        found = modes.fit(response.measured(own_records.excitation(table, own)))
+        spring = modes.Spring(spring_of(table), sought=spring_of(table) == 0)
+        found = modes.fit(response.measured(own_records.excitation(table, own)), spring=spring)
         truth = true_modes(table)
         if found.estimate.values.size == truth.size:
             rows["frequency response"].append(_errors(found.estimate, truth))
         else:
             missed += 1
-        terms = Terms(mass=found.plant.mass, known_delay=_delay(table))
+        terms = Terms(
+            mass=found.plant.mass, known_delay=_delay(table), drag=drag_of(table), effects=along_the_path(table)
+        )
         slow = own_records.hysteresis(table, own)
         curve = by_elements.identify(slow, terms, pass_band=slow_band(slow))
         limit, stiffness = np.array(table.friction.limit), np.array(table.friction.stiffness)

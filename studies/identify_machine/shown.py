@@ -105,7 +105,9 @@ def _response(gave: ResponseStep) -> dict[str, Any]:
     measured, fit = gave.measured, gave.fit
     if gave.together is not None:
         fit = replace(gave.together, used_lines=fit.used_lines)
-    model = modes.model(fit.plant, measured.frequency, measured.sample_time, lag=fit.lag, drag=fit.drag)
+    model = modes.model(
+        fit.plant, measured.frequency, measured.sample_time, lag=fit.lag, drag=fit.drag, spring=fit.spring
+    )
     phase = np.rad2deg(np.unwrap(np.angle(model)))
     phase -= 360 * np.round((phase[0] + 180) / 360)  # a rigid body begins at -180 degrees
     lines = {
@@ -130,6 +132,7 @@ def _response(gave: ResponseStep) -> dict[str, Any]:
         "modes": len(fit.plant.modes) - 1,
         "lag_s": fit.lag,
         "drag_Ns_per_m": fit.drag,
+        "spring_N_per_m": fit.spring,
         "worth": dict(fit.worth),
         "orders": [_order(fit, order) for order in fit.orders],
     }
@@ -183,7 +186,7 @@ def _dynamics(record: Record, fit: ForceFit, held: Holdable) -> dict[str, Any]:
     """Further results of a fast record: the comparison from the published models to the machine file's."""
     half = half_of(record)
     simple, bent = (
-        by_elements.identify(record, terms, pass_band=fit.pass_band, fit_until=half)
+        by_elements.identify(record, replace(terms, effects=fit.effects), pass_band=fit.pass_band, fit_until=half)
         for terms in (BY_DIRECTION, replace(DYNAMICS, bent=True))
     )
     fits = (

@@ -1,4 +1,5 @@
-"""Friction from a record by inverse dynamics: u = M a + c v + offset + sum K_i z_i(x), the elements of eqs. (3)-(8).
+"""Friction from a record by inverse dynamics: u = M a + c v + k x + offset + sum K_i z_i(x), the elements of eqs.
+(3)-(8), u less what known effects make of it (stated.py).
 
 At given limits X_i everything is linear in the force; the limits, and a delay if wanted, are found by least squares on
 what the linear part leaves (variable projection; Golub and Pereyra, 1973). Elements are added one after the other, each
@@ -212,6 +213,7 @@ def _answer(data: Signals, limits: Array, lags: Array, criterion: tuple[float, .
         modelled,
         columns[:, columns.shape[1] - count :] @ stiffness,
         data.fitted,
+        effects=data.terms.effects,
     )
 
 

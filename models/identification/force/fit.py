@@ -9,12 +9,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.base import Effect
 from models.friction import Friction, branch
 from models.identification.estimate import Estimate
 
 Array = NDArray[np.float64]
 
 DAMPING: Final = "damping over stiffness"  # the name of tau = D_i / K_i, one for all elements
+SPRING: Final = "spring to ground"  # the name of k, in a force k x
 SURE: Final = 3.0  # standard deviations that damping or viscous friction must be away from none
 
 
@@ -25,7 +27,8 @@ class ForceFit:
     time [s], measured and modelled force [N], path [m], friction's share [N] (n,); used: which were fitted.
     lag: tau = D_i / K_i and its standard deviation [s] where damping was sought, whether it was taken or not.
     remembered: the force [N] that elements may carry from before the record, which the offset's deviation covers;
-    short: the path is too short to show where the longest element ends. pass_band [Hz]: of the low-pass.
+    short: the path is too short to show where the longest element ends. pass_band [Hz]: of the low-pass. effects: known
+    ones, whose force is not in `measured` any more.
     """
 
     friction: Friction
@@ -41,6 +44,7 @@ class ForceFit:
     remembered: float = 0.0
     short: bool = False
     pass_band: float = math.nan
+    effects: tuple[Effect, ...] = ()
 
     @property
     def damped(self) -> bool:

@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from models.friction import deflections
-from models.identification.force.fit import DAMPING
+from models.identification.force.fit import DAMPING, SPRING
 from models.identification.force.signals import (
     AT_A_TIME,
     SMOOTHING,
@@ -24,6 +24,7 @@ from models.identification.force.signals import (
     finest_step,
     memory_ends,
 )
+from models.identification.force.stated import left_for_friction
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -97,13 +98,15 @@ def beside_elements(data: Signals, delay: float) -> tuple[Array, Array]:
     path = _shifted(data, delay)
     speed = np.gradient(path, ts)
     acceleration = np.gradient(speed, ts)
-    force = data.force - (terms.mass or 0.0) * acceleration - terms.drag * speed
+    acting = left_for_friction(terms.effects, path, speed, data.force, ts)
+    force = acting - (terms.mass or 0.0) * acceleration - terms.drag * speed
     columns = [] if terms.mass is not None else [acceleration]
     ways = [np.maximum(speed, 0), np.minimum(speed, 0)] if terms.by_direction else [speed]
     if terms.viscous:
         columns += ways
     if terms.bent:
         columns += [way * np.abs(way) for way in ways]
+    columns += [path] if terms.spring else []
     return path, filtered(data, np.column_stack([*columns, np.ones(path.size), force]))
 
 
@@ -179,6 +182,7 @@ def parameter_names(terms: Terms, count: int) -> tuple[tuple[str, ...], tuple[st
     pairs += [] if terms.mass is not None else [("mass", "kg")]
     pairs += [(f"viscous friction {way}".strip(), "N s/m") for way in ways] if terms.viscous else []
     pairs += [(f"bend of the viscous friction {way}".strip(), "N s2/m2") for way in ways] if terms.bent else []
+    pairs += [(SPRING, "N/m")] if terms.spring else []
     pairs += [("offset", "N"), *((f"element {i + 1} stiffness", "N/m") for i in range(count))]
     pairs += [(f"element {i + 1} limit", "m") for i in range(count)]
     return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)

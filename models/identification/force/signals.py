@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from models.effects.base import Effect
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -39,18 +40,22 @@ ALIKE: Final = 0.1  # of their way: by less, passes from one reversal to the nex
 @dataclass(frozen=True)
 class Terms:
     """What acts beside the elements. mass [kg]: known and taken off; None: identified. drag [N s/m]: viscous friction
-    that is known and taken off. Others: identified or absent.
+    that is known and taken off; effects: others that are known, of those that `stated.along_the_path` names. Others:
+    identified or absent.
 
     by_direction: viscous friction of its own for each direction; bent: a part c' v^2 beside c v, so that it may grow
-    less than in proportion; delay: the position answers a delay after the command (known_delay [s] beside it, with its
-    standard deviation). damped: damping of the elements is sought, and taken only if BIC falls by ten.
+    less than in proportion; spring: to ground, a part k x; delay: the position answers a delay after the command
+    (known_delay [s] beside it, with its standard deviation). damped: damping of the elements is sought, and taken only
+    if BIC falls by ten.
     """
 
     mass: float | None = None
     drag: float = 0.0
+    effects: tuple[Effect, ...] = ()
     viscous: bool = False
     by_direction: bool = False
     bent: bool = False
+    spring: bool = False
     delay: bool = False
     known_delay: float = 0.0
     known_delay_std: float = 0.0

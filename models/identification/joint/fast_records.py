@@ -10,6 +10,7 @@ from models.identification.estimate import LOOSE, Estimate, combined
 from models.identification.force import by_elements
 from models.identification.force.fit import ForceFit
 from models.identification.force.signals import Terms, fast_band
+from models.identification.force.stated import along_the_path
 from models.identification.into_machine import (
     Found,
     Holdable,
@@ -31,7 +32,7 @@ from models.identification.joint.agreement import (
     together,
     vagueness,
 )
-from models.identification.joint.slow_records import on_damping
+from models.identification.joint.slow_records import on_damping, on_effects
 from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
 from models.quantity import show
 from models.records.files import Loaded
@@ -51,7 +52,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     """
     record = record_of(loaded)
     band = settings.pass_band or fast_band(record, found.machine.plant.lowest_mode)
-    fit = by_elements.identify(record, DYNAMICS, pass_band=band, fit_until=half_of(record))
+    terms = replace(DYNAMICS, effects=along_the_path(found.machine))
+    fit = by_elements.identify(record, terms, pass_band=band, fit_until=half_of(record))
     if not fit.estimate.deviation("mass") < LOOSE * abs(fit.estimate.value("mass")):
         raise ValueError(
             f"does not excite the axis: its mass, {fit.estimate.value('mass'):.3g} kg, has a standard deviation of "
@@ -77,7 +79,14 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
         machine = with_drag(machine, held.drag, held.asymmetry, source)
     machine = with_offset(machine, *held.offset, source)
     step = ForceStep(fit, holdable(fit))
-    return with_step(found, machine, kind, loaded, step, (_on_offset(helds[-1]), on_damping(fit), *remarks))
+    return with_step(
+        found,
+        machine,
+        kind,
+        loaded,
+        step,
+        (_on_offset(helds[-1]), on_damping(fit), *remarks, *on_effects(found.machine)),
+    )
 
 
 def _on_plant(found: Identified, fit: ForceFit) -> Iterator[str]:

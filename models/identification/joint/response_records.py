@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from models.effects.structure import CableSpring
 from models.identification import modes, response
 from models.identification.estimate import LOOSE
-from models.identification.into_machine import Found, with_response
+from models.identification.force.fit import SPRING
+from models.identification.into_machine import Found, spring_of, with_response, with_spring
 from models.identification.joint.agreement import together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
 from models.identification.modal.remarks import ResponseStep, bent, on_disagreement, on_left_out, on_response
@@ -25,7 +27,8 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         measured, level = response.measured(content), float(np.std(content.feedforward))
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
-    fit = modes.fit(measured, count=settings.modes)
+    spring = _spring(found)
+    fit = modes.fit(measured, count=settings.modes, spring=spring)
     _check_excited(fit, measured)
     step = ResponseStep(measured, fit, level=level)
     earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
@@ -34,19 +37,39 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         every = [*earlier, Step(kind, loaded, step)]
         used = [one for one in every if not bent(_gave(one).measured)] or every
         fits = [_gave(one) for one in used]
-        best = _together(fits, settings)
+        best = _together(fits, settings, spring)
         step = replace(step, together=best)
         remarks += on_disagreement([one.loaded.name for one in used], fits)
         remarks += on_left_out([one.loaded.name for one in every if one not in used])
         source = Found(together(used), "response")
-    return with_step(found, with_response(found.machine, best, source), kind, loaded, step, remarks)
+    known = found.machine if not _showed_spring(found) else with_spring(found.machine, None, source)
+    return with_step(found, with_response(known, best, source), kind, loaded, step, remarks)
 
 
-def _together(steps: Sequence[ResponseStep], settings: Settings) -> modes.Fit:
+def _spring(found: Identified) -> modes.Spring:
+    """The spring to ground that the machine file states, which stays as it is, or that an earlier identification wrote
+    into it, which a response may correct."""
+    if _showed_spring(found):
+        return modes.Spring()
+    source = found.machine.sources.get(f"effects.{CableSpring.name}.stiffness")
+    stiffness = spring_of(found.machine)
+    return modes.Spring(stiffness, stiffness == 0 or (source is not None and source.kind == "identified"))
+
+
+def _showed_spring(found: Identified) -> bool:
+    """Whether the machine's spring is that of an earlier response, so that the fit of all is to find it anew."""
+    earlier = found.last("response")
+    fit = None if not isinstance(earlier, ResponseStep) else earlier.together or earlier.fit
+    return fit is not None and SPRING in fit.estimate.names
+
+
+def _together(steps: Sequence[ResponseStep], settings: Settings, spring: modes.Spring) -> modes.Fit:
     """One plant from all of these responses."""
     if len(steps) == 1:
         return steps[0].fit
-    return modes.fit_together([one.measured for one in steps], [one.fit.used for one in steps], count=settings.modes)
+    return modes.fit_together(
+        [one.measured for one in steps], [one.fit.used for one in steps], count=settings.modes, spring=spring
+    )
 
 
 def _gave(step: Step) -> ResponseStep:

@@ -4,20 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from models.identification.estimate import STRONG
 from models.identification.force import by_elements
-from models.identification.force.fit import SURE, ForceFit
+from models.identification.force.fit import SPRING, SURE, ForceFit
 from models.identification.force.signals import Terms, slow_band
-from models.identification.into_machine import Found, drag_of, lag_of, with_drag, with_friction, with_offset
+from models.identification.force.stated import along_the_path, left_out
+from models.identification.into_machine import (
+    Found,
+    drag_of,
+    lag_of,
+    spring_of,
+    with_drag,
+    with_friction,
+    with_offset,
+    with_spring,
+)
 from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together
 from models.identification.joint.one_branch import one_branch
 from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
 from models.identification.modes import DRAG
-from models.quantity import show
+from models.machine import Machine
+from models.quantity import listed, show
 from models.records.files import Loaded
+
+WIDER: Final = 2.0  # times the way in which friction turns round, that loops go on in which a spring is told from it
 
 
 def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
@@ -26,7 +40,8 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     dead_time = [std for _, std in found.earlier("dead time")]
     terms = Terms(
         mass=plant.mass,
-        drag=_known_drag(found),
+        drag=drag_of(found.machine),
+        effects=along_the_path(found.machine),
         known_delay=plant.dead_time + lag_of(found.machine) + 0.5 * ts,
         known_delay_std=max(dead_time, default=0.0),
         damped=bool(dead_time),
@@ -34,7 +49,12 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     record = record_of(loaded)
     band = settings.pass_band or slow_band(record)
     fit = by_elements.identify(record, terms, pass_band=band)
-    dragged = None if terms.drag else by_elements.identify(record, replace(terms, viscous=True), pass_band=band)
+    if spring_of(found.machine) == 0 and _may_be_a_spring(fit):
+        sprung = by_elements.identify(record, replace(terms, spring=True), pass_band=band)
+        if _springs(fit, sprung):
+            terms, fit = replace(terms, spring=True), sprung
+    free = replace(terms, viscous=True, drag=0.0)
+    dragged = None if _shown_by_a_response(found) else by_elements.identify(record, free, pass_band=band)
     if dragged and _drags(fit, dragged):
         fit = dragged
     slip, spread = fit.slip_force()
@@ -43,26 +63,53 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     remarks = (
         f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
         on_damping(fit),
-        _on_drag(dragged, taken=fit is dragged) if dragged else _off_drag(terms.drag),
+        _on_drag(dragged, taken=fit is dragged) if dragged and not terms.drag else _off_drag(terms.drag),
         *on_agreement(steps, ("offset",)),
         *on_slip(steps, "one branch fitted to all, with deviations as wide"),
+        *_on_spring(fit),
         *_on_memory(fit),
+        *on_effects(found.machine),
     )
     source, e = Found(loaded, "hysteresis"), fit.estimate
     offset = joint_estimate([one.estimate for one in fits], ("offset",))
     of_all = Found(together(steps), "hysteresis")
     machine = with_friction(found.machine, one_branch(fits), of_all)
     machine = with_offset(machine, offset.value("offset"), offset.deviation("offset"), of_all)
+    if SPRING in e.names:
+        machine = with_spring(machine, (e.value(SPRING), e.deviation(SPRING)), source)
     if fit is dragged:
         machine = with_drag(machine, (e.value("viscous friction"), e.deviation("viscous friction")), None, source)
     return with_step(found, machine, kind, loaded, ForceStep(fit), remarks)
 
 
-def _known_drag(found: Identified) -> float:
-    """The viscous friction [N s/m] that a frequency response gave, which shows it far better than a slow record; 0
-    where none did."""
+def _shown_by_a_response(found: Identified) -> bool:
+    """Whether a frequency response gave the viscous friction, which it shows far better than a slow record."""
     response = found.last("response")
-    return drag_of(found.machine) if response is not None and DRAG in response.estimate.names else 0.0
+    return response is not None and DRAG in response.estimate.names
+
+
+def _may_be_a_spring(plain: ForceFit) -> bool:
+    """Whether the longest element keeps still over most of the path, so that a spring to ground may be what it is."""
+    return not _wide_beside(plain)
+
+
+def _wide_beside(fit: ForceFit) -> bool:
+    """Whether the path goes on for WIDER times the way in which the friction turns round."""
+    return float(np.ptp(fit.path)) >= WIDER * 2 * max(fit.friction.limit)
+
+
+def _springs(plain: ForceFit, sprung: ForceFit) -> bool:
+    """Whether a slow record shows a spring to ground rather than a longer element of friction.
+
+    Over one width of loops, an element that never slips is a spring. So the spring has to be sure, to explain the
+    record as well with an element less, or surely better, and to go on over loops that are WIDER times as wide as those
+    in which the last element slips: friction that would go on beyond them has elements between.
+    """
+    value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)
+    counts = [len(fit.friction.limit) for fit in (plain, sprung)]
+    fallen = plain.criterion[counts[0]] - sprung.criterion[counts[1]]
+    better = fallen > (0.0 if counts[1] < counts[0] else STRONG)
+    return value > SURE * std and better and _wide_beside(sprung)
 
 
 def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
@@ -73,8 +120,8 @@ def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
 
 
 def _off_drag(known: float) -> str:
-    """What is said of viscous friction [N s/m] that an earlier record gave."""
-    return f"The viscous friction of {known:.3g} N s/m, which an earlier record gave, was taken off and stays."
+    """What is said of viscous friction [N s/m] that an earlier record gave, or the machine file states."""
+    return f"The viscous friction of {known:.3g} N s/m, which was known before, was taken off and stays."
 
 
 def _on_drag(dragged: ForceFit, *, taken: bool) -> str:
@@ -109,13 +156,38 @@ def on_damping(fit: ForceFit) -> str:
     )
 
 
+def _on_spring(fit: ForceFit) -> Iterator[str]:
+    """What a slow record says of a spring to ground."""
+    if SPRING in fit.estimate.names:
+        value, std = fit.estimate.value(SPRING), fit.estimate.deviation(SPRING)
+        yield (
+            f"A force of {value:.4g} N/m with a standard deviation of {std:.2g} N/m goes in proportion to the position "
+            "over the whole width of the loops, as that of a spring to ground does and friction does not; it is no "
+            "element, but the effect cable_spring of the machine file."
+        )
+
+
+def on_effects(machine: Machine) -> Iterator[str]:
+    """Which effects of the machine file a fit of the force takes into account, and which it cannot."""
+    taken = [one.name for one in along_the_path(machine)]
+    if taken:
+        yield f"What {listed(taken)} of the machine file makes of the force was taken off before friction was fitted."
+    names = left_out(machine)
+    if names:
+        yield (
+            f"What {listed(names)} of the machine file makes of friction or of the scale was not taken off: the "
+            "elements identified hold it, too."
+        )
+
+
 def _on_memory(fit: ForceFit) -> Iterator[str]:
     """What elements may carry from before a slow record."""
     if fit.short:
         span = float(np.ptp(fit.path))
         yield (
             f"The path, {show(span, 'm')} from end to end, is too short for the longest element: the friction may go "
-            "on rising beyond it; record slow loops twice as wide."
+            "on rising beyond it, or a spring to ground pulls, which looks the same there; record slow loops twice as "
+            "wide, or state the spring ([effects.cable_spring])."
         )
     if fit.remembered > 0:
         yield (

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from models.identification import modes, motion
 from models.identification.estimate import Estimate, not_identifiable
 from models.identification.force.fit import ForceFit
-from models.identification.into_machine import Holdable, drag_of, lag_of
+from models.identification.into_machine import Holdable, drag_of, lag_of, spring_of
+from models.identification.modal.fitting import Beside
 from models.identification.modal.remarks import ResponseStep
 from models.machine import Machine
 from models.records.files import Loaded
@@ -125,9 +126,8 @@ class Identified:
 
     def misfit(self, gave: ResponseStep) -> float:
         """Reduced chi-square [1] of this machine, as its file has it, on a response that it was identified from."""
-        return modes.misfit(
-            gave.measured, gave.fit.used, self.machine.plant, lag_of(self.machine), drag_of(self.machine)
-        )
+        beside = Beside(lag_of(self.machine), drag_of(self.machine), spring_of(self.machine))
+        return modes.misfit(gave.measured, gave.fit.used, self.machine.plant, beside)
 
     def has(self, *results: str) -> bool:
         """Whether a record had a result of one of these kinds."""

@@ -1,8 +1,9 @@
 """Weighted least squares of one structure, so many modes with or without lag and drag, on one frequency response or on
 several of one machine together.
 
-theta: log k_0, L and, where the structure has them, tau, both over 1 / w of the highest line, and the drag's rate c k_0
-over w of the highest line; then (k_i / k_0, log f_i, log zeta_i) for each mode. N lines in all.
+theta: log k_0, L and, where the structure has them, tau, both over 1 / w of the highest line, the drag's rate c k_0
+over w of the highest line, and the square of the spring's frequency, k k_0, over w^2 of the lowest; then (k_i / k_0,
+log f_i, log zeta_i) for each mode. N lines in all.
 """
 
 from __future__ import annotations
@@ -30,6 +31,10 @@ WIDE: Final = 5.0  # of the logarithm of the rigid body's gain from its start
 ALIKE: Final = 1e-9  # relative size below which a combination of columns is none but rounding
 DIED_OUT: Final = 12.0  # time constants after which what a pole leaves is below 1e-5
 STEP: Final = 1e-5  # of theta, of the numerical derivatives
+STIFFEST: Final = 4.0  # times the inertia at the lowest line: a stiffer one makes the rigid body a mode in the band
+
+
+PARTS: Final = ("lag", "drag", "spring")  # what may be beside the modes, in the order of theta
 
 
 @dataclass(frozen=True)
@@ -38,17 +43,32 @@ class Structure:
 
     lag: bool = False
     drag: bool = False
+    spring: bool = False
 
     @property
     def before(self) -> int:
         """How many of theta stand before those of the modes."""
-        return 2 + self.lag + self.drag
+        return 2 + len(self.parts)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The names of what there is, in the order of theta."""
+        return tuple(name for name in PARTS if getattr(self, name))
+
+    def index(self, part: str) -> int:
+        """Which of theta stands for one of `parts`."""
+        return 2 + self.parts.index(part)
+
+    def without(self, part: str) -> Structure:
+        """The same without one of `parts`."""
+        return Structure(**{name: name != part for name in self.parts})
 
 
 @dataclass(frozen=True)
 class Lines:
     """One response: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], and U (n,) or None; settled
-    [s]: for how long before it the excitation was the same as in it."""
+    [s]: for how long before it the excitation was the same as in it; slope [m per sample]: of the straight line that
+    was taken off the position."""
 
     f: Array
     p: Complex
@@ -56,6 +76,7 @@ class Lines:
     ts: float
     command: Complex | None
     settled: float = 0.0
+    slope: float = 0.0
 
     @property
     def single(self) -> bool:
@@ -73,23 +94,27 @@ class Lines:
 
 @dataclass(frozen=True)
 class Expansion:
-    """A plant with a lag and a drag in partial fractions: poles (J,) [1/s], weights (J,) [1/kg], dead time [s]."""
+    """A plant with a lag, a drag and a spring in partial fractions: poles (J,) [1/s], weights (J,) [1/kg], dead time
+    [s]; sprung: whether a spring holds it, so that the pole at 0 is none of its own."""
 
     pole: Complex
     weight: Complex
     dead_time: float
+    sprung: bool = False
 
 
 @dataclass(frozen=True)
 class Problem:
     """Responses of one machine. known: whether the lines' variances are; else all count alike, relative to their size.
     unit: 1 / w of the highest line [s]; gain: logarithm of the median of w^2 |P| [1/kg], the rigid body's to a factor.
+    spring: to ground [N/m], as it is known; a structure with a spring has its own instead.
     """
 
     lines: tuple[Lines, ...]
     known: bool
     unit: float
     gain: float
+    spring: float = 0.0
 
     @property
     def size(self) -> int:
@@ -106,37 +131,55 @@ class Problem:
         return replace(self, lines=tuple(one.thinned(most // len(self.lines)) for one in self.lines))
 
 
-def problem_of(measured: Sequence[FrequencyResponse], used: Sequence[NDArray[np.bool_]]) -> Problem:
-    """The problem that the used lines (n,) of the responses [m/N] are."""
+def problem_of(
+    measured: Sequence[FrequencyResponse], used: Sequence[NDArray[np.bool_]], spring: float = 0.0
+) -> Problem:
+    """The problem that the used lines (n,) of the responses [m/N] are; spring [N/m]: as it is known."""
     known = all(bool(np.all(np.isfinite(one.variance))) for one in measured)
     lines = []
     for one, kept in zip(measured, used, strict=True):
         p = one.response[kept]
         weight = np.sqrt(2 / one.variance[kept]) if known else 1 / np.abs(p)
         command = None if one.command is None else one.command[kept]
-        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, command, one.settled))
+        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, command, one.settled, one.slope))
     gain = math.log(float(np.median([np.median(np.abs(one.p) * (2 * math.pi * one.f) ** 2) for one in lines])))
-    return Problem(tuple(lines), known, 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines)), gain)
+    return Problem(tuple(lines), known, 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines)), gain, spring)
 
 
-def decoded(theta: Array, structure: Structure, unit: float) -> tuple[Plant, float, float]:
-    """The plant, tau [s] and c [N s/m] that theta stands for; modes in theta's order."""
-    rigid = math.exp(theta[0])
-    lag = float(theta[2]) * unit if structure.lag else 0.0
-    drag = float(theta[1 + structure.lag + 1]) / unit / rigid if structure.drag else 0.0
+@dataclass(frozen=True)
+class Beside:
+    """What acts beside the modes: lag tau [s], drag c [N s/m], spring to ground k [N/m]."""
+
+    lag: float = 0.0
+    drag: float = 0.0
+    spring: float = 0.0
+
+
+def decoded(theta: Array, structure: Structure, problem: Problem) -> tuple[Plant, Beside]:
+    """The plant [SI] that theta stands for, its modes in theta's order, and what acts beside them."""
+    rigid, unit = math.exp(theta[0]), sizes(problem)
+    values = {part: float(theta[structure.index(part)]) * unit[part] for part in structure.parts}
+    beside = Beside(
+        values.get("lag", 0.0), values.get("drag", 0.0) / rigid, values.get("spring", problem.spring * rigid) / rigid
+    )
     triples = theta[structure.before :].reshape(-1, 3).tolist()
     modes = [Mode(rigid * k, math.exp(f), math.exp(zeta)) for k, f, zeta in triples]
-    return Plant(float(theta[1]) * unit, 1.0, (Mode(rigid, 0.0, 0.0), *modes)), lag, drag
+    return Plant(float(theta[1]) * problem.unit, 1.0, (Mode(rigid, 0.0, 0.0), *modes)), beside
+
+
+def sizes(problem: Problem) -> dict[str, float]:
+    """What one of theta is of each part: of tau [s], of c k_0 [1/s], of k k_0 [1/s2]."""
+    return {"lag": problem.unit, "drag": 1 / problem.unit, "spring": (2 * math.pi * problem.band[0]) ** 2}
 
 
 def residual(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Weighted errors (2 N,) [1], less what the ends of a single record explain, whatever their sizes (projection)."""
-    return left_of(*decoded(theta, structure, problem.unit), problem)
+    return left_of(*decoded(theta, structure, problem), problem)
 
 
-def left_of(plant: Plant, lag: float, drag: float, problem: Problem) -> Array:
-    """The residual (2 N,) [1] of a plant with a lag [s] and a drag [N s/m]."""
-    found, terms = [], _expansion(plant, lag, drag)
+def left_of(plant: Plant, beside: Beside, problem: Problem) -> Array:
+    """The residual (2 N,) [1] of a plant and what acts beside its modes."""
+    found, terms = [], _expansion(plant, beside)
     for one in problem.lines:
         error = _errors(terms, one)
         if one.command is not None:
@@ -146,36 +189,48 @@ def left_of(plant: Plant, lag: float, drag: float, problem: Problem) -> Array:
     return np.concatenate(found)
 
 
-def _expansion(plant: Plant, lag: float, drag: float) -> Expansion:
-    return Expansion(*expansion(plant, lag, drag), plant.dead_time)
+def _expansion(plant: Plant, beside: Beside) -> Expansion:
+    terms = expansion(plant, beside.lag, beside.drag, beside.spring)
+    return Expansion(*terms, plant.dead_time, beside.spring > 0)
 
 
 def _errors(terms: Expansion, lines: Lines) -> Array:
+    """Weighted errors (2n,) [1]. Without a spring the straight line that was taken off the position is among what
+    the ends leave. A spring makes the command rise along it, so that there it counts with the size that it had: its
+    spectrum is -g z / (z - 1) at the lines, where z^n = 1."""
     shown = expanded(terms.pole, terms.weight, lines.f, terms.dead_time, lines.ts)
+    if terms.sprung and lines.command is not None:
+        z = np.exp(2j * math.pi * lines.f * lines.ts)
+        shown = shown + lines.slope * z / (z - 1) / lines.command
     return _stacked((shown - lines.p) * lines.weight)
 
 
 def _ends(terms: Expansion, lines: Lines) -> Array:
     """What the states, unlike at the record's two ends, add to the weighted errors (2n, c) [1].
 
-    At the lines of n samples z^n = 1, so the free response of a pair of poles, from the first sample on, is
-    z (a + b (z - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2); the position
-    and its slowest real pole, the rigid body, are such a pair, too. The commands that act late act at the record's
-    first samples, where they are those from before it, not those of its end: one term z^-j for each. Where the
-    excitation was the same before, neither these nor poles that have died out since are unlike.
+    At the lines of n samples z^n = 1, so the free response of a pair of poles, from the first sample on, is z (a + b (z
+    - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2); the position and its
+    slowest real pole, the rigid body, are such a pair, too; a rigid body on a spring is one by itself. The commands
+    that act late act at the record's first samples, where they are those from before it, not those of its end: one term
+    z^-j for each. Where the excitation was the same before, neither these nor poles that have died out since are
+    unlike.
     """
     assert lines.command is not None
     scale, poles = lines.weight / lines.command, terms.pole
     z, columns = np.exp(2j * math.pi * lines.f * lines.ts), []
     real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
-    slow = poles[real][np.argmin(np.abs(poles[real]))]
     rings = np.abs(poles.real) * lines.settled < DIED_OUT
     discrete = np.exp(poles * lines.ts)
-    pairs = [(1.0 + 0j, np.exp(slow * lines.ts)), *((p, p.conjugate()) for p in discrete[(poles.imag > 0) & rings])]
+    pairs = [(p, p.conjugate()) for p in discrete[(poles.imag > 0) & rings & ~real]]
+    single = poles[real & rings]
+    if not terms.sprung:
+        slow = poles[real][np.argmin(np.abs(poles[real]))]
+        pairs.insert(0, (1.0 + 0j, np.exp(slow * lines.ts)))
+        single = single[single != slow]
     for one, other in pairs:
         shape = scale * z / ((z - one) * (z - other))
         columns += [_stacked(shape), _stacked((z - 1) * shape)]
-    columns += [_stacked(scale * z / (z - np.exp(p * lines.ts))) for p in poles[real & rings] if p != slow]
+    columns += [_stacked(scale * z / (z - np.exp(p * lines.ts))) for p in single]
     if lines.single:
         late = max(math.ceil(terms.dead_time / lines.ts), 0) + 1
         columns += [_stacked(scale * z**-j) for j in range(late)]
@@ -201,7 +256,7 @@ def _stacked(values: Complex) -> Array:
 def jacobian(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Slopes (2 N, p) [1] of the residual, by central differences; of the projection as Kaufman (1975) has it."""
     here, *moved = (
-        _expansion(*decoded(theta + step, structure, problem.unit))
+        _expansion(*decoded(theta + step, structure, problem))
         for step in (np.zeros(theta.size), *np.kron(np.eye(theta.size), [[STEP], [-STEP]]))
     )
     return np.vstack([_slopes(here, moved, one) for one in problem.lines])
@@ -244,7 +299,12 @@ def bounds(theta: Array, structure: Structure, problem: Problem) -> tuple[Array,
     low, high = problem.band
     count = (theta.size - structure.before) // 3
     earliest = -max(problem.unit, *(one.ts for one in problem.lines)) / problem.unit
-    nuisances = [(2 * STEP, high / low)] * structure.lag + [(2 * STEP * low / high, 1.0)] * structure.drag
+    parts = {
+        "lag": (2 * STEP, high / low),
+        "drag": (2 * STEP * low / high, 1.0),
+        "spring": (2 * STEP, STIFFEST),
+    }
+    nuisances = [parts[part] for part in structure.parts]
     each = [(-50.0, 50.0), (math.log(low / 2), math.log(2 * high)), (math.log(LEAST_DAMPING), math.log(MOST_DAMPING))]
     pairs = np.array([(problem.gain - WIDE, problem.gain + WIDE), (earliest, 1e4), *nuisances, *(each * count)])
     return pairs[:, 0], pairs[:, 1]
@@ -252,7 +312,7 @@ def bounds(theta: Array, structure: Structure, problem: Problem) -> tuple[Array,
 
 def trend(structure: Structure, problem: Problem) -> Array:
     """theta [1] of a rigid body alone from magnitude and phase slope, robustly by medians; part of what is late counts
-    as lag where there may be one, and a slow drag."""
+    as lag where there may be one, and a slow drag and a soft spring."""
     delays = []
     for one in problem.lines:
         s2 = -((2 * math.pi * one.f) ** 2)
@@ -263,21 +323,21 @@ def trend(structure: Structure, problem: Problem) -> Array:
     late = max(float(np.median(delays)), 0.0) / problem.unit
     low, high = problem.band
     lag = min(max(0.3 * late, 0.1), 0.5 * high / low)
-    start = [problem.gain, late - lag * structure.lag]
-    return np.array([*start, *[lag] * structure.lag, *[0.05 * low / high] * structure.drag])
+    usual = {"lag": lag, "drag": 0.05 * low / high, "spring": 0.01}
+    return np.array([problem.gain, late - lag * structure.lag, *(usual[part] for part in structure.parts)])
 
 
 def with_mode(theta: Array, structure: Structure, problem: Problem) -> Array:
     """theta [1] and one mode more: of a grid the one that takes away most of what no change of theta takes away."""
     few = problem.thinned(COARSE)
-    plant, lag, _ = decoded(theta, structure, few.unit)
+    plant, beside = decoded(theta, structure, few)
     left, basis = residual(theta, structure, few), _explained(theta, structure, few)
     left = left - basis @ (basis.T @ left)
     best, found = 0.0, (0.0, 0.5 * sum(few.band), DAMPINGS[0])
     low, high = few.band
     grid = np.geomspace(1.05 * low, 0.97 * high, GRID)
     for damping in DAMPINGS:
-        columns = np.vstack([_mode_columns(grid, damping, plant.dead_time, lag, one) for one in few.lines])
+        columns = np.vstack([_mode_columns(grid, damping, plant.dead_time, beside.lag, one) for one in few.lines])
         columns -= basis @ (basis.T @ columns)
         power, load = np.maximum(np.sum(columns**2, axis=0), 1e-300), columns.T @ left
         i = int(np.argmax(load**2 / power))
@@ -289,7 +349,7 @@ def with_mode(theta: Array, structure: Structure, problem: Problem) -> Array:
 
 def _explained(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Orthonormal columns (2 N, c): what a change of theta, or of what the ends leave, makes of the residual."""
-    terms = _expansion(*decoded(theta, structure, problem.unit))
+    terms = _expansion(*decoded(theta, structure, problem))
     slopes, row = [jacobian(theta, structure, problem)], 0
     for one in problem.lines:
         if one.command is not None:

@@ -1,13 +1,14 @@
 """How many modes a frequency response shows: the fewest that pass.
 
-Orders are fitted one after the other, with lag and drag beside the modes where there may be any, so that no mode stands
-for them. From the order with the best criterion on, whatever is not a mode is taken out and the rest fitted again: what
-ends at a bound of the search or outside the measured band, is damped as no structure is, is narrower than the lines of
-a single record, forms a pair with a neighbour of the other sign, or whose residue is smaller than three deviations.
-Then every part, mode, lag or drag, whose loss raises the criterion by less than ten is taken out, the least first. The
-criterion is Bayes's, with the errors' variance that the best order leaves: without that, what no mode explains (an
-encoder's period, an amplifier's knee) would be explained by ever more of them. Of a record with thousands of lines a
-few hundred decide how many modes there are; lag and drag are small, and are decided on all of them.
+Orders are fitted one after the other, with lag and drag beside the modes where there may be any, and with a spring to
+ground where one shows beside what was found without it, so that no mode stands for them. From the order with the best
+criterion on, whatever is not a mode is taken out and the rest fitted again: what ends at a bound of the search or
+outside the measured band, is damped as no structure is, is narrower than the lines of a single record, forms a pair
+with a neighbour of the other sign, or whose residue is smaller than three deviations. Then every part, mode, lag, drag
+or spring, whose loss raises the criterion by less than ten is taken out, the least first. The criterion is Bayes's,
+with the errors' variance that the best order leaves: without that, what no mode explains (an encoder's period, an
+amplifier's knee) would be explained by ever more of them. Of a record with thousands of lines a few hundred decide how
+many modes there are; lag, drag and spring are small, and are decided on all of them.
 """
 
 from __future__ import annotations
@@ -93,13 +94,33 @@ class Chosen:
     bent: bool = False
 
 
-def chosen(problem: Problem, most: int, *, drag: bool, exactly: int | None = None, rolling: bool = True) -> Chosen:
+def chosen(
+    problem: Problem, most: int, candidates: Structure, *, exactly: int | None = None, rolling: bool = True
+) -> Chosen:
     """The order that the lines show, at most `most` modes; see the module's head. exactly: so many modes instead.
 
-    drag: whether viscous drag is a candidate; lag always is. rolling: else an order that does better by a mode that
-    stands for friction ends the search at once, as the lines are then of no use.
+    candidates: what may be beside the modes. rolling: else an order that does better by a mode that stands for friction
+    ends the search at once, as the lines are then of no use. A spring is one where it shows beside all that the lines
+    ask for without one: sought throughout, it would cost a weak mode among the lines of an axis that has none.
     """
-    scanned = _scanned(problem, most if exactly is None else exactly, Structure(lag=True, drag=drag), exactly, rolling)
+    plain = _chosen(problem, most, replace(candidates, spring=False), exactly, rolling)
+    if plain.bent or not (candidates.spring and _sprung(problem, plain.best)):
+        return plain
+    return _chosen(problem, most, candidates, exactly, rolling)
+
+
+def _sprung(problem: Problem, one: Candidate) -> bool:
+    """Whether a spring added to a candidate shows surely, and lowers the criterion by ten."""
+    structure = replace(one.structure, spring=True)
+    more = fitted(problem, structure, _with_parts(problem, one, structure))
+    scale = max(1.0, more.cost / max(problem.size - more.theta.size, 1))
+    fallen = _criterion(problem, one, scale) - _criterion(problem, more, scale)
+    return fallen > STRONG and not _at_bound(problem, more, "spring")
+
+
+def _chosen(problem: Problem, most: int, candidates: Structure, exactly: int | None, rolling: bool) -> Chosen:
+    """As `chosen`, with all candidates from the first order on."""
+    scanned = _scanned(problem, most if exactly is None else exactly, candidates, exactly, rolling)
     scale = _scale(problem, scanned)
     orders = tuple(_told(problem, one, scale) for one in scanned)
     if not rolling and _bent(problem, scanned):
@@ -110,15 +131,15 @@ def chosen(problem: Problem, most: int, *, drag: bool, exactly: int | None = Non
         best = _without_faults(few, best)
     best, worth = _fewest(few, best, scale, modes=exactly is None)
     if few.size < problem.size:
-        best, nuisances = _with_all_lines(problem, best, drag=drag)
+        best, nuisances = _with_all_lines(problem, best, candidates)
         worth = {name: worth[name] for name in worth if name.startswith("mode")} | nuisances
     return Chosen(best, orders, worth)
 
 
-def _with_all_lines(problem: Problem, one: Candidate, *, drag: bool) -> tuple[Candidate, dict[str, float]]:
-    """The candidate fitted to all lines, with the lag and the drag that these show, and what each is worth."""
+def _with_all_lines(problem: Problem, one: Candidate, candidates: Structure) -> tuple[Candidate, dict[str, float]]:
+    """The candidate fitted to all lines, with those of the candidates that these show, and what each is worth."""
     whole = fitted(problem, one.structure, one.theta)
-    for structure in (replace(one.structure, lag=True), Structure(lag=True, drag=drag)):
+    for structure in (replace(one.structure, lag=True), replace(candidates, spring=False), candidates):
         if structure != whole.structure:
             more = fitted(problem, structure, _with_parts(problem, whole, structure))
             whole = min(whole, more, key=lambda fit: fit.cost)  # a search may end where nothing is gained
@@ -127,13 +148,14 @@ def _with_all_lines(problem: Problem, one: Candidate, *, drag: bool) -> tuple[Ca
 
 
 def _with_parts(problem: Problem, one: Candidate, structure: Structure) -> Array:
-    """theta (p,) [1] of a candidate with a lag, and drag as the structure has it; what it lacks begins as is usual."""
-    theta, first = one.theta, one.structure.before
-    usual = trend(Structure(lag=True, drag=True), problem)  # ln k_0, dead time, lag, drag
-    lag = theta[2] if one.structure.lag else usual[2]
-    late = theta[1] if one.structure.lag else theta[1] - lag
-    drag = [theta[first - 1] if one.structure.drag else usual[3]] * structure.drag
-    return np.array([theta[0], late, lag, *drag, *theta[first:]])
+    """theta (p,) [1] of a candidate with the parts of a structure; what it lacks begins as is usual."""
+    theta, own = one.theta, one.structure
+    usual = trend(structure, problem)
+    parts = {
+        part: theta[own.index(part)] if getattr(own, part) else usual[structure.index(part)] for part in structure.parts
+    }
+    late = theta[1] - (parts["lag"] if structure.lag and not own.lag else 0.0)
+    return np.array([theta[0], late, *parts.values(), *theta[own.before :]])
 
 
 def fitted(problem: Problem, structure: Structure, start: Array, evaluations: int = 30) -> Candidate:
@@ -229,13 +251,13 @@ def _without_faults(problem: Problem, one: Candidate) -> Candidate:
 
 
 def _without(problem: Problem, one: Candidate, part: str) -> Candidate:
-    """The candidate without one part, fitted again: "lag", "drag" or "mode 0", ..."""
+    """The candidate without one part, fitted again: one of its structure's, or "mode 0", ..."""
     structure, theta, first = one.structure, one.theta.copy(), one.structure.before
-    if part == "lag":
-        theta[1] += theta[2]  # what lagged is late
-        return fitted(problem, replace(structure, lag=False), np.delete(theta, 2))
-    if part == "drag":
-        return fitted(problem, replace(structure, drag=False), np.delete(theta, first - 1))
+    if part in structure.parts:
+        index = structure.index(part)
+        if part == "lag":
+            theta[1] += theta[index]  # what lagged is late
+        return fitted(problem, structure.without(part), np.delete(theta, index))
     begin = first + 3 * int(part.split()[1])
     return fitted(problem, structure, np.delete(theta, slice(begin, begin + 3)))
 
@@ -243,7 +265,7 @@ def _without(problem: Problem, one: Candidate, part: str) -> Candidate:
 def _fewest(problem: Problem, one: Candidate, scale: float, *, modes: bool) -> tuple[Candidate, dict[str, float]]:
     """The candidate without the parts whose loss raises the criterion by less than STRONG; what the rest is worth."""
     while True:
-        names = ["lag"] * one.structure.lag + ["drag"] * one.structure.drag
+        names = list(one.structure.parts)
         names += [f"mode {i}" for i in range(one.modes)] if modes else []
         if not names:
             return one, {}
@@ -253,8 +275,8 @@ def _fewest(problem: Problem, one: Candidate, scale: float, *, modes: bool) -> t
             if worth[name] < SURELY:
                 less[name] = _without(problem, one, name)
                 worth[name] = _criterion(problem, less[name], scale) - before
-        for name in ("lag", "drag"):
-            if name in worth and _at_bound(problem, one, name):
+        for name in one.structure.parts:
+            if _at_bound(problem, one, name):
                 worth[name] = -math.inf
         least = min(worth, key=lambda name: worth[name])
         if worth[least] >= STRONG:
@@ -266,15 +288,14 @@ def _fewest(problem: Problem, one: Candidate, scale: float, *, modes: bool) -> t
 
 def _seen(one: Candidate, name: str) -> float:
     """The square of a part's size over its deviation: about what its loss would add to the weighted squares."""
-    index = {"lag": 2, "drag": one.structure.before - 1}.get(name)
-    if index is None:
-        index = one.structure.before + 3 * int(name.split()[1])
+    parts = one.structure.parts
+    index = one.structure.index(name) if name in parts else one.structure.before + 3 * int(name.split()[1])
     return (float(one.theta[index]) / max(one.deviation(index), 1e-300)) ** 2
 
 
 def _at_bound(problem: Problem, one: Candidate, name: str) -> bool:
-    """Whether lag or drag ends at a bound of the search, or is not surely above none; or lag leaves no dead time."""
-    index = 2 if name == "lag" else one.structure.before - 1
+    """Whether a part ends at a bound of the search, or is not surely above none; or lag leaves no dead time."""
+    index = one.structure.index(name)
     low, high = bounds(one.theta, one.structure, problem)
     value = float(one.theta[index])
     inside = NEAR * low[index] < value < high[index] / NEAR and value > SEEN * one.deviation(index)

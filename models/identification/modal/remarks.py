@@ -12,6 +12,7 @@ import numpy as np
 
 from models.identification import modes
 from models.identification.estimate import Estimate
+from models.identification.force.fit import SPRING
 from models.identification.response import FrequencyResponse
 from models.quantity import listed, show
 
@@ -24,6 +25,7 @@ CAUSES: Final = (
     ("dead time", "commands or positions logged a sample apart, or another current loop"),
     (modes.LAG, "another setting of the current loop"),
     (modes.DRAG, "another speed or temperature"),
+    (SPRING, "friction that grows along the way, as that turns with the direction and a spring does not"),
     ("", "another place of the table, or joints that depend on the amplitude"),
 )
 
@@ -76,6 +78,7 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
     if fit.drag > 0:
         std = fit.estimate.deviation(modes.DRAG)
         yield f"Viscous friction is {fit.drag:.3g} N s/m with a standard deviation of {std:.2g} N s/m."
+    yield from _on_spring(fit)
     late = fit.plant.dead_time + fit.lag + measured.sample_time / 2
     if measured.sample_time > 0:
         yield f"From a command to the middle of its action it takes {1e3 * late:.4g} ms, half a sample included."
@@ -90,6 +93,18 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
             f"{row[1]:.4g} Hz ({fault})" for row, fault in zip(richer.triples, richer.faults, strict=True) if fault
         ]
         yield f"Looked at up to {len(richer.faults)} modes; of those, {listed(found)} were not modes."
+
+
+def _on_spring(fit: modes.Fit) -> Iterator[str]:
+    """What a response says of a spring to ground."""
+    if SPRING in fit.estimate.names:
+        std = fit.estimate.deviation(SPRING)
+        yield (
+            f"A spring to ground of {fit.spring:.4g} N/m with a standard deviation of {std:.2g} N/m pulls at the axis: "
+            "the force rises in proportion to the way that it rolls; of a machine file that is the effect cable_spring."
+        )
+    elif fit.spring > 0:
+        yield f"The spring to ground of {fit.spring:.4g} N/m, which the machine file states, is in the model."
 
 
 def on_disagreement(names: Sequence[str], steps: Sequence[ResponseStep]) -> Iterator[str]:

@@ -1,10 +1,13 @@
-"""The response that is fitted: modes behind a dead time and a current loop of first order, slowed by viscous drag.
+"""The response that is fitted: modes behind a dead time and a current loop of first order, slowed by viscous drag and
+held by a spring to ground.
 
-    P(s) = exp(-L s) / (1 + tau s) * P'(s) / (1 + c s P'(s)),    P'(s) = K_t sum_i k_i / (s^2 + 2 zeta_i w_i s + w_i^2)
+    P(s) = exp(-L s) / (1 + tau s) * P'(s) / (1 + (c s + k) P'(s)),
+    P'(s) = K_t sum_i k_i / (s^2 + 2 zeta_i w_i s + w_i^2)
 
-Drag acts on the table's speed at the thrust's input, as friction does. In partial fractions, with the rigid body's pole
-at 0 taken out, P(s) exp(L s) = sum_j r_j / (s (s - p_j)). That has a closed form behind a zero-order hold too, also for
-a dead time that ends within a sample; no matrix exponential, so it is independent of models.plant.
+Drag acts on the table's speed and the spring on its position at the thrust's input, as friction does. In partial
+fractions, with one pole at 0 taken out, P(s) exp(L s) = sum_j r_j / (s (s - p_j)): without a spring that pole is one of
+the rigid body's, with one the sum of r_j / p_j cancels it. That has a closed form behind a zero-order hold too, also
+for a dead time that ends within a sample; no matrix exponential, so it is independent of models.plant.
 """
 
 from __future__ import annotations
@@ -23,12 +26,14 @@ Complex = NDArray[np.complex128]
 SERIES: Final = 1e-2  # |p h| below which (exp(p h) - 1 - p h) / p^2 is summed as a series
 
 
-def response(plant: Plant, frequency: Array, sample_time: float, *, lag: float = 0.0, drag: float = 0.0) -> Complex:
+def response(
+    plant: Plant, frequency: Array, sample_time: float, *, lag: float = 0.0, drag: float = 0.0, spring: float = 0.0
+) -> Complex:
     """P (n,) [m/N] at frequencies (n,) [Hz]: behind a zero-order hold at the samples, or continuous for sample_time 0.
 
-    lag: tau [s]; drag: c [N s/m].
+    lag: tau [s]; drag: c [N s/m]; spring: k [N/m].
     """
-    return expanded(*expansion(plant, lag, drag), frequency, plant.dead_time, sample_time)
+    return expanded(*expansion(plant, lag, drag, spring), frequency, plant.dead_time, sample_time)
 
 
 def expanded(pole: Complex, weight: Complex, frequency: Array, dead_time: float, sample_time: float) -> Complex:
@@ -39,8 +44,8 @@ def expanded(pole: Complex, weight: Complex, frequency: Array, dead_time: float,
     return total
 
 
-def expansion(plant: Plant, lag: float = 0.0, drag: float = 0.0) -> tuple[Complex, Complex]:
-    """(p_j, r_j) (J,) [1/s, 1/(kg)] of the module's head; without drag in closed form."""
+def expansion(plant: Plant, lag: float = 0.0, drag: float = 0.0, spring: float = 0.0) -> tuple[Complex, Complex]:
+    """(p_j, r_j) (J,) [1/s, 1/(kg)] of the module's head; without drag and spring in closed form."""
     constant = plant.thrust_constant
     rigid = constant * sum(mode.gain for mode in plant.modes if mode.frequency == 0)
     gain, w, zeta = (
@@ -50,29 +55,35 @@ def expansion(plant: Plant, lag: float = 0.0, drag: float = 0.0) -> tuple[Comple
             strict=True,
         )
     ) if any(m.frequency > 0 for m in plant.modes) else (np.zeros(0),) * 3  # fmt: skip
-    if drag == 0:
+    if drag == 0 and spring == 0:
         upper = w * (-zeta + 1j * np.sqrt(np.maximum(1 - zeta**2, 1e-12)))
         pole = np.concatenate([[0j], upper, upper.conj()])
         half = gain * upper / (upper - upper.conj())  # of s P', which is k s / ((s - p)(s - conj p))
         weight = np.concatenate([[rigid + 0j], half, half.conj()])
     else:
-        pole, weight = _dragged(rigid, gain, w, zeta, drag)
+        pole, weight = _held_back(rigid, gain, w, zeta, drag, spring)
     if lag == 0:
         return pole, weight
     return np.append(pole, -1 / lag), np.append(weight / (1 + lag * pole), np.sum(weight / (-1 / lag - pole)) / lag)
 
 
-def _dragged(rigid: float, gain: Array, w: Array, zeta: Array, drag: float) -> tuple[Complex, Complex]:
-    """The expansion of s P' / (1 + c s P'), from the eigenvalues of v_0' = k_0 u, y_i' = w_i v_i,
-    v_i' = -2 zeta_i w_i v_i - w_i y_i + k_i u with u = -c sum v: without the position, so that none is defective."""
-    count = gain.size
-    a, b, c = np.zeros((2 * count + 1, 2 * count + 1)), np.zeros(2 * count + 1), np.zeros(2 * count + 1)
+def _held_back(rigid: float, gain: Array, w: Array, zeta: Array, drag: float, spring: float) -> tuple[Complex, Complex]:
+    """The expansion of s P' / (1 + (c s + k) P'), from the eigenvalues of v_0' = k_0 u, y_i' = w_i v_i,
+    v_i' = -2 zeta_i w_i v_i - w_i y_i + k_i u with u = -c sum v - k (y_0 + sum y_i / w_i). The rigid body's position,
+    y_0' = w_0 v_0 in units of w_0 = sqrt(k k_0), is a state with a spring alone: without one it makes the matrix
+    defective."""
+    count, sprung = gain.size, int(spring > 0)
+    size = 1 + 2 * count + sprung
+    a, b, c, x = np.zeros((size, size)), np.zeros(size), np.zeros(size), np.zeros(size)
     b[0], c[0] = rigid, 1.0
     for i in range(count):
         y, v = 2 * i + 1, 2 * i + 2
         a[y, v], a[v, y], a[v, v] = w[i], -w[i], -2 * zeta[i] * w[i]
-        b[v], c[v] = gain[i], 1.0
-    pole, vectors = np.linalg.eig(a - drag * np.outer(b, c))
+        b[v], c[v], x[y] = gain[i], 1.0, 1 / w[i]
+    if sprung:
+        own = math.sqrt(spring * rigid)
+        a[-1, 0], x[-1] = own, 1 / own
+    pole, vectors = np.linalg.eig(a - np.outer(b, drag * c + spring * x))
     return pole.astype(complex), np.asarray((c @ vectors) * np.linalg.solve(vectors, b.astype(complex)), complex)
 
 
