@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import truncnorm
 
 from design.controller import default_controller
 from design.validation import sequence
 from diagnosis.handover.posterior import deviations_of_values, drawn
-from diagnosis.model.fit import Fit, coordinates
+from diagnosis.model.fit import Fit, bounds_of, coordinates
 from diagnosis.model.parameters import parameters
 from diagnosis.refit import refit
-from diagnosis.which.table import covariance_of
+from diagnosis.which.table import covariance_of, deviations_of
+from models.effects.base import parameters as effect_parameters
 from models.effects.friction_laws import ViscousFriction
+from models.effects.motor import CurrentLoopLag
 from models.friction import branch, elements
 from models.machine import load
 from models.machine import parameters as values_of
@@ -32,6 +35,14 @@ def fitted() -> Fit:
     record = simulate(noisy, default_controller(MACHINE), sequence(MACHINE, periods=1, lead=100), seed=2).record
     nominal = replace(MACHINE, scale=MACHINE.scale.noisy())
     return refit(parameters(nominal, 1), [record], (DRAG,))
+
+
+@pytest.fixture(scope="module")
+def nothing() -> Fit:
+    """A current loop's lag fitted to a record of a drive that has none."""
+    nominal = replace(MACHINE, scale=MACHINE.scale.noisy())
+    record = simulate(nominal, default_controller(MACHINE), sequence(MACHINE, periods=1, lead=100), seed=2).record
+    return refit(parameters(nominal, 1), [record], (CurrentLoopLag(2e-5),))
 
 
 def test_the_deviations_of_values_are_those_of_drawn_machines_and_cover_the_truth(fitted: Fit) -> None:
@@ -65,6 +76,30 @@ def test_elements_that_stand_in_for_each_other_are_drawn_with_the_sum_that_is_su
     distance = np.geomspace(0.5 * min(half.limit), 2 * max(half.limit), 20)
     curves = np.array([branch(one.machine.friction, distance) for one in drawn(found, None, 400, seed=7)])
     np.testing.assert_allclose(np.mean(curves, axis=0), branch(found.candidate.machine.friction, distance), rtol=0.02)
+
+
+def test_a_lag_near_none_is_drawn_with_the_dead_time_that_stands_in_for_it(nothing: Fit) -> None:
+    """The records tell the sum of both, of each only that it is not below none. Its logarithm is open by 1.5, and of a
+    voice coil's by 6.7: as draws of that, one lag in eight was at the end of its range, a hundred times as long."""
+    candidate, covariance = nothing.candidate, covariance_of(nothing)
+    (lag,), delay = (effect.time for effect in candidate.effects), candidate.machine.plant.dead_time
+    pair = np.append(candidate.layout.of("dead_time"), candidate.layout.count)
+    own = covariance[np.ix_(pair, pair)] * np.outer((1.0, lag), (1.0, lag))
+    stated, sum_known = float(np.sqrt(own[1, 1])), float(np.sqrt(own.sum()))
+    assert stated > lag > 4 * sum_known
+    assert deviations_of(nothing)[0]["time"] == pytest.approx(stated)
+    found = drawn(nothing, None, COUNT, seed=6)
+    lags = np.array([one.effects[0].time for one in found])
+    sums = lags + np.array([one.machine.plant.dead_time for one in found])
+    low, high = bounds_of(effect_parameters(CurrentLoopLag, candidate.nominal.priors)[0])
+    wanted = truncnorm((low - lag) / stated, np.inf, lag, stated)
+    np.testing.assert_allclose(np.std(sums), sum_known, rtol=4 / np.sqrt(2 * COUNT))
+    moved = own[1].sum() / stated**2 * (wanted.mean() - lag)  # of the sum with the lag, which is longer in the mean
+    np.testing.assert_allclose(np.mean(sums), lag + delay + moved, atol=4 * sum_known / np.sqrt(COUNT))
+    np.testing.assert_allclose(np.mean(lags), wanted.mean(), atol=4 * stated / np.sqrt(COUNT))
+    np.testing.assert_allclose(np.std(lags), wanted.std(), rtol=4 / np.sqrt(COUNT))
+    assert low <= np.min(lags)
+    assert np.max(lags) < lag + 5 * stated < high
 
 
 def test_draws_have_the_covariance_of_the_fit(fitted: Fit) -> None:
