@@ -17,20 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.handover.files import Content, machine_of
-from diagnosis.handover.within import normal_within
+from diagnosis.handover.files import Content, Spread, machine_of
 from diagnosis.model.fit import Fit, bounds_of, coordinates, with_coordinates
 from diagnosis.model.parameters import TOLERANCES, bounded
 from diagnosis.model.residual import Candidate
-from diagnosis.which.table import covariance_of
+from diagnosis.which.random_force import with_sines
+from diagnosis.which.table import covariance_of, slopes_of_parameters
 from models.effects.base import POSITIVE
 from models.effects.base import parameters as parameters_of
+from models.effects.catalogue import named
 from models.machine import Machine
 from models.machine import parameters as values_of
+from models.machines.normal_within import normal_within
 
 Array = NDArray[np.float64]
 
 SMALLEST: Final = 0.05  # of a value: the least that is drawn
+STEP: Final = 1e-3  # deviations, of a difference: a longer one has the curvature of logarithms, which spoils sums
 LEAST: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
 
 
@@ -46,29 +49,64 @@ def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[M
     return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)
 
 
-def deviations_of_values(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, float]:
-    """The standard deviation [SI] of each nominal value that the fit moved, by its dotted name in the file: by
-    differences along the coordinates, and never more than the prior's; segment: see `covariance_of`.
-
-    Not of several friction elements, which keep the file's tolerance: neighbours stand in for each other, so that their
-    sum is far surer than each, and a file states deviations one by one, as who draws machines from it draws them.
-    """
+def spreads(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, Spread]:
+    """How well each nominal value and each effect's parameter is known by its dotted name in the file, with what their
+    deviations [SI] have in common: to the first order, and of nominal values never more than the prior's; segment: see
+    `covariance_of`. Without those that the fit leaves as they were, and without starts of the friction."""
     candidate, layout = fitted.candidate, fitted.candidate.layout
-    free = np.flatnonzero((np.array(layout.names) != "initial_friction_state") & (layout.deviation > 0))
-    covariance = covariance_of(fitted, segment)[np.ix_(free, free)]
+    covariance = covariance_of(fitted, segment)
     wide = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(wide, wide))  # as their sizes differ by far
-    root = np.minimum(wide, layout.deviation[free])[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    here = _values(candidate)
-    slopes = {name: np.zeros((free.size, number.size)) for name, number in here.items()}
-    for i, place in enumerate(free):
-        step = 0.1 * wide[i] * (-1.0 if candidate.theta[place] + 0.1 * wide[i] > layout.high[place] else 1.0)
+    least = wide.copy()
+    least[: layout.count] = np.minimum(wide[: layout.count], layout.deviation)
+    root = least[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    slopes = {**_slopes_of_values(candidate, wide), **_slopes_of_effects(candidate, wide)}
+    moved = {name: slope @ root for name, slope in slopes.items()}
+    moved = {name: rows for name, rows in moved.items() if np.all(np.any(rows != 0, axis=1))}
+    deviations = {name: np.linalg.norm(rows, axis=1) for name, rows in moved.items()}
+    shares = [np.zeros((0, wide.size)), *(rows / deviations[name][:, None] for name, rows in moved.items())]
+    # As few errors for each number as there are numbers up to it: the same covariance by a triangular root.
+    triangle = np.asarray(np.linalg.qr(np.concatenate(shares).T, mode="r")).T
+    triangle *= np.where(np.diag(triangle) < 0, -1.0, 1.0)
+    rows = [tuple(row[: i + 1].tolist()) for i, row in enumerate(triangle)]
+    found, begin = {}, 0
+    for name, std in deviations.items():
+        found[name] = Spread(tuple(std.tolist()), tuple(rows[begin : begin + std.size]))
+        begin += std.size
+    return found
+
+
+def _slopes_of_values(candidate: Candidate, wide: Array) -> dict[str, Array]:
+    """How the numbers of each nominal value change with theta and the effects' coordinates (numbers, P + Q), by their
+    names [SI]; wide (P + Q,): deviations of the coordinates."""
+    layout, here = candidate.layout, _values(candidate)
+    slopes = {name: np.zeros((number.size, wide.size)) for name, number in here.items()}
+    for place in np.flatnonzero((np.array(layout.names) != "initial_friction_state") & (layout.deviation > 0)):
+        step = STEP * wide[place] * (-1.0 if candidate.theta[place] + STEP * wide[place] > layout.high[place] else 1.0)
         theta = candidate.theta + step * (np.arange(layout.count) == place)
         for name, number in _values(replace(candidate, theta=theta)).items():
-            slopes[name][i] = (number - here[name]) / step
-    variance = {name: np.sum((root.T @ slope) ** 2, axis=0) for name, slope in slopes.items()}
-    deviations = {name: tuple(np.sqrt(one).tolist()) for name, one in variance.items() if np.all(one > 0)}
-    return {name: one[0] for name, one in deviations.items() if len(one) == 1}
+            slopes[name][:, place] = (number - here[name]) / step
+    return slopes
+
+
+def _slopes_of_effects(candidate: Candidate, wide: Array) -> dict[str, Array]:
+    """The same of each effect's parameters but for the choice between two laws."""
+    begins, begin = dict[int, int](), candidate.layout.count
+    for effect in candidate.effects:
+        begins[id(effect)] = begin
+        begin += coordinates(effect).size
+    found = dict[str, Array]()
+    for path, effect in named(with_sines(candidate).effects).items():
+        here = coordinates(effect)
+        if id(effect) not in begins or not here.size:
+            continue
+        own = slice(begins[id(effect)], begins[id(effect)] + here.size)
+        slopes = slopes_of_parameters(effect, here, wide[own], candidate.nominal.priors)
+        for item, slope in zip(parameters_of(type(effect)), slopes, strict=True):
+            if item.role != "switch":
+                found[f"effects.{path}.{item.name}"] = np.zeros((1, wide.size))
+                found[f"effects.{path}.{item.name}"][0, own] = slope
+    return found
 
 
 def _values(candidate: Candidate) -> dict[str, Array]:
@@ -121,6 +159,8 @@ def _stepped(candidate: Candidate, step: Array) -> Candidate:
     layout, priors = candidate.layout, candidate.nominal.priors
     own = step[: layout.count].copy()
     parts = _parts(candidate)
+    # A limit's step is one of the element's force, in which the motion is linear, too, and not of the product with k's.
+    own[layout.of("presliding_limit")] /= np.maximum(1 + own[layout.of("presliding_stiffness")], SMALLEST)
     own[parts] = np.log1p(np.maximum(own[parts], SMALLEST - 1))
     effects, begin = [], layout.count
     for effect in candidate.effects:

@@ -95,7 +95,11 @@ def parameters(machine: Machine, records: int) -> Parameters:
 def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
     """Name, usual deviation and deviation of each parameter: what the file states beside a value where that is more."""
     plant, friction, tolerance = machine.plant, machine.friction, machine.tolerance
-    stated = {one.name: one for one in known(machine) if one.origin == "value"}
+    # Of elements that stand in for each other each is open, their sum is sure: a prior for each would open the sum.
+    summed = ("friction.stiffness", "friction.limit")
+    stated = {
+        one.name: one for one in known(machine) if one.origin == "value" and not (one.shares and one.name in summed)
+    }
 
     def each(name: str, usual: float, path: str, count: int = 1) -> Iterator[tuple[str, float, float]]:
         one = stated.get(path)

@@ -28,7 +28,7 @@ def normal_within(root: Array, low: Array, high: Array, count: int, rng: np.rand
     near = (low > -REACH) | (high < REACH)
     order = np.concatenate([np.flatnonzero(near), np.flatnonzero(~near)])
     size = int(near.sum())
-    triangle = np.linalg.qr(root[order].T, mode="r").T  # of a root that may be nearly singular
+    triangle = np.asarray(np.linalg.qr(root[order].T, mode="r")).T  # of a root that may be nearly singular
     independent = rng.standard_normal((count, order.size))
     if size:
         box = low[order[:size]], high[order[:size]]

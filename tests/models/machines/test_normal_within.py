@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.stats import truncnorm
 
-from diagnosis.handover.within import normal_within
+from models.machines.normal_within import normal_within
 
 COUNT = 4000
 CLOSE = 4 / np.sqrt(COUNT)  # four deviations of a mean of numbers with the deviation 1
 WIDE = np.full(2, np.inf)
 
 
-def _root(correlation: float) -> np.ndarray:
+def _root(correlation: float) -> NDArray[np.float64]:
     return np.linalg.cholesky(np.array([[1.0, correlation], [correlation, 1.0]]))
 
 
@@ -43,9 +44,9 @@ def test_far_bounds_leave_the_covariance_as_it_is() -> None:
 def test_many_bounded_numbers_have_the_distribution_of_those_that_rejection_leaves() -> None:
     rng = np.random.default_rng(3)
     size = 6
-    covariance = 1.01 * np.eye(size) - np.ones((size, size)) / size  # a sum that is far surer than each
+    covariance = np.asarray(1.01 * np.eye(size) - np.ones((size, size)) / size)  # a sum that is far surer than each
     covariance /= covariance[0, 0]
-    root = np.linalg.cholesky(covariance)
+    root = np.asarray(np.linalg.cholesky(covariance), float)
     low, high = np.full(size, -1.0), np.full(size, 2.0)
     tried = rng.standard_normal((40 * COUNT, size)) @ root.T
     kept = tried[np.all((low <= tried) & (tried <= high), axis=1)]
