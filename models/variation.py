@@ -24,6 +24,8 @@ from models.plant import Mode, Plant
 
 MOST_DAMPING: Final = 0.99  # a mode stays below critical damping, which the closed forms of the plant need
 
+ELEMENTS: Final = ("friction.stiffness", "friction.limit")  # values with a number for each friction element
+
 Array = NDArray[np.float64]
 Each = float | tuple[float, ...]  # one number for all, or one for each mode or contact in the machine's order
 
@@ -201,6 +203,19 @@ def known(machine: Machine) -> tuple[Known, ...]:
             found += [Known(one.name, one.unit, numbers, std, "value", shares)] if std else []
     order = {one.name: i for i, one in enumerate(rows)}
     return tuple(sorted(found, key=lambda one: order.get(one.name.replace(".level", ".stiffness"), -1)))
+
+
+def known_apart(machine: Machine) -> tuple[Known, ...]:
+    """As `known`, for errors that are taken one by one (SI): friction elements whose deviations have errors in common
+    are then known by the tolerance, as each of them may be open by a half where their sum is sure.
+
+    >>> from models.machine import load
+    >>> known_apart(load()) == known(load())
+    True
+    """
+    together = {name for name in ELEMENTS if name in machine.sources and machine.sources[name].shares}
+    sources = {name: source for name, source in machine.sources.items() if name not in together}
+    return known(replace(machine, sources=sources))
 
 
 def _nominal(machine: Machine) -> Iterator[Known]:

@@ -13,7 +13,17 @@ from hypothesis import strategies as st
 from models.friction import branch, elements
 from models.machine import Provenance, Tolerance, load
 from models.plant import Mode, frequency_response
-from models.variation import MOST_DAMPING, Variation, at_mode, drawn, known, varied, varied_friction, varied_plant
+from models.variation import (
+    MOST_DAMPING,
+    Variation,
+    at_mode,
+    drawn,
+    known,
+    known_apart,
+    varied,
+    varied_friction,
+    varied_plant,
+)
 
 MACHINE = load()
 PLANT = MACHINE.plant
@@ -127,6 +137,11 @@ def test_elements_whose_deviations_have_errors_in_common_tell_the_level_of_their
     assert found["friction.stiffness"].relative == pytest.approx([open_by] * 2)
     assert found["friction.level"].deviations[0] == pytest.approx(sure, rel=1e-3)
     assert found["friction.level"].origin == "value"
+    apart = {one.name: one for one in known_apart(machine)}
+    assert apart["friction.stiffness"].relative == pytest.approx([MACHINE.tolerance.stiffness] * 2)
+    assert apart["friction.level"].deviations == (MACHINE.tolerance.friction_level,)
+    alone = machine.with_value("friction.stiffness", friction.stiffness, replace(stiff, shares=()))
+    assert {one.name: one for one in known_apart(alone)}["friction.stiffness"].relative == pytest.approx([open_by] * 2)
 
 
 def test_deviations_that_are_not_one_for_each_number_are_none() -> None:
