@@ -8,7 +8,7 @@ import numpy as np
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
-from diagnosis.handover.posterior import deviations_of_values
+from diagnosis.handover.posterior import spreads
 from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
 from models.machine import Machine, parameters
@@ -35,7 +35,7 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     fitted = adopted.finished.fitted
     segment = diagnosis.baseline.segment
     # Where something is left that has no name, values stand in for it by more than their deviations tell.
-    stated = deviations_of_values(fitted, segment) if diagnosis.outcome is not Outcome.NONE else {}
+    stated = spreads(fitted, segment) if diagnosis.outcome is not Outcome.NONE else {}
     return machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
 
 

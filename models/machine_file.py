@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Final
 
 from models.effects import catalogue
 from models.effects.priors import Priors
 from models.machine import Machine, Provenance, left_out, range_rows
 from models.quantity import AXES, declaration
 from models.records.columns import Columns
+
+DIGITS: Final = 8  # of a share: what rounding adds to a deviation is a 10,000th of it
 
 
 def to_toml(machine: Machine) -> str:
@@ -78,10 +80,16 @@ def _entry(item: Any, unit: str, source: Provenance) -> Iterator[str]:
     yield f"value = {_value(item, unit)}"
     if source.std is not None:
         yield f"std = {_value(source.std, unit)}"
+    if source.shares:
+        yield f"shares = [{', '.join(map(_shares_of, source.shares))}]"
     yield f"source = {_text(f'{source.kind}: {source.detail}' if source.detail else source.kind)}"
     for name in ("record", "sha256", "note"):
         if text := getattr(source, name):
             yield f"{name} = {_text(text)}"
+
+
+def _shares_of(row: Sequence[float]) -> str:
+    return f"[{', '.join(f'{one:.{DIGITS}f}'.rstrip('0').rstrip('.') for one in row)}]"
 
 
 def _columns(columns: Columns) -> Iterator[str]:

@@ -15,13 +15,18 @@ from dataclasses import dataclass, fields, replace
 from typing import Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.friction import Friction, elements
 from models.machine import Machine, parameters
+from models.machines.provenance import Shares
 from models.plant import Mode, Plant
 
 MOST_DAMPING: Final = 0.99  # a mode stays below critical damping, which the closed forms of the plant need
 
+ELEMENTS: Final = ("friction.stiffness", "friction.limit")  # values with a number for each friction element
+
+Array = NDArray[np.float64]
 Each = float | tuple[float, ...]  # one number for all, or one for each mode or contact in the machine's order
 
 
@@ -156,6 +161,7 @@ Origin = Literal["value", "tolerance", "usual"]
 class Known:
     """How well one entry of a machine file is known: its numbers and their standard deviations, both in its unit (SI),
     and where the latter are from: stated beside the "value" itself, by the file's [tolerance], or the "usual" one.
+    shares: of each number, what its deviation has in common with others; see `models.machines.provenance.Shares`.
 
     >>> from models.machine import load
     >>> next(one for one in known(load()) if one.name == "plant.dead_time").deviations
@@ -167,6 +173,7 @@ class Known:
     numbers: tuple[float, ...]
     deviations: tuple[float, ...]
     origin: Origin
+    shares: Shares = ()
 
     @property
     def relative(self) -> tuple[float, ...]:
@@ -179,7 +186,8 @@ def known(machine: Machine) -> tuple[Known, ...]:
     """How well each value is known that this machine may be off in, in the order of its file (SI).
 
     A standard deviation that the file states beside a value goes before its tolerance. "friction.level" is the force of
-    all contacts together, a factor, where the stiffnesses have no deviations of their own.
+    all contacts together, a factor, where the stiffnesses have no deviations of their own, or where the file states
+    what these have in common: their sum may be far surer than each.
 
     >>> from models.machine import load
     >>> {one.origin for one in known(load())}
@@ -191,9 +199,23 @@ def known(machine: Machine) -> tuple[Known, ...]:
         if one.name not in listed and not one.name.startswith(("tolerance.", "priors.")):
             numbers = _numbers(one.number) if not isinstance(one.number, str) else ()
             std = _stated(machine, one.name, len(numbers))
-            found += [Known(one.name, one.unit, numbers, std, "value")] if std else []
+            shares = _shares(machine, one.name, len(numbers))
+            found += [Known(one.name, one.unit, numbers, std, "value", shares)] if std else []
     order = {one.name: i for i, one in enumerate(rows)}
     return tuple(sorted(found, key=lambda one: order.get(one.name.replace(".level", ".stiffness"), -1)))
+
+
+def known_apart(machine: Machine) -> tuple[Known, ...]:
+    """As `known`, for errors that are taken one by one (SI): friction elements whose deviations have errors in common
+    are then known by the tolerance, as each of them may be open by a half where their sum is sure.
+
+    >>> from models.machine import load
+    >>> known_apart(load()) == known(load())
+    True
+    """
+    together = {name for name in ELEMENTS if name in machine.sources and machine.sources[name].shares}
+    sources = {name: source for name, source in machine.sources.items() if name not in together}
+    return known(replace(machine, sources=sources))
 
 
 def _nominal(machine: Machine) -> Iterator[Known]:
@@ -203,7 +225,7 @@ def _nominal(machine: Machine) -> Iterator[Known]:
     def entry(name: str, unit: str, numbers: tuple[float, ...], by: str, *, share: bool = True) -> Known:
         std, unit = _stated(machine, name, len(numbers)), machine.unit(unit)
         if std:
-            return Known(name, unit, numbers, std, "value")
+            return Known(name, unit, numbers, std, "value", _shares(machine, name, len(numbers)))
         size = float(getattr(tolerance, by))
         origin: Origin = "tolerance" if f"tolerance.{by}" in machine.sources else "usual"
         return Known(name, unit, numbers, tuple(size * abs(one) if share else size for one in numbers), origin)
@@ -217,10 +239,30 @@ def _nominal(machine: Machine) -> Iterator[Known]:
     yield entry("plant.dead_time", "s", (plant.dead_time,), "dead_time", share=False)
     yield entry("drive.offset", "N", (machine.drive.offset,), "offset", share=False)
     stiffness = entry("friction.stiffness", "N/m", friction.stiffness, "stiffness")
+    limit = entry("friction.limit", "m", friction.limit, "limit")
     if stiffness.origin != "value":
         yield entry("friction.level", "1", (1.0,), "friction_level")
+    elif stiffness.shares and limit.shares:
+        yield Known("friction.level", "1", (1.0,), (_of_sum(stiffness, limit),), "value")
     yield stiffness
-    yield entry("friction.limit", "m", friction.limit, "limit")
+    yield limit
+
+
+def _of_sum(stiffness: Known, limit: Known) -> float:
+    """The relative deviation [1] of the elements' force together, of whose parts the shares are known."""
+    stiff, far = np.array(stiffness.numbers), np.array(limit.numbers)
+    moved = np.concatenate([far * np.array(stiffness.deviations), stiff * np.array(limit.deviations)])
+    return float(np.linalg.norm(moved @ root_of((*stiffness.shares, *limit.shares))) / (stiff @ far))
+
+
+def root_of(shares: Shares) -> Array:
+    """The matrix (N, K) [1] of rank-one errors that so many numbers are made up of, in parts of their deviations: those
+    that they have in common, and an error of its own for each."""
+    common = np.zeros((len(shares), max(map(len, shares), default=0)))
+    for row, one in zip(common, shares, strict=True):
+        row[: len(one)] = one
+    own = np.sqrt(np.maximum(1 - np.sum(common**2, axis=1), 0.0))
+    return np.hstack([common, np.diag(own)])
 
 
 def _stated(machine: Machine, name: str, count: int) -> tuple[float, ...]:
@@ -228,6 +270,12 @@ def _stated(machine: Machine, name: str, count: int) -> tuple[float, ...]:
     source = machine.sources.get(name)
     std = () if source is None or source.std is None else _numbers(source.std)
     return std if len(std) == count and np.all(np.isfinite(std)) else ()
+
+
+def _shares(machine: Machine, name: str, count: int) -> Shares:
+    """What the deviations beside a value of the file have in common with others; empty unless there is one of each."""
+    source = machine.sources.get(name)
+    return source.shares if source is not None and len(source.shares) == count else ()
 
 
 def _numbers(value: float | tuple[float, ...]) -> tuple[float, ...]:

@@ -1,21 +1,26 @@
 """Machines that a machine file allows: every value drawn from the deviation that is stated for it, or tolerated.
 
-Values are drawn one by one, as a file holds no correlations, so that the spread is rather too wide.
+Values are drawn together where the file states what their deviations have in common: friction elements that stand in
+for each other, a lag and a dead time, of which the sum is far surer than each. All others are drawn one by one, so that
+the spread is rather too wide.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.machine import Machine, parameters
-from models.variation import Variation, known, varied
+from models.machines.normal_within import normal_within
+from models.variation import Known, Variation, known, root_of, varied
 
 Array = NDArray[np.float64]
 
 MOST: Final = 3.0  # deviations that a draw is off at most
+SMALLEST: Final = 0.05  # of a value that keeps its sign: the least that is drawn
 
 
 def machines_as_stated(machine: Machine, count: int, seed: int = 0) -> tuple[Machine, ...]:
@@ -28,24 +33,65 @@ def machines_as_stated(machine: Machine, count: int, seed: int = 0) -> tuple[Mac
     3
     """
     rng = np.random.default_rng([seed, 31])
-    return tuple(_drawn(machine, rng) for _ in range(count))
+    stated = [one for one in known(machine) if one.origin == "value" and one.name in machine.sources]
+    alone, shared = [one for one in stated if not one.shares], [one for one in stated if one.shares]
+    together = _together(machine, shared, count, np.random.default_rng([seed, 37]))
+    return tuple(_drawn(machine, alone, shared, moved, rng) for moved in together)
 
 
-def _drawn(machine: Machine, rng: np.random.Generator) -> Machine:
-    stated = [one for one in known(machine) if one.origin == "value"]
-    found = varied(machine, _tolerated(machine, {one.name for one in stated}, rng))
-    for one in stated:
-        moved = np.array(one.numbers) + np.array(one.deviations) * _normal(rng, (len(one.numbers),))
+def _drawn(
+    machine: Machine, alone: Sequence[Known], shared: Sequence[Known], together: Array, rng: np.random.Generator
+) -> Machine:
+    """The machine with other numbers for the values with a stated deviation, of those that share it together (N,) [SI],
+    and within the tolerances of all others."""
+    found = varied(machine, _tolerated(machine, {one.name for one in (*alone, *shared)}, rng))
+    for one in alone:
+        before = np.array(one.numbers)
+        moved = before + np.array(one.deviations) * _normal(rng, before.shape)
+        kept = np.where(np.sign(moved) == np.sign(before), moved, SMALLEST * before)
+        found = _with_value(found, machine, one.name, kept)
+    ends = np.cumsum([len(one.numbers) for one in shared])[:-1]
+    for one, numbers in zip(shared, np.split(together, ends), strict=False):
+        moved = _with_forces(numbers, machine, found) if one.name == "friction.limit" else numbers
         found = _with_value(found, machine, one.name, moved)
     return found
 
 
+def _together(machine: Machine, shared: Sequence[Known], count: int, rng: np.random.Generator) -> Array:
+    """The numbers (count, N) [SI] of values that share their deviations; one that has a sign by its nature keeps it."""
+    if not shared:
+        return np.zeros((count, 0))
+    numbers = np.array([number for one in shared for number in one.numbers])
+    wide = np.array([std for one in shared for std in one.deviations])
+    signed = np.array([not _may_turn(machine, one) for one in shared for _ in one.numbers], bool)
+    far = np.divide((SMALLEST - 1) * numbers, wide, out=np.zeros(wide.size), where=wide > 0)
+    low, high = np.where(signed & (numbers >= 0), far, -np.inf), np.where(signed & (numbers < 0), far, np.inf)
+    root = root_of(tuple(row for one in shared for row in one.shares))
+    return np.asarray(numbers + wide * normal_within(root, low, high, count, rng))
+
+
+def _with_forces(moved: Array, machine: Machine, found: Machine) -> Array:
+    """The limits (N,) [m] that move each element's force, k z, as far as moved ones (N,) [m] do to the first order: for
+    stiffnesses that are open by a half the forces would else have a sum that is less sure than stated."""
+    softer, before = np.divide(machine.friction.stiffness, found.friction.stiffness), np.array(machine.friction.limit)
+    return np.asarray(np.maximum(before + (moved - before) * softer, SMALLEST * before))
+
+
+def _may_turn(machine: Machine, one: Known) -> bool:
+    """Whether a file may have a value with the other sign."""
+    before = next(row.number for row in parameters(machine) if row.name == one.name)
+    turned = tuple(-number for number in one.numbers)
+    try:
+        machine.with_value(one.name, turned if isinstance(before, tuple) else turned[0], machine.sources[one.name])
+    except ValueError:
+        return False
+    return any(one.numbers)
+
+
 def _with_value(found: Machine, machine: Machine, name: str, moved: Array) -> Machine:
-    """The machine with a value, which keeps its sign; as it is where the draw leaves the declared range."""
-    before = np.array(next(one.number for one in parameters(machine) if one.name == name), float)
-    moved = moved.reshape(before.shape)
-    kept = np.where(np.sign(moved) == np.sign(before), moved, 0.05 * before)
-    number = float(kept) if kept.ndim == 0 else tuple(kept.tolist())
+    """The machine with a value [SI]; as it is where the draw leaves the declared range."""
+    before = next(one.number for one in parameters(machine) if one.name == name)
+    number = tuple(moved.tolist()) if isinstance(before, tuple) else float(moved[0])
     try:
         return found.with_value(name, number, machine.sources[name])
     except ValueError:

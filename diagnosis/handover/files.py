@@ -23,6 +23,7 @@ from models.effects.catalogue import in_order, named
 from models.machine import Machine, Presliding, Provenance, from_table
 from models.machine import parameters as values_of
 from models.machine_file import to_toml
+from models.machines.provenance import Shares
 from models.quantity import declaration, nearest
 
 Array = NDArray[np.float64]
@@ -86,22 +87,35 @@ def starts_of(candidate: Candidate) -> tuple[Array, ...]:
     return tuple(initial_state(candidate.layout, candidate.theta, i) for i in range(candidate.layout.records))
 
 
+@dataclass(frozen=True)
+class Spread:
+    """How well the numbers of a value are known: their standard deviations [SI], and what these have in common with
+    those of other values [1]."""
+
+    deviations: tuple[float, ...]
+    shares: Shares
+
+
 def machine_of(
     nominal: Machine,
     candidate: Candidate,
     deviations: Sequence[Mapping[str, float]] = (),
     source: str = "diagnosis",
-    stated: Mapping[str, float] = MappingProxyType({}),
+    stated: Mapping[str, Spread] = MappingProxyType({}),
 ) -> Machine:
     """The nominal machine with what the candidate changes, each value with its provenance; deviations: of the
-    candidate's effects [SI]; stated: of its nominal values by their dotted names [SI]."""
+    candidate's effects [SI]; stated: of its nominal values by their dotted names [SI], and what all have in common."""
     whole = with_sines(candidate)
     fitted = replace(whole.machine, priors=nominal.priors, tolerance=nominal.tolerance)
     sources = {**nominal.sources, **dict(_refitted(nominal, fitted, source, stated))}
     if whole.effects:
         given = {effect.name for effect in nominal.effects}
         known = deviations or [{} for _ in candidate.effects]
-        sources |= dict(provenance_of_effects(whole.effects, candidate.effects, known, given, source))
+        own = dict(provenance_of_effects(whole.effects, candidate.effects, known, given, source))
+        sources |= {
+            path: replace(one, shares=stated[path].shares) if one.std is not None and path in stated else one
+            for path, one in own.items()
+        }
     for field in fields(Presliding):  # the presliding curve follows from the friction elements, which have changed
         sources[f"presliding.{field.name}"] = Provenance("derived", "from the friction elements")
     effects = tuple(_allowed(effect) for effect in whole.effects)
@@ -122,14 +136,20 @@ def _allowed(effect: Effect) -> Effect:
 
 
 def _refitted(
-    nominal: Machine, fitted: Machine, source: str, stated: Mapping[str, float]
+    nominal: Machine, fitted: Machine, source: str, stated: Mapping[str, Spread]
 ) -> Iterator[tuple[str, Provenance]]:
     """The provenance of every value that the re-fit changed, by the value's dotted name; stated: see `machine_of`."""
     before = {one.name: one.number for one in values_of(replace(nominal, effects=()))}
     provenance = Provenance("identified", f"{source}, within the tolerance of the file's value")
     for one in values_of(replace(fitted, effects=())):
         if before.get(one.name) != one.number:
-            yield one.name, replace(provenance, std=stated.get(one.name))
+            spread = stated.get(one.name)
+            yield one.name, provenance if spread is None else _with_spread(provenance, one.number, spread)
+
+
+def _with_spread(provenance: Provenance, number: object, spread: Spread) -> Provenance:
+    std = spread.deviations if isinstance(number, tuple) else spread.deviations[0]
+    return replace(provenance, std=std, shares=spread.shares)
 
 
 def provenance_of_effects(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from models.friction import elements
 from models.machine import Machine
-from models.variation import Origin, Variation, known, varied
+from models.variation import Origin, Variation, known_apart, varied
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def parameters(machine: Machine, records: int) -> Parameters:
 def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
     """Name, usual deviation and deviation of each parameter: what the file states beside a value where that is more."""
     plant, friction, tolerance = machine.plant, machine.friction, machine.tolerance
-    stated = {one.name: one for one in known(machine) if one.origin == "value"}
+    stated = {one.name: one for one in known_apart(machine) if one.origin == "value"}
 
     def each(name: str, usual: float, path: str, count: int = 1) -> Iterator[tuple[str, float, float]]:
         one = stated.get(path)

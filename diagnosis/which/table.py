@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, coordinates, effects_prior_std, with_coordinates
 from diagnosis.which.stage import Carrier, Proposal, Stage
-from models.effects.base import Effect
+from models.effects.base import POSITIVE, Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.priors import Priors
 
@@ -181,11 +181,20 @@ def covariance_of(fitted: Fit, segment: NDArray[np.int64] | None = None) -> Arra
 
 
 def _spread_of(effect: Effect, here: Array, covariance: Array, priors: Priors) -> dict[str, float]:
-    """By differences of the parameters along each coordinate; none of what has no parameters."""
+    """By the slopes of the parameters along each coordinate; none of what has no parameters."""
     if not here.size:
         return {}
-    steps = 0.3 * np.sqrt(np.diag(covariance))
+    slopes = slopes_of_parameters(effect, here, np.sqrt(np.diag(covariance)), priors)
+    std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     items = parameters_of(type(effect))
+    return {item.name: float(s) for item, s in zip(items, std, strict=True) if item.role != "switch"}
+
+
+def slopes_of_parameters(effect: Effect, here: Array, deviations: Array, priors: Priors) -> Array:
+    """How the parameters [SI] of an effect change with its coordinates here (Q,), which are known to so many deviations
+    (Q,): those of sizes by their logarithms' derivatives, as a step that is long for a logarithm would tell more than
+    the fit; all others by differences."""
+    steps, items = 0.3 * deviations, parameters_of(type(effect))
     turns = np.array([item.role == "phase" for item in items])
 
     def moved(i: int) -> Array:
@@ -193,6 +202,9 @@ def _spread_of(effect: Effect, here: Array, covariance: Array, priors: Priors) -
         by = with_coordinates(effect, here + steps[i] * (np.arange(here.size) == i), priors).values() - effect.values()
         return np.where(turns, (by + np.pi) % (2 * np.pi) - np.pi, by)
 
-    slopes = np.stack([moved(i) / steps[i] for i in range(here.size)], axis=1)
-    std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
-    return {item.name: float(s) for item, s in zip(items, std, strict=True) if item.role != "switch"}
+    sizes = [i for i, item in enumerate(items) if item.role in POSITIVE]
+    slopes = np.zeros((len(items), here.size))
+    for i in range(here.size - len(sizes)):
+        slopes[:, i] = moved(i) / steps[i]
+    slopes[sizes, np.arange(here.size - len(sizes), here.size)] = effect.values()[sizes]
+    return slopes

@@ -22,7 +22,7 @@ from models.identification.force.fit import DAMPING, SPRING, SURE, ForceFit
 from models.identification.motion import MotionFit
 from models.machine import Machine, Provenance, Tolerance, with_derived_presliding
 from models.records.files import Loaded
-from models.variation import known
+from models.variation import known_apart
 
 Array = NDArray[np.float64]
 
@@ -198,7 +198,7 @@ def with_scaled_friction(machine: Machine, fit: MotionFit, found: Found) -> Mach
 
 def _relative(machine: Machine) -> dict[str, tuple[float, ...]]:
     """How well each value was known, as shares of it [1]."""
-    return {one.name: one.relative for one in known(machine)}
+    return {one.name: one.relative for one in known_apart(machine)}
 
 
 def with_damping_of_motion(machine: Machine, fit: MotionFit, found: Found) -> Machine:

@@ -38,7 +38,7 @@ from models.identification.force.fit import DAMPING, SURE
 from models.machine import Machine
 from models.records.record import Record, cut
 from models.simulation.simulator import simulate
-from models.variation import Variation, known, varied
+from models.variation import Variation, known_apart, varied
 
 Array = NDArray[np.float64]
 
@@ -241,7 +241,7 @@ def _held(job: _Job) -> Iterator[tuple[Moved, float]]:
     still = job.still
     if job.friction_covariance is not None:
         yield from _shapes(still, job.friction_covariance)
-    for one in known(still):
+    for one in known_apart(still):
         *path, part = one.name.split(".")
         name = {"gain": "modal_gain"}.get(part, part)
         if path[:2] == ["plant", "modes"]:

@@ -8,6 +8,12 @@ from typing import Final
 SOURCES: Final = ("paper", "datasheet", "given", "derived", "identified", "assumed")
 
 
+Shares = tuple[tuple[float, ...], ...]
+"""What deviations have in common, for each number of a value: by how many of its standard deviations it moves with the
+first, second, ... of independent errors, which are the same for all values of a file [1]. What the squares leave of 1
+is an error of its own."""
+
+
 class MachineError(ValueError):
     """A machine file that can't be used; the message is one sentence: what, where, what to do.
 
@@ -27,7 +33,8 @@ class Provenance:
 
     record, sha256: the file that it was identified from, and that file's hash; empty for any other. std: its standard
     deviation in the value's own unit, one for each number of a list; None where it is not known. rotary: whether the
-    value was given in units of a rotary axis; None where these are the same as others'.
+    value was given in units of a rotary axis; None where these are the same as others'. shares: see `Shares`; empty
+    where nothing tells what the deviation has in common with others.
     """
 
     kind: str
@@ -37,6 +44,7 @@ class Provenance:
     sha256: str = ""
     std: float | tuple[float, ...] | None = None
     rotary: bool | None = field(default=None, repr=False, compare=False)
+    shares: Shares = ()
 
     @property
     def plain(self) -> dict[str, object]:

@@ -4,6 +4,8 @@ A value is text with a unit, `"16.5 N"`, or a table `{ value = "16.5 N", source 
 source begins with one of SOURCES. A value without one counts as assumed. A value that was identified may also hold its
 standard deviation, and the record that it is from with the SHA-256 of the record's file:
 `{ value = "16.5 N", std = "0.2 N", source = "identified: slow sweep", record = "slow.csv", sha256 = "..." }`.
+Beside the deviation stands what it has in common with those of other values, `shares = [[0.6, 0.8]]`: see
+`models.machines.provenance.Shares`.
 """
 
 from __future__ import annotations
@@ -21,11 +23,21 @@ from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin, ge
 from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.priors import Priors
-from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
+from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance, Shares
 from models.machines.text_file import brief, text_of
 from models.quantity import Declaration, QuantityError, check, cut, declaration, is_rotary, parse, rotary
 
-ENTRY: Final = ("value", "std", "source", "record", "sha256", "note")  # keys of a value that is written as a table
+ENTRY: Final = (
+    "value",
+    "std",
+    "shares",
+    "source",
+    "record",
+    "sha256",
+    "note",
+)  # keys of a value that is written as a table
+MOST_ERRORS: Final = 1000  # that deviations have in common: more than a file has values
+ROUNDED: Final = 1e-6  # by how much shares that are rounded may be more than 1 together
 
 Part = TypeVar("Part")
 
@@ -148,6 +160,8 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
     std = entry.get("std") if isinstance(entry, dict) else None
     if std is not None:
         source = dataclasses.replace(source, std=_deviation(std, declared, text, where))
+    if isinstance(entry, dict) and "shares" in entry:
+        source = dataclasses.replace(source, shares=_shares(entry["shares"], std, where))
     sources[where] = dataclasses.replace(source, rotary=_rotary(text, std, declared, where))
     words = _words(hint)
     if isinstance(text, str) and text in words:
@@ -218,6 +232,23 @@ def _deviation(text: object, declared: Declaration, number: object, where: str) 
         return tuple(_number(item, spread) for item in text)
     except QuantityError as error:
         raise MachineError(f"{where}.std: {error}") from error
+
+
+def _shares(rows: object, std: object, where: str) -> Shares:
+    """What the deviations of a value's numbers have in common with others: a row for each number."""
+    needed = len(std) if isinstance(std, list) else 1
+    if std is None or not isinstance(rows, list) or len(rows) != needed:
+        raise MachineError(f"{where}.shares: needs a std beside it, and a list of one list for each number of that")
+    found = []
+    for row in rows:
+        if not isinstance(row, list) or not all(type(one) in (int, float) for one in row) or len(row) > MOST_ERRORS:
+            raise MachineError(f"{where}.shares: {cut(row)} must be a list of numbers; write it like [0.6, 0.8]")
+        if not math.hypot(*row) <= 1 + ROUNDED:
+            raise MachineError(
+                f"{where}.shares: the squares of {cut(row)} are more than 1 together; give shares of one deviation"
+            )
+        found.append(tuple(float(one) for one in row))
+    return tuple(found)
 
 
 def _number(text: object, declared: Declaration) -> float:

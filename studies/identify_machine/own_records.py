@@ -18,7 +18,7 @@ from models.friction import elements
 from models.machine import Machine
 from models.records.record import Record, feeding_sequence
 from models.simulation.simulator import simulate
-from models.variation import Variation, known, varied
+from models.variation import Variation, known_apart, varied
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def drawn_from(machine: Machine, seed: int, *, held: bool = False) -> tuple[Mach
 def _with_held(machine: Machine, draw: np.random.Generator) -> Machine:
     """The machine whose modes and elements are off by their deviations [1], each on its own."""
     off: dict[str, list[float]] = {name: [] for name in ("gain", "frequency", "damping", "stiffness", "limit")}
-    size = {one.name: one.relative for one in known(machine)}
+    size = {one.name: one.relative for one in known_apart(machine)}
     for i, mode in enumerate(machine.plant.modes, start=1):
         for name in ("gain", "frequency", "damping"):
             rigid = mode.frequency == 0

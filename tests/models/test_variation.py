@@ -10,10 +10,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.friction import branch
+from models.friction import branch, elements
 from models.machine import Provenance, Tolerance, load
 from models.plant import Mode, frequency_response
-from models.variation import MOST_DAMPING, Variation, at_mode, drawn, known, varied, varied_friction, varied_plant
+from models.variation import (
+    MOST_DAMPING,
+    Variation,
+    at_mode,
+    drawn,
+    known,
+    known_apart,
+    varied,
+    varied_friction,
+    varied_plant,
+)
 
 MACHINE = load()
 PLANT = MACHINE.plant
@@ -113,6 +123,25 @@ def test_a_deviation_beside_a_value_goes_before_its_tolerance() -> None:
     stiff = known(machine.with_value("friction.stiffness", MACHINE.friction.stiffness, own))
     assert {one.name: one.deviations for one in stiff}["friction.stiffness"] == each
     assert "friction.level" not in {one.name for one in stiff}  # what all have together is in each of theirs
+
+
+def test_elements_whose_deviations_have_errors_in_common_tell_the_level_of_their_sum() -> None:
+    """Two halves of one element, one up where the other is down: either is open by a half, their sum by a per cent."""
+    sure, open_by = 0.01, 0.5
+    friction = elements(np.array([1e6, 1e6]), np.array([1e-6, 1e-6]))
+    common = np.sqrt(1 - 2 * (sure / open_by) ** 2)
+    stiff = Provenance("identified", "", std=(open_by * 1e6,) * 2, shares=((common,), (-common,)))
+    long = Provenance("identified", "", std=(1e-12, 1e-12), shares=((), ()))
+    machine = MACHINE.with_part("friction", friction, {"stiffness": stiff, "limit": long})
+    found = {one.name: one for one in known(machine)}
+    assert found["friction.stiffness"].relative == pytest.approx([open_by] * 2)
+    assert found["friction.level"].deviations[0] == pytest.approx(sure, rel=1e-3)
+    assert found["friction.level"].origin == "value"
+    apart = {one.name: one for one in known_apart(machine)}
+    assert apart["friction.stiffness"].relative == pytest.approx([MACHINE.tolerance.stiffness] * 2)
+    assert apart["friction.level"].deviations == (MACHINE.tolerance.friction_level,)
+    alone = machine.with_value("friction.stiffness", friction.stiffness, replace(stiff, shares=()))
+    assert {one.name: one for one in known_apart(alone)}["friction.stiffness"].relative == pytest.approx([open_by] * 2)
 
 
 def test_deviations_that_are_not_one_for_each_number_are_none() -> None:

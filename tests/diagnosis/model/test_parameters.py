@@ -155,6 +155,15 @@ def test_a_stated_deviation_widens_a_prior_and_never_narrows_it() -> None:
     assert {one.name: one.origin for one in priors(sure)}["payload_mass"] == "usual"
 
 
+def test_contacts_that_stand_in_for_each_other_widen_no_prior() -> None:
+    """Each is open by a half and their sum is sure, as the file says: priors of a half each would open the sum."""
+    stiffness = MACHINE.friction.stiffness
+    shares = tuple((1.0 if i % 2 else -1.0,) for i in range(len(stiffness)))
+    said = Provenance("identified", "x", std=tuple(0.5 * one for one in stiffness), shares=shares)
+    layout, usual = parameters(MACHINE.with_value("friction.stiffness", stiffness, said), 1), parameters(MACHINE, 1)
+    assert np.array_equal(layout.deviation, usual.deviation)
+
+
 def test_each_contact_has_the_prior_that_the_file_knows_it_by() -> None:
     limit = MACHINE.friction.limit
     each = tuple((0.001 if i else 0.3) * one for i, one in enumerate(limit))

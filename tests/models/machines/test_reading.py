@@ -16,6 +16,9 @@ def test_a_source_keeps_its_record_and_deviation_in_a_file(tmp_path: Path) -> No
     spread = tuple(1e3 * (i + 1) / 3 for i in range(len(load().friction.stiffness)))
     machine = load().with_value("plant.modes.1.gain", 0.05, FOUND)
     machine = machine.with_value("friction.damping", machine.friction.damping, replace(FOUND, note="n", std=spread))
+    machine = machine.with_value("scale.noise", 2e-9, replace(FOUND, std=1e-10, shares=((0.6, 0.0, -0.79999999),)))
+    each = tuple((0.5,) * (i % 3) for i in range(len(spread)))
+    machine = machine.with_value("friction.limit", machine.friction.limit, replace(FOUND, std=spread, shares=each))
     path = tmp_path / "machine.toml"
     path.write_text(to_toml(machine), encoding="utf-8")
     again = load(path)
@@ -29,6 +32,19 @@ def test_a_source_keeps_its_record_and_deviation_in_a_file(tmp_path: Path) -> No
         ('std = "3 kg"', r"scale\.noise\.std: '3 kg' is in kg"),
         ('std = "-1 nm"', r"scale\.noise\.std: -1 nm must be at least 0"),
         ('std = ["1 nm"]', r"scale\.noise\.std: must be one text, or a list"),
+        ("shares = [[0.5]]", r"scale\.noise\.shares: needs a std beside it"),
+        (
+            'std = "1 nm", shares = [[0.5], [0.5]]',
+            r"scale\.noise\.shares: needs a std beside it, and a list of one list",
+        ),
+        ('std = "1 nm", shares = 0.5', r"scale\.noise\.shares: needs a std beside it"),
+        ('std = "1 nm", shares = [["a"]]', r"scale\.noise\.shares: \['a'\] must be a list of numbers"),
+        ('std = "1 nm", shares = [[true]]', r"scale\.noise\.shares: \[True\] must be a list of numbers"),
+        ('std = "1 nm", shares = [[nan]]', r"scale\.noise\.shares: the squares of \[nan\] are more than 1"),
+        (
+            'std = "1 nm", shares = [[0.8, -0.7]]',
+            r"scale\.noise\.shares: the squares of \[0\.8, -0\.7\] are more than 1",
+        ),
     ],
 )
 def test_a_deviation_that_cannot_be_is_said(tmp_path: Path, entry: str, said: str) -> None:
