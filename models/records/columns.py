@@ -166,4 +166,15 @@ def _parsed(quantity: str, wanted: str, signal: str) -> float:
     try:
         return parse(f"{number} {unit or wanted}", wanted)
     except QuantityError as error:
-        raise ValueError(f"{signal}: {error}") from error
+        raise ValueError(f"{signal}: {error}{_with_a_factor(unit.strip('()'), wanted)}") from error
+
+
+def _with_a_factor(unit: str, wanted: str) -> str:
+    """How to write the factor of a column in amperes or volts that is to be a force, for a message; else nothing."""
+    for drive in ("A", "V"):
+        try:
+            parse(f"1 {unit}", drive)
+        except QuantityError:
+            continue
+        return f'; give its factor, like "NAME [{unit}] * 35 {wanted}/{drive}"' if wanted == "N" else ""
+    return ""

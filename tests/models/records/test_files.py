@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -352,3 +353,15 @@ def test_samples_that_a_file_keeps_in_another_one_are_not_read(tmp_path: Path) -
     for name in ("raw.mat", "virtual.mat"):
         with pytest.raises(RecordError, match="time_s keeps its samples in another file"):
             read(with_head(tmp_path / name))
+
+
+@pytest.mark.parametrize(
+    ("entry", "hint"),
+    [
+        ("Iq_set [mA]", 'give its factor, like "NAME [mA] * 35 N/A"'),
+        ("u [V]", 'give its factor, like "NAME [V] * 35 N/V"'),
+    ],
+)
+def test_a_command_in_what_the_drive_counts_is_asked_for_its_factor(entry: str, hint: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(hint)):
+        Columns(command=entry)
