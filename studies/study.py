@@ -132,10 +132,10 @@ class Progress:
         self._share = 0.0
 
     def __call__(self, share: float, text: str) -> None:
-        """`share` (0 .. 1) of the work is done; `text` is what comes next."""
+        """`share` (0 .. 1) of the work is done, and not less than was said before; `text` is what comes next."""
         elapsed = self._clock() - self._begin
         rest = self._left(share, elapsed)
-        print(f"[{share:4.0%} after {elapsed:.1f} s{rest}] {text}", file=self._stream, flush=True)
+        print(f"[{self._share:4.0%} after {elapsed:.1f} s{rest}] {text}", file=self._stream, flush=True)
 
     def _left(self, share: float, elapsed: float) -> str:
         """What may be left, where enough is done and the share has grown since it was last told."""

@@ -108,3 +108,11 @@ def test_times_are_told_to_one_digit_in_their_unit() -> None:
     assert between(4.4, 340.0) == "4 s to 6 min"
     assert between(130.0, 8000.0) == "2 min to 2 h"
     assert between(20.0, 21.0) == "20 s"
+
+
+def test_the_share_that_is_done_never_falls() -> None:
+    stream = io.StringIO()
+    progress = Progress(stream, clock=lambda: 0.0)
+    for share in (0.5, 0.9, 0.85, 1.0):
+        progress(share, "x")
+    assert re.findall(r"\d+(?=%)", stream.getvalue()) == ["50", "90", "90", "100"]
