@@ -253,11 +253,20 @@ def _gap_closed(results: Results) -> str:
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     part = verdict["outcome"] == "none_of_these"
+    closes = (
+        f"{'what it resembles' if part else 'this'} closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "
+        f"{100 * high:.0f} %) of the gap between the re-fitted model and the noise floor"
+        f"{', which is not the whole answer and not in improved.toml' if part else ''}"
+    )
+    terms = far["closure_terms"]
+    if terms["refitted"] <= terms["floor"]:
+        closes = (
+            f"the re-fitted model leaves {show(terms['refitted'], 'N', 2)}, no more than the noise floor of "
+            f"{show(terms['floor'], 'N', 2)}: no closure of that gap can be told"
+        )
     return (
-        f"{_parameters_share(far)} On held-out motions {'what it resembles' if part else 'this'} closes "
-        f"{100 * far['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) of the gap between the re-fitted model "
-        f"and the noise floor{', which is not the whole answer and not in improved.toml' if part else ''}. Over all "
-        f"motions the gap goes {moved}{_unexplained(results)}; the noise floor is {floor}."
+        f"{_parameters_share(far)} On held-out motions {closes}. Over all motions the gap goes "
+        f"{moved}{_unexplained(results)}; the noise floor is {floor}."
     )
 
 

@@ -197,3 +197,12 @@ def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> 
     assert "the machine with effects has position error of 8.2 µm, and the machine as delivered of 2.3 µm" in told
     assert "improved.toml is the machine as delivered." in told
     assert "The model is incomplete: payload mass is at the end of twice the usual room." in told
+
+
+def test_a_re_fit_that_leaves_no_more_than_the_floor_has_no_closure(results: dict[str, Any]) -> None:
+    far = results["how_far"]
+    terms = {**far["closure_terms"], "floor": 2 * far["closure_terms"]["refitted"]}
+    told = sentences({**results, "how_far": {**far, "closure_terms": terms}})["how_far"]
+    assert "no closure of that gap can be told" in told
+    assert "closes" not in told
+    assert "closes" in sentences(results)["how_far"]
