@@ -80,15 +80,22 @@ def _where(where: Results) -> str:
     return " ".join([*on(Topic.CONTROLLER)[:1], *on(Topic.SIZE), *(on(Topic.COORDINATE) or rest)[:1]])
 
 
+def _off_by(row: Results) -> str:
+    """By how much a nominal value was off: of several of its kind, the one that moved the most."""
+    size = row["moved"] * max(row["std"])
+    told = f"{100 * size:.2g} %" if row["unit"] == "1" else show(size, row["unit"], 2)
+    return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
+
+
 def _which(results: Results) -> str:
     verdict = results["verdict"]
     outcome, names = verdict["outcome"], verdict["effects"]
     if outcome == "nothing_to_explain":
         return "The machine file explains the records as it is: as far as they can show, no effect is missing."
     if outcome == "parameters":
-        return (
-            f"Nominal values are off, {effects_listed(names)}; re-fitted within their tolerances, no effect is missing."
-        )
+        rows = {row["name"]: row for row in results["shifts"]}
+        off = listed([_off_by(rows[name]) if name in rows else effect(name) for name in names])
+        return f"Nominal values are off, {off}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
         told = _unsure(results) or (
             "No effect of the catalogue, alone or with others, explains it within its prior range: "

@@ -35,7 +35,7 @@ def test_the_first_page_chooses_what_was_found_by_its_topic(
     ("outcome", "effects", "equivalent", "says"),
     [
         ("nothing_to_explain", [], [], "explains the records as it is"),
-        ("parameters", ["payload_mass", "dead_time"], [], "payload mass and dead time"),
+        ("parameters", ["payload_mass", "dead_time"], [], "Nominal values are off, payload mass by "),
         ("none_of_these", [], [], "the cause is out of catalogue"),
         ("ambiguous", ["cogging"], [["cogging", "cable_spring"]], "cannot distinguish from it: cable spring"),
         ("attributed", ["friction_relaxation"], [], "It is friction relaxation"),
@@ -206,3 +206,15 @@ def test_a_re_fit_that_leaves_no_more_than_the_floor_has_no_closure(results: dic
     assert "no closure of that gap can be told" in told
     assert "closes" not in told
     assert "closes" in sentences(results)["how_far"]
+
+
+def test_a_nominal_value_that_is_off_is_told_with_its_size(results: dict[str, Any]) -> None:
+    rows = {
+        "payload_mass": {"moved": -2.0, "std": [0.015, 0.015], "unit": "1", "values": 1},
+        "dead_time": {"moved": 0.5, "std": [2e-5, 2e-5], "unit": "s", "values": 1},
+        "presliding_stiffness": {"moved": 3.0, "std": [0.01, 0.03], "unit": "1", "values": 8},
+    }
+    verdict = {**results["verdict"], "outcome": "parameters", "effects": list(rows)}
+    shifts = [{"name": name, **row} for name, row in rows.items()]
+    told = sentences({**results, "verdict": verdict, "shifts": shifts})["which"]
+    assert "off, payload mass by -3 %, dead time by 10 µs and presliding stiffness by up to 9 %; re-fitted" in told
