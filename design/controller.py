@@ -119,14 +119,19 @@ def design_deadbeat(
     )
 
 
+def default_feedforward(machine: Machine) -> tuple[Deadbeat, Plant]:
+    """The deadbeat that the machine's specification asks for, and the plant that it is for: with the modes and delays
+    of the machine's effects. Raises DesignError where there is none."""
+    whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
+    return deadbeat, whole.plant
+
+
 def default_controller(machine: Machine) -> Controller:
     """The controller that the machine's specification asks for: its default deadbeat, assembled.
 
-    The deadbeat is for the plant with the modes and delays of the machine's effects. Raises DesignError where there is
-    none.
+    Raises DesignError where there is none.
     """
-    whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
-    return assemble(machine, deadbeat, whole.plant)
+    return assemble(machine, *default_feedforward(machine))
 
 
 def paper_controller(machine: Machine) -> Controller:
@@ -137,5 +142,4 @@ def paper_controller(machine: Machine) -> Controller:
 
 def bare_controller(machine: Machine) -> Controller:
     """`default_controller` without its friction compensation. Raises DesignError where there is none."""
-    whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
-    return assemble_bare(machine, deadbeat, whole.plant)
+    return assemble_bare(machine, *default_feedforward(machine))

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from design.controller import assemble_bare, design_deadbeat
+from design.controller import assemble_bare, default_feedforward
 from design.deadbeat import Deadbeat, DesignError
-from design.effect_compensation import designed_with_effects
 from design.element_count import FURTHER, Choice, choose, largest_count
 from design.validation import LONGER, PERIODS
 from models.machine import Machine
@@ -50,7 +49,7 @@ def with_elements(
         return Counted(machine)
     _foresee(machine, options, progress)
     try:
-        made, known = (deadbeat, plant) if deadbeat else _default(machine)
+        made, known = (deadbeat, plant) if deadbeat else default_feedforward(machine)
     except DesignError as error:
         raise BadInputError(f"--machine: {error}") from error
 
@@ -62,12 +61,6 @@ def with_elements(
     choice = choose(machine, bare, stroke=made.stroke, seed=options.seed, further=FURTHER, tell=tell)
     stated = replace(machine, control=replace(machine.control, compensator_elements=choice.count))
     return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice),))
-
-
-def _default(machine: Machine) -> tuple[Deadbeat, Plant]:
-    """The feedforward of the machine's specification, and the plant that it is for."""
-    whole, deadbeat, _ = designed_with_effects(machine, design_deadbeat)
-    return deadbeat, whole.plant
 
 
 def _plain(choice: Choice) -> dict[str, Any]:
