@@ -31,7 +31,9 @@ Complex = NDArray[np.complex128]
 
 ROLLED: Final = 20  # samples over which an axis that rolls has moved on,
 STEPPED: Final = 5.0  # and steps of its scale
-BACK: Final = 0.25  # of the way that it moves on: by so much it surely moved backwards
+BACK: Final = 5.0  # deviations of the reading's noise: by more it surely moved backwards
+FOURTH: Final = math.sqrt(70.0)  # a fourth difference has so many deviations of white noise
+MEDIAN: Final = 0.6745  # of |x| of a normal x with deviation 1
 BEGUN: Final = 6  # samples after which a sweep's axis has half of its speed, unless friction still builds up
 WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below are not looked at
 LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks into them
@@ -58,8 +60,8 @@ class FrequencyResponse:
     command: the spectrum U (n,) [any unit] of one record without a window: X / U then holds what the record's two ends
     leave of each mode, too; None: no such part. settled [s]: for how long before it the excitation was the same, so
     that what dies out in that time is the same at both ends; 0 for a single sweep. turned: the share [1] of the samples
-    in which an axis that rolls moved backwards, as a mode that is excited too strongly makes it. slope: of the straight
-    line that was taken off the position [m per sample]; a spring to ground pulls along it.
+    in which an axis that was to roll moved back, as a mode that is excited too strongly makes it. slope: of the line
+    that was taken off the position [m per sample]; a spring to ground pulls along it.
     """
 
     frequency: Array
@@ -317,10 +319,19 @@ def _rolling(position: Array) -> bool:
 
 
 def _turned(position: Array) -> float:
-    """The share [1] of the samples in which the axis, at position (n,) [m], moved backwards by a part of its way on."""
+    """The share [1] of the samples in which an axis that was to roll, at position (n,) [m], surely moved back.
+
+    However little it goes back, rolling friction turns round. Fourth differences show the noise: a motion slower than
+    the samples hardly has any, and their median leaves out where a fast mode was shaken. 0 for an axis
+    that does not get on by more than it is shaken: it was not to roll.
+    """
+    if abs(position[-1] - position[0]) < np.ptp(_level(position)):
+        return 0.0
     span = _samples_to_move(position, 1)
-    way = (position[-1] - position[0]) / (position.size - 1) * span
-    return float(np.mean((position[span:] - position[:-span]) * np.sign(way) < -BACK * abs(way)))
+    moved = (position[span:] - position[:-span]) * np.sign(position[-1] - position[0])
+    noise = float(np.median(np.abs(np.diff(position, 4)))) / (MEDIAN * FOURTH)
+    noise = max(noise, quantisation(position) / math.sqrt(12))
+    return float(np.mean(moved < -BACK * math.sqrt(2) * noise))
 
 
 def _samples_to_move(position: Array, least: int) -> int:

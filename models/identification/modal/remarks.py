@@ -16,7 +16,7 @@ from models.identification.force.fit import SPRING
 from models.identification.response import FrequencyResponse
 from models.quantity import listed, show
 
-TURNED: Final = 2e-3  # share of the samples in which an axis may move backwards, as where a sweep begins
+TURNED: Final = 2e-4  # share of the samples in which an axis may move backwards; with more, modes come out wrong
 SIGMAS: Final = 3.0  # beyond which two responses differ by more than their noise
 OTHER_LEVEL: Final = 1.5  # ratio of two excitations from which on amplitude may be what makes responses differ
 SAME: Final = 0.1  # relative distance of two frequencies that may be those of one mode
@@ -51,7 +51,7 @@ class ResponseStep:
 
 def bent(measured: FrequencyResponse) -> bool:
     """Whether an axis that was to roll moved backwards for long enough to bend its response."""
-    return measured.rolling and measured.turned > TURNED
+    return measured.turned > TURNED
 
 
 def on_turning(measured: FrequencyResponse) -> Iterator[str]:
@@ -59,8 +59,8 @@ def on_turning(measured: FrequencyResponse) -> Iterator[str]:
     if bent(measured):
         yield (
             f"In {100 * measured.turned:.2g} % of the samples the axis moved backwards: friction was not constant, and "
-            "the response is bent where a mode shook it most. Excite with less force there, as by the references that "
-            "--write-references makes of the identified file."
+            "the response is bent where the axis was shaken most, by more than the deviations say. Roll faster, or "
+            "excite with less force there, as by the references that --write-references makes of the identified file."
         )
 
 
