@@ -16,10 +16,17 @@ from models.effects import catalogue
 from models.effects.base import Effect
 from models.effects.priors import USUAL, Priors
 from models.friction import Friction, branch
+from models.machines.consistency import (
+    check_drive,
+    check_feedback,
+    check_friction,
+    check_modes,
+    check_rigid_gain,
+    check_times,
+)
 from models.machines.ideal_form import in_parallel_form
 from models.machines.missing import complete
 from models.machines.parts import (
-    FROM_CASCADE,
     FROM_ELEMENTS,
     UNSTATED,
     USUAL_TOLERANCE,
@@ -67,13 +74,7 @@ __all__ = [
     "with_pid",
 ]
 
-MODES: Final = 20  # Vibration modes and the rigid body; the time of the optimal controls grows with their cube.
-EFFECTS: Final = 50  # Each is asked for its force ten times a sample.
-SLOWEST: Final = 0.1  # Hz. What vibrates more slowly does not come back within any motion.
 NAME: Final = 200  # characters
-PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.
-MODE_SHARES: Final = (1e-7, 1e4)  # of the size of a mode's gain in the rigid body's: others are neither seen nor its
-MASSES: Final = (1e-6, 1e9)  # kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons
 DEFAULT: Final = Path(__file__).parent / "machines" / "linear_motor_table.toml"
 
 
@@ -160,7 +161,7 @@ class Machine:
             raise MachineError(f"{name}: {error}") from error
         changed: Machine = _with_part_at(self, parents, dataclasses.replace(part, **{last: number}))
         if name.startswith("plant.modes."):
-            _check_rigid_gain(changed.plant)
+            check_rigid_gain(changed.plant)
         return dataclasses.replace(changed, sources={**self.sources, name: provenance})
 
     def sources_of(self, name: str) -> Mapping[str, Provenance]:
@@ -318,136 +319,10 @@ def presliding_of(friction: Friction, stroke: float) -> Presliding:
     )
 
 
-def _check_modes(machine: Machine) -> None:
-    """That the modes are of one axis: one rigid body, and vibrations that its controller can see."""
-    nyquist, plant = 0.5 / machine.sample_time, machine.plant
-    modes = {f"plant.modes.{i + 1}": mode for i, mode in enumerate(plant.modes)}
-    for name, effect in catalogue.named(machine.effects).items():
-        modes |= {f"effects.{name}": mode for mode in effect.modes()}
-    for where, mode in modes.items():
-        if mode.frequency >= nyquist:
-            raise MachineError(
-                f"{where}.frequency: {mode.frequency:g} Hz is not below the Nyquist frequency "
-                f"{nyquist:g} Hz of control.sample_time; shorten the sample time or leave the mode out"
-            )
-        if 0 < mode.frequency < SLOWEST:
-            raise MachineError(
-                f"{where}.frequency: {mode.frequency:g} Hz is slower than {SLOWEST} Hz, so that no motion sees it "
-                "vibrate; leave the mode out, or give 0 Hz for the rigid body"
-            )
-    rigid = sum(mode.frequency == 0 for mode in plant.modes)
-    if rigid != 1:
-        raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"')
-    _check_rigid_gain(plant)
-    if len(plant.modes) > MODES:
-        raise MachineError(
-            f"plant.modes: {len(plant.modes)} are more than {MODES}, which would take designs hours; keep "
-            "those that show in the frequency response up to a few times the loop's bandwidth"
-        )
-    if not MASSES[0] <= plant.mass <= MASSES[1]:
-        raise MachineError(
-            f"plant: a mass of {plant.mass:.3g} kg, 1 / (thrust_constant x gain of the rigid body), is not "
-            f"from {MASSES[0]:g} to {MASSES[1]:g} kg; give gains in 1/kg and K_t per unit of thrust reference"
-        )
-    for where, mode in modes.items():
-        share = mode.gain * plant.mass * plant.thrust_constant
-        if not MODE_SHARES[0] <= abs(share) <= MODE_SHARES[1]:
-            raise MachineError(
-                f"{where}.gain: {mode.gain:.4g} 1/kg is {share:.3g} times the rigid body's; a mode of one axis has "
-                f"{MODE_SHARES[0]:g} to {MODE_SHARES[1]:g} times, of either sign: correct it or leave the mode out"
-            )
-
-
-def _check_rigid_gain(plant: Plant) -> None:
-    """That a rigid body moves with the thrust."""
-    for i, mode in enumerate(plant.modes):
-        if mode.frequency == 0 and not mode.gain > 0:
-            raise MachineError(
-                f"plant.modes.{i + 1}.gain: {mode.gain:g} 1/kg must be above 0, as it is 1/M of the rigid body; only "
-                "vibration modes may have a negative gain"
-            )
-
-
-def _check_times(machine: Machine) -> None:
-    """That the specification's times follow each other, and make a sequence that can be simulated."""
-    wanted, ts = machine.specification, machine.sample_time
-    if not wanted.reference_settling_time <= wanted.settling_time < wanted.interval:
-        raise MachineError(
-            "specification: reference_settling_time, settling_time and interval have to follow each other; "
-            f"they are {wanted.reference_settling_time:g} s, {wanted.settling_time:g} s and {wanted.interval:g} s"
-        )
-    for name, time, most in (
-        ("specification.interval", wanted.interval, 100_000),
-        ("specification.reference_settling_time", wanted.reference_settling_time, 1000),
-        ("plant.dead_time", machine.plant.dead_time, 1000),
-    ):
-        if time > most * ts:
-            raise MachineError(
-                f"{name}: {time:g} s are more than {most} samples of control.sample_time, {ts:g} s; "
-                "shorten it or lengthen the sample time"
-            )
-    samples = 2 * wanted.motions * wanted.interval / ts
-    if samples > PERIOD:
-        raise MachineError(
-            f"specification: {wanted.motions} motions to and fro every {show(wanted.interval, 's')} are {samples:.0f} "
-            f"samples, more than {PERIOD}, which would take over 1 GB; give fewer motions or less time"
-        )
-
-
-def _check_feedback(machine: Machine) -> None:
-    """That one feedback is stated, and that the controller can sample its filters."""
-    control, ts = machine.control, machine.sample_time
-    if control.pid is FROM_CASCADE:
-        raise MachineError("control.pid: missing; add it, or control.cascade")
-    if control.cascade is not None and any(name.startswith("control.pid.") for name in machine.sources):
-        raise MachineError("control.pid: control.cascade is stated as well, and only one of them runs; leave one out")
-    for name, frequency in control.filters.frequencies.items():
-        if frequency >= 0.5 / ts:
-            raise MachineError(
-                f"control.filters.{name}.frequency: {show(frequency, 'Hz')} is not below the Nyquist frequency "
-                f"{show(0.5 / ts, 'Hz')} of control.sample_time; leave the filter out"
-            )
-    if 0 < control.anti_windup < ts:
-        raise MachineError(
-            f"control.anti_windup: {show(control.anti_windup, 's')} is below control.sample_time, {show(ts, 's')}, so "
-            "that the integral would move by more than the rating cuts off; give the sample time or more, or 0 s"
-        )
-    integral = control.pid.ki if control.cascade is None else control.cascade.integral_time
-    if control.anti_windup > 0 and integral == 0:
-        raise MachineError("control.anti_windup: there is no integral that could wind up; leave it out")
-
-
 def _check(machine: Machine) -> None:
-    """What no single value shows."""
-    _check_feedback(machine)
-    _check_times(machine)
-    _check_modes(machine)
-    if len(machine.effects) > EFFECTS:
-        raise MachineError(f"effects: {len(machine.effects)} are more than {EFFECTS}; keep those that matter most")
-    drive, specification = machine.drive, machine.specification
-    if specification.motions * specification.stroke > drive.travel > 0:
-        raise MachineError(
-            f"drive.travel: {show(drive.travel, 'm')} are less than the specification's {specification.motions} "
-            f"motions of {show(specification.stroke, 'm')} one way"
-        )
-    if abs(drive.offset) >= drive.rated_thrust:
-        raise MachineError(
-            f"drive.offset: the drive can't hold {drive.offset:g} N within drive.rated_thrust, "
-            f"{drive.rated_thrust:g} N; give the force in newtons of thrust reference"
-        )
-    _check_friction(machine)
-
-
-def _check_friction(machine: Machine) -> None:
-    """That there is friction, and that its elements agree with the stated facts of the hysteresis curve."""
-    slip, stated = machine.friction.coulomb_force, machine.presliding.coulomb_force
-    if not slip > 0:
-        raise MachineError(
-            "friction: no element has a force; for an axis without friction give one far below all other forces, "
-            "such as 1 N/mm over 1 um"
-        )
-    if abs(slip / stated - 1) > 1e-3:
-        raise MachineError(
-            f"friction: the elements slip at {slip:.5g} N together, presliding.coulomb_force says {stated:.5g} N; "
-            "scale stiffness or limit so that sum(stiffness x limit) agrees"
-        )
+    """What no single value shows. Raises MachineError."""
+    check_feedback(machine.control, machine.sources)
+    check_times(machine.specification, machine.plant.dead_time, machine.sample_time)
+    check_modes(machine.plant, machine.effects, machine.sample_time)
+    check_drive(machine.drive, machine.specification)
+    check_friction(machine.friction, machine.presliding)

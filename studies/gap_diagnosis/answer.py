@@ -19,6 +19,7 @@ FAR: Final = 2.0  # times its expectation, from which on chi-square per sample i
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 OVERRUN: Final = 10.0  # of the deviations that the file states of a value: moved farther, it may stand in for a law
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
+SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
 
 def sentences(results: Results) -> dict[str, str]:
@@ -83,7 +84,7 @@ def _where(where: Results) -> str:
 def _off_by(row: Results) -> str:
     """By how much a nominal value was off: of several of its kind, the one that moved the most."""
     size = row["moved"] * max(row["std"])
-    told = f"{100 * size:.2g} %" if row["unit"] == "1" else show(size, row["unit"], 2)
+    told = _in_percent(size) if row["unit"] == "1" else show(size, row["unit"], 2)
     return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
 
 
@@ -290,7 +291,12 @@ def _parameters_share(far: Results) -> str:
 
 
 def _percent(part: float, whole: float) -> str:
-    return f"{100 * part / whole:.2g} %" if whole > 0 else "–"
+    return _in_percent(part / whole) if whole > 0 else "–"
+
+
+def _in_percent(ratio: float) -> str:
+    """A ratio [1] in percent, as long as that is easily read."""
+    return f"{100 * ratio:.2g} %" if ratio < SEVERAL else f"{ratio:.0f} times"
 
 
 def _handed_over(far: Results) -> list[str]:
