@@ -13,15 +13,15 @@ from typing import Final
 from design.family import Member
 from design.loop import Assessment, assess
 from design.pid.problem import Attempt, Bounds, Problem, Tuning, TuningError, mt_bound
-from design.pid.rules import fast_rule, lambda_rule, simc, slow_rule
+from design.pid.rules import fast_rule, lambda_rule, quickest_time, simc, slow_rule
 from design.pid.tuning import tuned_from
 from models.controller import PID, Feedback
 from models.feedback.law import Law
 from models.machine import Machine
 
 SECOND_START: Final = 6  # Only every so many points start from the fast rule too, since that doubles the time.
-RULE_TIMES: Final = (3e-3, 3.5e-3, 4e-3, 5e-3, 6e-3, 8e-3, 12e-3)  # s. tau_c of SIMC, from about theta on.
-LAMBDAS: Final = (5e-3, 6e-3, 7e-3, 8e-3, 10e-3, 14e-3, 20e-3)  # s. The time constants of the lambda rule.
+RULE_TIMES: Final = (1.15, 1.35, 1.5, 1.9, 2.3, 3.0, 4.6)  # of the quickest one [1]: time constants tau_c of SIMC,
+LAMBDAS: Final = (1.9, 2.3, 2.7, 3.0, 3.8, 5.3, 7.6)  # and those of the lambda rule
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,11 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     refusal: TuningError | None = None
     many = problem.goal.objective != "integral"  # the other objectives have more than one local optimum
     last: Tuning | None = None
+    slow, fast = ("slow rule", slow_rule(machine)), ("fast rule", fast_rule(machine))
     for i, ms in enumerate(levels):
         bounds = replace(limits, ms=ms, mt=mt_bound(ms, limits.mt))
-        starts = [("slow rule", slow_rule(machine))] if last is None else [("neighbour", last.pid)]
-        others = [("fast rule", fast_rule(machine))]
+        starts = [slow] if last is None else [("neighbour", last.pid)]
+        others = [fast]
         if many or i % SECOND_START == 0:
             starts, others = starts + others, []
         others = [*others, ("present PID", machine.control.pid)]  # of a loop that runs, however quick the axis is
@@ -87,8 +88,7 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
             refusal = error
             if i == 0 and len(levels) > 1:  # what keeps to any level keeps to the last one, too
                 loosest = replace(limits, ms=levels[-1], mt=mt_bound(levels[-1], limits.mt))
-                thumb = [("slow rule", slow_rule(machine)), ("fast rule", fast_rule(machine))]
-                tuned_from(problem, loosest, thumb, others[-1:])
+                tuned_from(problem, loosest, [slow, fast], others[-1:])
     if refusal is not None and not points:
         raise refusal
     return Front(tuple(points), tuple(attempts))
@@ -102,6 +102,7 @@ def judged(name: str, pid: PID, members: Sequence[Member], law: Law | None = Non
 def rules(machine: Machine, members: Sequence[Member]) -> list[Point]:
     """SIMC's and the lambda rule's PIDs over their time constants [s], as far as they are stable."""
     plant, ts, keep = machine.plant, machine.sample_time, machine.control.pid.derivative_filter
-    points = [judged("SIMC", simc(plant, ts, time, keep), members) for time in RULE_TIMES]
-    points += [judged("lambda", lambda_rule(plant, time, keep), members) for time in LAMBDAS]
+    unit = quickest_time(machine)
+    points = [judged("SIMC", simc(plant, ts, times * unit, keep), members) for times in RULE_TIMES]
+    points += [judged("lambda", lambda_rule(plant, times * unit, keep), members) for times in LAMBDAS]
     return [point for point in points if math.isfinite(point.ms)]

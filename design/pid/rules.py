@@ -1,15 +1,23 @@
-"""Rules of thumb for a PID on a machine whose rigid body counts: starts for the tuning, and points to compare with."""
+"""Rules of thumb for a PID on a machine whose rigid body counts: starts for the tuning, and points to compare with.
+
+Their time constants are multiples of the quickest one that this machine's own dead time and modes allow.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
+from design.loop import assess
 from models.controller import PID
 from models.machine import Machine
-from models.plant import Plant
+from models.plant import Plant, sampled
 
-SLOW_START: Final = 25e-3  # s. The closed-loop time constant of the rule that a tuning starts from: slow, so stable.
-FAST_START: Final = 6e-3  # s. That of a rule nearer to the edge of stability, whose gains are of a tuned PID's size.
+PEAK: Final = 2.0  # of |S| [1], beyond which a rule of thumb's loop counts as too quick
+RUNGS: Final = np.sqrt(2.0) ** np.arange(24)  # of theta: the time constants that are tried, from the quickest on
+FAST: Final = 2.3  # times the quickest: near to the edge of stability, so that the gains are of a tuned PID's size
+SLOW: Final = 9.5  # times the quickest: so slow that the loop is surely stable
 
 
 def simc(plant: Plant, sample_time: float, closed_loop: float, derivative_filter: float) -> PID:
@@ -29,14 +37,30 @@ def lambda_rule(plant: Plant, closed_loop: float, derivative_filter: float) -> P
     return PID(3 * gain / closed_loop**2, gain / closed_loop**3, 3 * gain / closed_loop, derivative_filter)
 
 
+def quickest_time(machine: Machine) -> float:
+    """The least closed-loop time constant [s] on the ladder with which SIMC's loop keeps |S| within its peak; the last
+    rung if there is none."""
+    ts, keep = machine.sample_time, machine.control.pid.derivative_filter
+    plant, times = sampled(machine.plant, ts), (machine.plant.dead_time + ts / 2) * RUNGS
+    loops = ((float(time), assess(plant, simc(machine.plant, ts, time, keep))) for time in times)
+    return next((time for time, loop in loops if loop.stable and loop.ms.value <= PEAK), float(times[-1]))
+
+
 def slow_rule(machine: Machine) -> PID:
     """SIMC's PID [SI] that a tuning starts from: slow, so that its loops are stable."""
-    return simc(machine.plant, machine.sample_time, SLOW_START, machine.control.pid.derivative_filter)
+    return _of(machine, SLOW)
 
 
 def fast_rule(machine: Machine) -> PID:
-    """SIMC's PID [SI] at about the edge of stability."""
-    return simc(machine.plant, machine.sample_time, FAST_START, machine.control.pid.derivative_filter)
+    """SIMC's PID [SI] with gains of a tuned one's size."""
+    return _of(machine, FAST)
+
+
+def _of(machine: Machine, times: float) -> PID:
+    """SIMC's PID [SI] with so many times the quickest time constant [1]."""
+    return simc(
+        machine.plant, machine.sample_time, times * quickest_time(machine), machine.control.pid.derivative_filter
+    )
 
 
 def magnitude(machine: Machine) -> PID:

@@ -33,8 +33,9 @@ from models.simulation.simulator import simulate
 Array = NDArray[np.float64]
 
 ROUNDS: Final = 2  # Design and simulation alternate so often: the histories follow from the design, and change little.
-LOOK: Final = 15e-3  # s. The error counts in "sensitivity" for so long after the motion, until the feedback meets it.
-LOOK_ROBUST: Final = 30e-3  # s. A robust trajectory leaves more to the feedback, which takes longer.
+# Of the settling time: for so long after the motion the error counts in "sensitivity", until the feedback meets it.
+LOOK: Final = 0.6
+LOOK_ROBUST: Final = 1.2  # A robust trajectory leaves more to the feedback, which takes longer.
 LONGEST: Final = 200  # A search for a feasible motion gives up so many samples beyond the one aimed at.
 COARSE: Final = (0.3, 0.1)  # Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
 
@@ -174,7 +175,7 @@ def least_sensitive(
         objective="sensitivity",
         histories=len(chosen),
         scenarios=scenarios,
-        feedback=feedback(machine, first, LOOK),
+        feedback=feedback(machine, first, LOOK * machine.specification.settling_time),
     )
     given = compensate(profile_of(machine, begin), machine.friction, sequence(machine, wanted.stroke))
     states = histories(machine, feedback_alone(machine), wanted.stroke, given)[chosen]
@@ -214,7 +215,7 @@ def robust_trajectory(
     task = RobustTask(
         machine.plant,
         scenarios,
-        feedback(machine, first, LOOK_ROBUST),
+        feedback(machine, first, LOOK_ROBUST * machine.specification.settling_time),
         machine.sample_time,
         count,
         wanted.stroke,

@@ -30,7 +30,7 @@ SHORTEST: Final = 1000  # samples that a diagnosis needs, of all records togethe
 SAME_TIME: Final = 1e-3  # relative difference between a record's sample time and the machine's that is tolerated
 STILL: Final = 5.0  # steps of the scale: a position that stays within them does not count as moving
 SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which they are of two machines
-ROLLING: Final = 5e-3  # m/s: above this speed an axis has left the presliding region
+ROLLING: Final = 0.05  # of the highest speed: below, a record hardly shows on which way the axis is
 FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
 INERTIA: Final = 0.8  # share of the smoothed command's variance that inertia must explain for a mass to be read off
 
@@ -103,10 +103,10 @@ def _moves(record: Record) -> bool:
     return bool(np.ptp(record.position) > STILL * step and (np.ptp(record.reference) > 0 or np.ptp(record.command) > 0))
 
 
-def check_one_machine(records: Sequence[Record], names: Sequence[str]) -> None:
+def check_one_machine(records: Sequence[Record], names: Sequence[str], presliding: float) -> None:
     """Raises DoubtfulError where the records' scales have other steps, or their commands move another mass.
 
-    names: what the message calls each record.
+    names: what the message calls each record. presliding [m]: the way after a turn on which all friction slips.
     """
     steps = [
         (step, name) for record, name in zip(records, names, strict=True) if (step := quantisation(record.position))
@@ -117,7 +117,9 @@ def check_one_machine(records: Sequence[Record], names: Sequence[str]) -> None:
                 f"{steps[0][1]} and {name} are of two machines: their scales have steps of "
                 f"{show(steps[0][0], 'm')} and {show(step, 'm')}; diagnose each with its own machine file"
             )
-    masses = [(mass, name) for record, name in zip(records, names, strict=True) if (mass := rolling_mass(record))]
+    masses = [
+        (mass, name) for record, name in zip(records, names, strict=True) if (mass := rolling_mass(record, presliding))
+    ]
     for mass, name in masses[1:]:
         if not 1 / SAME_MASS < mass / masses[0][0] < SAME_MASS:
             raise DoubtfulError(
@@ -188,15 +190,25 @@ def _constant(record: Record) -> None:
             raise RecordError(f"the {name} is constant at {signal[0]:g}; map the column that holds it, or record it")
 
 
-def rolling_mass(record: Record) -> float | None:
-    """The mass [kg] that a record shows while the axis rolls, smoothed over 40 samples; None if friction hides it."""
+def rolling_mass(record: Record, presliding: float) -> float | None:
+    """The mass [kg] that a record shows where the axis has gone beyond `presliding` [m] since it turned, smoothed over
+    40 samples; None if friction hides it."""
     speed, acceleration, force = smoothed(record, 40)
-    rolls = np.abs(speed) > max(ROLLING, 0.05 * float(np.max(np.abs(speed))))
+    rolls = np.abs(speed) > ROLLING * float(np.max(np.abs(speed)))
+    rolls &= _since_turned(speed) * record.sample_time > presliding
     if np.count_nonzero(rolls) < FEWEST_ROLLING:
         return None
     mass, left = fitted_mass(speed[rolls], acceleration[rolls], force[rolls])
     inertia, rest = float(np.var(mass * acceleration[rolls])), float(np.var(left))
     return mass if inertia > INERTIA * (inertia + rest) else None
+
+
+def _since_turned(speed: Array) -> Array:
+    """The way (n,) since the last turn, from the speed (n,) [any unit, times samples]."""
+    way = np.cumsum(speed)
+    turned = np.append(True, np.sign(speed[1:]) != np.sign(speed[:-1]))
+    last = np.maximum.accumulate(np.where(turned, np.arange(speed.size), 0))
+    return np.asarray(np.abs(way - way[last]))
 
 
 def smoothed(record: Record, samples: int) -> tuple[Array, Array, Array]:

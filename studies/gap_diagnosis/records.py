@@ -123,8 +123,9 @@ def check(
         check_length(records)
         still = _doubts(lambda: check_movement(records), trusted=trusted)
         check_count(records, loop_time(machine))
+    presliding = 2 * max(machine.friction.limit)
     with _refused():
-        return (*still, *_doubts(lambda: check_one_machine(records, names), trusted=trusted))
+        return (*still, *_doubts(lambda: check_one_machine(records, names, presliding), trusted=trusted))
 
 
 def _doubts(look: Callable[[], None], *, trusted: bool) -> tuple[str, ...]:

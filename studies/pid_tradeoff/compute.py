@@ -49,7 +49,7 @@ ASSESSMENTS: Final = 10  # of each plant's loop that the tuning of one level tak
 QUICK_MEMBERS: Final = 10  # A quick run takes one machine of an ensemble out of so many.
 QUICKER: Final = 0.05  # of a settling time, by which a feedback is better than another
 SHOWN: Final = 4.0  # The figures show so many settling times of the reversal.
-BETWEEN: Final = 0.05  # s. The path between the samples is shown for so long after a step of friction.
+BETWEEN: Final = 2.0  # The path between the samples is shown for so many settling times after a step of friction.
 PARTS: Final = 10  # That path has so many points a sample.
 
 
@@ -420,7 +420,7 @@ def _between(machine: Machine, pid: PID) -> dict[str, Any]:
     found: dict[str, Any] = {}
     worst, ts = 0.0, machine.sample_time
     for name, slope in slopes(machine).items():
-        count = round(BETWEEN / ts)
+        count = round(BETWEEN * machine.specification.settling_time / ts)
         path = _force(machine) * intersample(machine.plant, pid, ts, count, stiffness=slope, parts=PARTS)
         at_samples = path[::PARTS]
         found["time_s"] = np.arange(path.size) * ts / PARTS

@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 RATIOS: Final = (0.3, 0.1, 0.03, 0.01, 0.003)
 PARTS: Final = (2, 4, 8, 16)  # substeps of a sample; two, as the thrust changes within it
 FINE: Final = 160
-SETTLED: Final = 30e-3  # s of the loop's response that are compared
+STEPS: Final = (-3.0, -1.3)  # decades of a random path's steps [1, of the longest limit]
+SETTLED: Final = 1.2  # settling times of the loop's response that are compared
 
 
 def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> dict[str, Any]:
@@ -31,7 +32,8 @@ def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> 
     rng, friction = np.random.default_rng(seed), machine.friction
     limits = np.array(friction.limit)
     count = 4 if quick else 20
-    paths = [np.cumsum(rng.standard_normal(400)) * 10 ** rng.uniform(-7, -5.3) for _ in range(count)]
+    longest = float(np.max(limits))
+    paths = [np.cumsum(rng.standard_normal(400)) * longest * 10 ** rng.uniform(*STEPS) for _ in range(count)]
     starts = [rng.uniform(-1, 1, limits.size) * limits for _ in range(count)]
     scales = rng.uniform(0.1, 2.0, count)
     exact_paths = [follow(friction, path, start)[0] for path, start in zip(paths, starts, strict=True)]
@@ -67,7 +69,7 @@ def held(machine: Machine, given: References, target: Array) -> dict[str, Any]:
 
 def _response(machine: Machine, motion: Trajectory, start: Array, scale: float, ratio: float) -> Array:
     """x [m] of the loop under the motion scaled by `scale`, without friction compensation: the feedback does it all."""
-    loop = feedback(machine, motion.task.samples + 1, SETTLED)
+    loop = feedback(machine, motion.task.samples + 1, SETTLED * machine.specification.settling_time)
     extra = loop.last - motion.net.size
     thrust = scale * np.append(motion.net, np.zeros(extra))
     reference = scale * np.append(motion.position, np.full(extra - 1, motion.task.stroke))

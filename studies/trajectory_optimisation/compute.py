@@ -41,7 +41,7 @@ from studies.trajectory_optimisation.comparison import compare, contestants
 from studies.trajectory_optimisation.everything import everything, tables_of
 from studies.trajectory_optimisation.members import on_members
 from studies.trajectory_optimisation.options import TrajectoryOptions
-from studies.trajectory_optimisation.outcomes import ERRORS, Aim
+from studies.trajectory_optimisation.outcomes import ERRORS, VIBRATION, Aim
 from studies.trajectory_optimisation.tradeoff import (
     failed_iterate,
     pareto,
@@ -119,7 +119,7 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
         "designs": _signals(machine, made),
         "failed": failed_iterate(machine, wanted, made.shortest),
         "pareto": trade_off,
-        **_assumed(),
+        **_assumed(machine),
         **judged,
         "members": members,
         "everything": all_of_it,
@@ -183,9 +183,13 @@ def _certificate(machine: Machine, wanted: Wanted, made: _Designs, options: Traj
     return certificate
 
 
-def _assumed() -> dict[str, Any]:
-    """The variation of the tables used for validation, and the length of their simulation."""
+def _assumed(machine: Machine) -> dict[str, Any]:
+    """The variation of the tables used for validation, the length of their simulation, and for how long [s] errors
+    after a motion and the vibration after the settling time are looked at."""
+    time = machine.specification.settling_time
     return {
+        "error_window_s": schemes.LOOK * time,
+        "vibration_window_s": VIBRATION * time,
         "errors": vars(ERRORS),
         "range": {
             "friction_force": RANGE.friction_force,

@@ -18,7 +18,7 @@ from studies.perturbed import MODE_RANGE, RANGE
 
 Array = NDArray[np.float64]
 
-VIBRATION: Final = 20e-3  # s, the window after the settling time over which the vibration left is looked at
+VIBRATION: Final = 0.8  # settling times after the first one over which the vibration left is looked at
 # What a trajectory should be insensitive to, one standard deviation each: friction as far as learning leaves it wrong.
 ERRORS: Final = Errors(0.02, 0.02, RANGE.mass / math.sqrt(3), MODE_RANGE / math.sqrt(3))
 
@@ -79,7 +79,7 @@ def outcome_of(validation: Validation, aim: Aim) -> Outcome:
     machine, achieved = validation.machine, validation.achieved
     wanted, ts = machine.specification, machine.sample_time
     shown = round(aim.shown / ts)
-    first, window = round(wanted.settling_time / ts), round(VIBRATION / ts)
+    first, window = round(wanted.settling_time / ts), round(VIBRATION * wanted.settling_time / ts)
     error = np.array([one.error for one in achieved])
     direction = np.array([one.motion.direction for one in achieved])
     still = error[:, first : first + window]

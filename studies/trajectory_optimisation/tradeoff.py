@@ -50,7 +50,7 @@ def _pareto_row(machine: Machine, found: Trajectory, aim: Aim, design: str) -> d
     motion = profile_of(machine, found)
     given = compensate(motion, machine.friction, sequence(machine, aim.stroke))
     first = found.task.samples + round(machine.plant.dead_time / ts)
-    part = slice(first, first + round(schemes.LOOK / ts))
+    part = slice(first, first + round(schemes.LOOK * machine.specification.settling_time / ts))
 
     def square(errors: Errors) -> float:
         cases = scenario_tables(machine.plant, machine.friction, errors)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from design.family import Member
+from design.loop import assess
 from design.pid import front
 from design.pid.front import Front, Point
 from design.pid.goal import Goal
 from design.pid.problem import Bounds, TuningError
-from design.pid.rules import magnitude
+from design.pid.rules import fast_rule, magnitude, quickest_time, slow_rule
 from design.pid.tuning import pose
 from models.controller import PID
-from models.machine import load
-from models.plant import sampled
+from models.machine import Machine, load
+from models.plant import Mode, sampled
+from tests.design.machines import quicker
 
 
 def test_a_bound_without_a_pid_is_answered_by_the_next_stricter_one_or_else_the_first() -> None:
@@ -39,3 +42,36 @@ def test_where_neither_the_first_nor_the_loosest_level_has_a_pid_no_other_is_tri
         front.tuned(problem, (1.2, 1.6, 2.0, 3.0), Bounds(2.0, math.inf, 1e8), machine)
     starts = ["slow rule", "fast rule", "present PID"]
     assert tried == [(1.2, 1.4, starts), (3.0, 3.0, starts)]
+
+
+@pytest.mark.parametrize("times", [0.02, 8.0, 50.0])
+def test_the_rules_have_the_time_of_the_machine(times: float) -> None:
+    """An axis that is so many times as quick has loops of the same peaks, as often as quick."""
+    here = load()
+    there = quicker(here, times)
+    assert quickest_time(there) == pytest.approx(quickest_time(here) / times, rel=1e-9)
+    peaks = [[(one.name, one.ms) for one in front.rules(machine, alone(machine))] for machine in (here, there)]
+    assert [name for name, _ in peaks[0]].count("SIMC") == len(front.RULE_TIMES)
+    assert [name for name, _ in peaks[1]] == [name for name, _ in peaks[0]]
+    assert [ms for _, ms in peaks[1]] == pytest.approx([ms for _, ms in peaks[0]], rel=1e-6)
+
+
+def test_a_rule_is_no_quicker_than_a_strong_mode_allows() -> None:
+    """A mode of half the rigid body's gain at 40 Hz: without it the loop of the same dead time may be quicker."""
+    machine = load()
+    rigid, mode, _ = machine.plant.modes
+    strong = replace(mode, frequency=40.0, gain=-0.5 * rigid.gain, damping=0.02)
+    soft, stiff = (with_modes(machine, modes) for modes in ((rigid, strong), (rigid,)))
+    assert quickest_time(soft) > 2 * quickest_time(stiff)
+    for rule in (slow_rule, fast_rule):
+        assert assess(sampled(soft.plant, soft.sample_time), rule(soft)).stable
+
+
+def alone(machine: Machine) -> list[Member]:
+    """The machine's plant as the only member."""
+    return [Member("P_l", sampled(machine.plant, machine.sample_time))]
+
+
+def with_modes(machine: Machine, modes: tuple[Mode, ...]) -> Machine:
+    """The machine with other modes [SI]."""
+    return replace(machine, plant=replace(machine.plant, modes=modes))

@@ -14,6 +14,7 @@ from models.records.tables.sizes import RecordError
 
 TS = 5e-4
 MASS, FRICTION, OFFSET = 20.0, 3.0, 0.5
+PRESLIDING = 1e-4  # m
 
 
 def moving(amplitude: float = 0.02, mass: float = MASS, step: float = 0.0) -> Record:
@@ -26,13 +27,19 @@ def moving(amplitude: float = 0.02, mass: float = MASS, step: float = 0.0) -> Re
 
 
 def test_a_rolling_record_shows_its_mass_beside_friction_and_offset() -> None:
-    assert rolling_mass(moving()) == pytest.approx(MASS, rel=0.01)
+    assert rolling_mass(moving(), PRESLIDING) == pytest.approx(MASS, rel=0.01)
 
 
 def test_motions_of_micrometres_show_no_mass() -> None:
-    assert rolling_mass(moving(20e-6)) is None, "the axis never leaves the presliding region"
+    assert rolling_mass(moving(20e-6), PRESLIDING) is None, "the axis never leaves the presliding region"
     crawling = moving(0.02, mass=1e-3)
-    assert rolling_mass(crawling) is None, "friction is nearly all of its command"
+    assert rolling_mass(crawling, PRESLIDING) is None, "friction is nearly all of its command"
+
+
+def test_whether_an_axis_rolls_is_a_matter_of_its_friction_and_not_of_its_speed() -> None:
+    """The same motions of 20 um, on contacts that slip within 0.1 um, and strokes of 20 mm on contacts of 50 mm."""
+    assert rolling_mass(moving(20e-6, 1e3 * MASS), 1e-7) == pytest.approx(1e3 * MASS, rel=0.01)
+    assert rolling_mass(moving(), 0.05) is None
 
 
 STILL = replace(moving(), position=np.full(4000, 1e-5))
@@ -44,8 +51,16 @@ STILL = replace(moving(), position=np.full(4000, 1e-5))
         (check_length, [moving().part(0, 600)], "600 samples are too short"),
         (check_movement, [STILL], "nothing moves"),
         (lambda records: check_sample_time(records[0], 1e-3), [moving()], "is sampled every 500 µs"),
-        (lambda records: check_one_machine(records, "ab"), [moving(), moving(mass=2 * MASS)], "a and b are of two"),
-        (lambda records: check_one_machine(records, "ab"), [moving(step=1e-4), moving(step=2e-4)], "their scales"),
+        (
+            lambda records: check_one_machine(records, "ab", PRESLIDING),
+            [moving(), moving(mass=2 * MASS)],
+            "a and b are of two",
+        ),
+        (
+            lambda records: check_one_machine(records, "ab", PRESLIDING),
+            [moving(step=1e-4), moving(step=2e-4)],
+            "their scales",
+        ),
     ],
 )
 def test_what_can_not_be_diagnosed_is_said(
@@ -59,5 +74,5 @@ def test_records_of_one_machine_pass() -> None:
     records = [moving(), moving(0.03, mass=1.1 * MASS)]
     check_length(records)
     check_movement(records)
-    check_one_machine(records, "ab")
+    check_one_machine(records, "ab", PRESLIDING)
     check_sample_time(records[0], TS)
