@@ -88,8 +88,8 @@ TABLES = {
 }
 WATERFALL = (
     "The residual of each model: the unknown force{others}. Dashed: the noise floor, which is what the last model "
-    "leaves of a record that it made itself or, for a drive rougher than its model, the scatter between equal motions. Dotted: the "
-    "force that flexible curves over all coordinates, which name no cause, leave on held-out motions."
+    "leaves of a record that it made itself or, for a drive rougher than its model, the scatter between equal motions. "
+    "Dotted: the force that flexible curves over all coordinates, which name no cause, leave on held-out motions."
 )
 FORCE = Markdown(
     "The force $d$ that the re-fitted model lacks, smoothed over the whole record (past and future), at two settings: "
