@@ -13,6 +13,8 @@ from models.quantity import show
 from reports.style import RAISED, length_unit
 
 EXPONENT: Final = re.compile(r"(?P<digits>\d(?:\.\d+)?)e(?P<sign>[+-]?)0*(?P<power>\d+)")
+MOST: Final = 12
+"""Digits beyond which nothing is told from its limit."""
 PLAIN: Final = 6
 """Powers of ten below this one are written out: 220 for 2.2e+02."""
 PROPER: Final = {"stribeck": "Stribeck", "dac": "DAC", "aic": "AIC"}
@@ -23,6 +25,9 @@ def filters() -> dict[str, Callable[..., Any]]:
     return {
         "show": quantity,
         "percent": percent,
+        "signed": signed,
+        "checked": checked,
+        "several": several,
         "scientific": scientific,
         "beside": beside,
         "rounded": rounded,
@@ -102,7 +107,27 @@ def fitted(item: Mapping[str, Any], digits: int, quantity: Callable[[float, str,
 
 def percent(ratio: float | None) -> str:
     """A relative difference with its sign, in percent."""
-    return "–" if ratio is None else f"{100 * ratio:+.1f} %"
+    return "–" if ratio is None else f"{signed(100 * ratio, 1)} %"
+
+
+def signed(number: float, decimals: int = 2) -> str:
+    """A number with its sign, of which one that rounds to nothing has none."""
+    text = f"{number:+.{decimals}f}"
+    return text[1:] if float(text) == 0 else text
+
+
+def checked(number: float | None, limit: float, unit: str, digits: int = 4) -> str:
+    """A check's value, with as many more digits as tell it from its limit: "2.202" beside 2.2, which it exceeds."""
+    while number is not None and number != limit and digits < MOST:
+        if quantity(number, unit, digits) != quantity(limit, unit, digits):
+            break
+        digits += 1
+    return quantity(number, unit, digits)
+
+
+def several(count: int, one: str, more: str = "") -> str:
+    """A number of things with their name: "1 table", "3 tables"."""
+    return f"{count}\u00a0{one if count == 1 else more or one + 's'}"
 
 
 def slowest(times: Iterable[float | None]) -> float | None:

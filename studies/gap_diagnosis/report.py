@@ -39,7 +39,6 @@ def tell(whole: Results) -> Report:
         "harm": _harm,
         "bounds": partial(bounds_told, verb=False),
         "share": _share,
-        "shift": _shift,
         "sized": _sized,
         "over": unknown_law.OVER.__getitem__,
         "found": course.found,
@@ -155,12 +154,6 @@ def _sized(item: Results) -> str:
     if not item["std"]:  # at the end of its range, or without one
         return fitted(item, 4)
     return f"{beside(item['value'], item['std'], item['unit'])} ± {quantity(item['std'], item['unit'], 2)}"
-
-
-def _shift(deviations: float) -> str:
-    """A change in standard deviations with its sign, of which one that rounds to nothing has none."""
-    text = f"{deviations:+.2f}"
-    return "0.00" if float(text) == 0 else text
 
 
 def _fitted(results: Results) -> list[Results]:
