@@ -28,7 +28,12 @@ def tell(whole: Results) -> Report:
     figures = [
         Figure("bode", BODE, ("results.bode",), _bode),
         loop_figure("results.friction.rfm.limit_m"),
-        Figure("feedforward", FEEDFORWARD, ("results.deadbeat", "results.robust", "results.wanted"), _feedforward),
+        Figure(
+            "feedforward",
+            FEEDFORWARD + (ROBUST if results["sensitivity"]["modes"] else "."),
+            ("results.deadbeat", "results.robust", "results.wanted", "results.sensitivity"),
+            _feedforward,
+        ),
         Figure("trade_off", TRADE_OFF, ("results.trade_off", "results.wanted"), _trade_off),
         Figure(
             "sensitivity", SENSITIVITY, ("results.sensitivity", "results.wanted", "machine.specification"), _sensitivity
@@ -83,10 +88,8 @@ BODE = Markdown(
     "The plant $P_l$ and its equivalents $P_{e1}$, $P_{e2}$ in the presliding region, where the friction acts as a "
     "spring; dead time included."
 )
-FEEDFORWARD = Markdown(
-    "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the design that is written, and of the one whose "
-    "free parameters are used for robustness against wrong mode frequencies."
-)
+FEEDFORWARD = Markdown("Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the design that is written")
+ROBUST = ", and of the one whose free parameters are used for robustness against wrong mode frequencies."
 TRADE_OFF = Markdown(
     "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: a lower bound for every deadbeat of this stroke. "
     "Where a curve has no point, that shape cannot reach the settling time at all."
@@ -153,7 +156,10 @@ def _feedforward(whole: Results) -> Drawing:
     figure, axes = style.subplots(2, 1, 80, sharex=True)
     time = 1e3 * np.array(plain["time_s"])
     count, unit = style.length_unit(wanted["stroke_m"])
-    for design, label in ((plain, wanted["objective_meaning"]), (robust, "robust against wrong mode frequencies")):
+    designs = [(plain, wanted["objective_meaning"]), (robust, "robust against wrong mode frequencies")]
+    if not results["sensitivity"]["modes"]:  # a rigid axis has none that could be wrong
+        del designs[1]
+    for design, label in designs:
         axes[0, 0].plot(time, count * np.array(design["position_m"]), label=label)
         axes[1, 0].step(time, [*design["thrust_N"], 0.0], where="post")
     axes[0, 0].axhline(count * wanted["stroke_m"], color=style.LIMIT, linewidth=0.7, linestyle=(0, (4, 2)))
@@ -179,12 +185,11 @@ def _trade_off(whole: Results) -> Drawing:
     )
     for key, label, look in looks:
         ax.semilogy(time, np.array(trade[key], dtype=float), label=label, **look)
-    ax.margins(y=0.3)  # room for the legend above the limit
     style.mark_limit(ax, trade["limit_N"], f"limit of $u_{{ff}}$\n{trade['limit_N']:.4g} N")
     style.mark_limit(ax, wanted["settling_time_s"] * 1e3, f"chosen, {wanted['settling_time_s'] * 1e3:g} ms", axis="x")
     ax.set_xlabel("settling time of $x_T^*$ [ms]")
     ax.set_ylabel("least peak thrust [N]")
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower left")  # the thrust falls with the time
     return figure
 
 
