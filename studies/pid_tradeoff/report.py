@@ -83,9 +83,9 @@ BETWEEN = "Position after a step of friction of the reversal's size, chosen PID,
 
 def _gain(number: float | None) -> str:
     """A gain with its power of ten as mathematics."""
-    if number is None:
-        return "–"
-    power = math.floor(math.log10(abs(number))) if number else 0
+    if not number:
+        return "–" if number is None else "0"
+    power = math.floor(math.log10(abs(number)))
     return Markdown("$") + f"{number / 10**power:.2f}" + Markdown("\\cdot 10^{") + str(power) + Markdown("}$")
 
 
@@ -122,7 +122,7 @@ def _series(results: Results) -> list[tuple[str, list[Any], dict[str, Any]]]:
 
 def _front(whole: Results) -> Drawing:
     results, spec = whole["results"], whole["machine"]["specification"]
-    figure, axes = style.subplots(1, 1, 48)
+    figure, axes = style.subplots(1, 1, 54)
     ax = axes[0, 0]
     top = 1e3 * spec["interval_s"]
     fastest = 1e3 * spec["settling_time_s"]
@@ -140,7 +140,7 @@ def _front(whole: Results) -> Drawing:
     ax.minorticks_off()
     ax.set_xlabel("largest $|S|$ over the family, $M_s$")
     ax.set_ylabel("settling of the reversal [ms]")
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.02), ncols=4)  # the curves go through every corner
     return figure
 
 
@@ -148,13 +148,18 @@ def _reversal(whole: Results) -> Drawing:
     reversal, spec = whole["results"]["reversal"], whole["machine"]["specification"]
     figure, axes = style.subplots(1, 1, 60)
     ax = axes[0, 0]
-    count, unit = style.length_unit(max(np.max(np.abs(curve["error_m"])) for curve in reversal["curves"]))
+    largest = max(float(np.max(np.abs(curve["error_m"]))) for curve in reversal["curves"])
+    end = 10 * spec["tolerance_m"]
+    long = largest > 10 * end  # of a long stroke only the end tells the curves apart
+    count, unit = style.length_unit(end if long else largest)
     style.tolerance_band(ax, 0.0, count * spec["tolerance_m"], "tolerance")
     in_time = 1e3 * spec["settling_time_s"]
     style.mark_limit(ax, in_time, f"{in_time:g} ms", axis="x", end="bottom")
     for curve in reversal["curves"]:
         label = f"{'present' if curve['name'] == 'present' else 'tuned'}, $M_s$ = {curve['ms']:.3g}"
         ax.plot(1e3 * np.array(reversal["time_s"]), count * np.array(curve["error_m"]), label=label)
+    if long:
+        ax.set_ylim(-count * end, 0.5 * count * end)
     ax.set_xlim(0, 1e3 * reversal["time_s"][-1])
     ax.set_xlabel("time from the step [ms]")
     ax.set_ylabel(f"$x_T - r$ [{unit}]")
