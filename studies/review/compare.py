@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,7 @@ def tell(content: Mapping[str, Any]) -> Report:
     figures = tuple(_overlaid(figure) for figure in study.report(content["after"]).figures if _drawn(figure, content))
     title = f"Change: {study.name.replace('_', ' ')}"
     question = "What changes from one design to the other?"
-    own = {"verdict_of": _verdict, "limits": _limits, "told": _told}
+    own: dict[str, Callable[..., Any]] = {"verdict_of": _verdict, "limits": _limits, "told": _told}
     return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), **own})
 
 
