@@ -46,7 +46,7 @@ _FACTORS: Final = rf"{_FACTOR}(?:{_SPACE}{_FACTOR})*"
 _BELOW: Final = rf"/\u2060?(?:\({_FACTORS}\)|{_FACTOR})"
 _WHOLE: Final = rf"{_FACTORS}(?:{_BELOW})?"
 # A unit behind a number, or in square brackets behind words, as at a figure's axis.
-_IN_TEXT: Final = re.compile(rf"(?<=\d{_SPACE})(?:{_WHOLE}|1{_BELOW})|(?<=\s\[){_WHOLE}(?=\])")
+_IN_TEXT: Final = re.compile(rf"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]{_SPACE})(?:{_WHOLE}|1{_BELOW})|(?<=\s\[){_WHOLE}(?=\])")
 _UNIT_ALONE: Final = rf"{_WHOLE}|1{_BELOW}|1"
 _IN_CELL: Final = re.compile(rf"(?<=\| )(?:{_UNIT_ALONE})(?:[,;] (?:{_UNIT_ALONE}))*(?= \|$)", re.MULTILINE)
 _PRODUCT: Final = r"[^\s/()]+(?: [^\s/()]+)*"

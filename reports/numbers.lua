@@ -117,8 +117,9 @@ end
 
 -- Sets the size of the letters and, where the table is wider than the page, the widths of its columns.
 local fit
-function fit(element, parted)
-  local LETTER, INSET, PAGE = 0.5, 0.9, 453  -- em, em per column, pt
+function fit(element, in_summary, parted)
+  local LETTER, INSET = 0.5, 0.9  -- em, em per column
+  local PAGE = in_summary and 431 or 453  -- pt: the summary's box has a margin within the text's width
   local likes, needs = demands(element, parted and 6)
   local columns = #element.colspecs
   for _, size in ipairs { 9, 8.5, 8, 7.5, 7, 6.5, 6 } do
@@ -135,7 +136,7 @@ function fit(element, parted)
       return element
     end
   end
-  if not parted then return fit(part_words(element), true) end
+  if not parted then return fit(part_words(element), in_summary, true) end
   fail('a table of ' .. columns .. ' columns is too wide for the page: ' .. pandoc.utils.stringify(element.caption.long))
 end
 
@@ -172,7 +173,7 @@ local function tabled(element, in_summary)
     numbered(element.caption.long, number('Table', element.identifier))
   end
   if TYPST then
-    return fit(element)
+    return fit(element, in_summary)
   end
   ease(element)
   return scrolling(element)

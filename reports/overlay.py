@@ -6,6 +6,7 @@ without hiding the later drawing, such as an image, is said in the drawing itsel
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -21,6 +22,7 @@ from matplotlib.transforms import Transform
 
 from reports import style
 
+UNIT: Final = re.compile(r"\[([^\]]+)\]$")
 BENEATH: Final = 0.9  # order of drawing: above the grid and specifications, below the later drawing's lines
 BAND: Final[dict[str, Any]] = {"facecolor": "#9a9a9a", "edgecolor": style.LIMIT, "alpha": 0.3, "linewidth": 0.4}
 OUTLINE: Final[dict[str, Any]] = {"facecolor": "none", "edgecolor": style.LIMIT, "linewidth": 0.9}
@@ -30,13 +32,20 @@ STROKE: Final[dict[str, Any]] = {"color": style.LIMIT, "alpha": 0.5, "linewidth"
 def lay_over(after: Figure, before: Figure) -> Figure:
     """`after` with what `before` shows beneath it in grey, axes by axes in their order; returns `after`."""
     for axes, earlier in zip(after.axes, before.axes, strict=False):
-        missing = _carry_over(axes, earlier)
+        missing = _carry_over(axes, earlier) if _units(axes) == _units(earlier) else ["it has other units"]
         if missing:
             _say(axes, f"before: not drawn ({', '.join(missing)})")
         axes.autoscale_view()
     if len(after.axes) != len(before.axes) and after.axes:
         _say(after.axes[-1], f"before: {len(before.axes)} panels, here {len(after.axes)}")
     return after
+
+
+def _units(axes: Axes) -> list[set[str]]:
+    """The units of both axes, which may stand at another panel that shares the axis."""
+    across = [one.get_xlabel() for one in axes.get_shared_x_axes().get_siblings(axes)]
+    up = [one.get_ylabel() for one in axes.get_shared_y_axes().get_siblings(axes)]
+    return [{unit for label in labels for unit in UNIT.findall(label)} for labels in (across, up)]
 
 
 def _carry_over(axes: Axes, earlier: Axes) -> list[str]:

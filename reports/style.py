@@ -163,6 +163,12 @@ def subplots(
     return figure, axes
 
 
+def length_unit(largest: float) -> tuple[float, str]:
+    """How many of a unit are in 1 m, and the unit [-], for an axis of lengths up to `largest` [m]: µm, or mm where
+    these would take five digits."""
+    return (1e6, "µm") if largest < 0.01 else (1e3, "mm")
+
+
 def tolerance_band(ax: Axes, centre: float, half_width: float, label: str) -> None:
     """Draws the specification `centre` ± `half_width` (units of the y axis) over the whole width of `ax`."""
     ax.axhspan(centre - half_width, centre + half_width, facecolor="#e4e4e4", edgecolor="none", zorder=0.5, label=label)
@@ -170,8 +176,11 @@ def tolerance_band(ax: Axes, centre: float, half_width: float, label: str) -> No
         ax.axhline(edge, color=LIMIT, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.5)
 
 
-def mark_limit(ax: Axes, value: float, label: str, axis: Literal["x", "y"] = "y") -> None:
-    """Draws a limit at `value` of the given axis: its `label` is beside the axes (y) or along the line (x)."""
+def mark_limit(
+    ax: Axes, value: float, label: str, axis: Literal["x", "y"] = "y", *, end: Literal["top", "bottom"] = "top"
+) -> None:
+    """Draws a limit at `value` of the given axis: its `label` is beside the axes (y) or along the line (x), at the
+    line's `end` where nothing else is drawn."""
     line: dict[str, Any] = {"color": LIMIT, "linewidth": 0.9, "linestyle": (0, (4, 2)), "zorder": 1.5}
     words: dict[str, Any] = {"fontsize": 7.0, "color": "#333333", "textcoords": "offset points", "ha": "left"}
     if axis == "y":
@@ -182,4 +191,5 @@ def mark_limit(ax: Axes, value: float, label: str, axis: Literal["x", "y"] = "y"
         ax.axvline(value, **line)
         words["bbox"] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6}
         place = ax.get_xaxis_transform()
-        ax.annotate(label, (value, 1.0), xytext=(3, -2), xycoords=place, va="top", rotation=90, **words)
+        height, inwards = (1.0, -2) if end == "top" else (0.0, 2)
+        ax.annotate(label, (value, height), xytext=(3, inwards), xycoords=place, va=end, rotation=90, **words)

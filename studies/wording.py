@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 from models.machine import Machine
 from models.machines.provenance import Provenance
 from models.quantity import show
+from reports.style import RAISED, length_unit
 
+EXPONENT: Final = re.compile(r"(?P<digits>\d(?:\.\d+)?)e(?P<sign>[+-]?)0*(?P<power>\d+)")
+MOST: Final = 12
+"""Digits beyond which nothing is told from its limit."""
+PLAIN: Final = 6
+"""Powers of ten below this one are written out: 220 for 2.2e+02."""
 PROPER: Final = {"stribeck": "Stribeck", "dac": "DAC", "aic": "AIC"}
 
 
@@ -17,11 +25,18 @@ def filters() -> dict[str, Callable[..., Any]]:
     return {
         "show": quantity,
         "percent": percent,
+        "signed": signed,
+        "checked": checked,
+        "several": several,
+        "scientific": scientific,
+        "beside": beside,
+        "rounded": rounded,
+        "deviation": deviation,
         "amount": amount,
         "slowest": slowest,
         "length_or_dash": length_or_dash,
         "beyond_records": beyond_records,
-        "micrometres": micrometres,
+        "from_to": from_to,
         "words": words,
         "effect": effect,
         "source": source,
@@ -30,7 +45,51 @@ def filters() -> dict[str, Callable[..., Any]]:
 
 def quantity(number: float | None, unit: str, digits: int = 4) -> str:
     """A number (SI) with its unit, which do not come apart at a line's end; None stands for one that is not finite."""
-    return "never" if number is None else _unbroken(show(number, unit, digits))
+    return "never" if number is None else _unbroken(powers(show(number, unit, digits)))
+
+
+def beside(number: float, std: float, unit: str) -> str:
+    """A number (SI) with its unit, rounded where its standard deviation has its second digit."""
+    if not (number and std and math.isfinite(std)):
+        return quantity(number, unit, 5)
+    places = math.floor(math.log10(abs(number))) - math.floor(math.log10(abs(std)))
+    return quantity(number, unit, min(max(places + 2, 1), 6))
+
+
+def rounded(parameter: Mapping[str, Any]) -> str:
+    """An identified parameter's number, or its numbers, each to the digits that its standard deviation leaves."""
+    number, std, unit = parameter["number"], parameter["std"], parameter["unit"]
+    if std is None or isinstance(number, str):
+        return amount(parameter)
+    numbers, deviations = (one if isinstance(one, list) else [one] for one in (number, std))
+    if len(deviations) != len(numbers):
+        return amount(parameter)
+    return ", ".join(beside(one, its, unit) for one, its in zip(numbers, deviations, strict=True))
+
+
+def deviation(parameter: Mapping[str, Any]) -> str:
+    """An identified parameter's standard deviation, or those of its numbers; a tolerance, which is one, has none."""
+    std, unit = parameter["std"], parameter["unit"]
+    if std is None or parameter["name"].startswith("tolerance."):
+        return "–"
+    return ", ".join(quantity(one, unit, 2) for one in (std if isinstance(std, list) else [std]))
+
+
+def scientific(number: float, digits: int = 2) -> str:
+    """A number without a unit that is far from 1: scientific(2.5e-12) = "2.5 · 10⁻¹²"."""
+    return "0" if number == 0 else _unbroken(powers(f"{number:.{digits - 1}e}"))
+
+
+def powers(text: str) -> str:
+    """The numbers of a text with their exponents as a page has them, "7.3 · 10⁷" for 7.3e+07 and "10⁻⁹" for 1e-09."""
+
+    def printed(found: re.Match[str]) -> str:
+        if found["sign"] != "-" and int(found["power"]) < PLAIN:
+            return f"{float(found[0]):.0f}"
+        factor = "" if found["digits"] == "1" else f"{found['digits']} · "
+        return f"{factor}10{(found['sign'].strip('+') + found['power']).translate(RAISED)}"
+
+    return EXPONENT.sub(printed, text)
 
 
 def _unbroken(text: str) -> str:
@@ -48,7 +107,27 @@ def fitted(item: Mapping[str, Any], digits: int, quantity: Callable[[float, str,
 
 def percent(ratio: float | None) -> str:
     """A relative difference with its sign, in percent."""
-    return "–" if ratio is None else f"{100 * ratio:+.1f} %"
+    return "–" if ratio is None else f"{signed(100 * ratio, 1)} %"
+
+
+def signed(number: float, decimals: int = 2) -> str:
+    """A number with its sign, of which one that rounds to nothing has none."""
+    text = f"{number:+.{decimals}f}"
+    return text[1:] if float(text) == 0 else text
+
+
+def checked(number: float | None, limit: float, unit: str, digits: int = 4) -> str:
+    """A check's value, with as many more digits as tell it from its limit: "2.202" beside 2.2, which it exceeds."""
+    while number is not None and number != limit and digits < MOST:
+        if quantity(number, unit, digits) != quantity(limit, unit, digits):
+            break
+        digits += 1
+    return quantity(number, unit, digits)
+
+
+def several(count: int, one: str, more: str = "") -> str:
+    """A number of things with their name: "1 table", "3 tables"."""
+    return f"{count}\u00a0{one if count == 1 else more or one + 's'}"
 
 
 def slowest(times: Iterable[float | None]) -> float | None:
@@ -79,9 +158,14 @@ def beyond_records(one: Mapping[str, Any]) -> str:
     return f"{needed} of {one['what']}, beyond the {covered} that the machine's records reach: extrapolated"
 
 
-def micrometres(length: float) -> str:
-    """A length [m] in micrometres, without the unit."""
-    return f"{round(1e6 * length, 3):g}"
+def from_to(origin: float, target: float) -> str:
+    """A motion between two positions [m], in the unit that a figure's axis would have: "20 → 40 µm"."""
+    count, unit = length_unit(max(abs(origin), abs(target)))
+    return _unbroken(f"{_plain(count * origin)} → {_plain(count * target)} {unit}")
+
+
+def _plain(number: float) -> str:
+    return f"{round(number, 3):.10g}"
 
 
 def amount(parameter: Mapping[str, Any]) -> str:

@@ -28,15 +28,30 @@ def tell(whole: Results) -> Report:
     figures = [
         Figure("bode", BODE, ("results.bode",), _bode),
         loop_figure("results.friction.rfm.limit_m"),
-        Figure("feedforward", FEEDFORWARD, ("results.deadbeat", "results.robust", "results.wanted"), _feedforward),
+        Figure(
+            "feedforward",
+            FEEDFORWARD + (ROBUST if results["sensitivity"]["modes"] else "."),
+            ("results.deadbeat", "results.robust", "results.wanted", "results.sensitivity"),
+            _feedforward,
+        ),
         Figure("trade_off", TRADE_OFF, ("results.trade_off", "results.wanted"), _trade_off),
         Figure(
             "sensitivity", SENSITIVITY, ("results.sensitivity", "results.wanted", "machine.specification"), _sensitivity
         ),
-        Figure("branch", BRANCH, ("results.friction", "machine.presliding"), _branch),
-        Figure("responses", RESPONSES, ("results.without", "results.with", "machine.specification"), _responses),
+        Figure("branch", _branch_caption(results), ("results.friction", "machine.presliding"), _branch),
+        Figure(
+            "responses",
+            RESPONSES + _compare(results, "Figs. 7, 12 and 14") + ".",
+            ("results.without", "results.with", "machine.specification"),
+            _responses,
+        ),
         Figure("dispersion", DISPERSION, (*_DISPERSION_KEYS, "machine.specification"), _dispersion),
-        Figure("lissajous", LISSAJOUS, ("results.without", "results.friction", "machine.presliding"), _lissajous),
+        Figure(
+            "lissajous",
+            LISSAJOUS.format(compare=_compare(results, "Fig. 8")),
+            ("results.without", "results.friction", "machine.presliding"),
+            _lissajous,
+        ),
     ]
     if "compensator_elements" in results:
         keys = ("results.compensator_elements", "machine.specification")
@@ -73,10 +88,8 @@ BODE = Markdown(
     "The plant $P_l$ and its equivalents $P_{e1}$, $P_{e2}$ in the presliding region, where the friction acts as a "
     "spring; dead time included."
 )
-FEEDFORWARD = Markdown(
-    "Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the design that is written, and of the one whose "
-    "free parameters are used for robustness against wrong mode frequencies."
-)
+FEEDFORWARD = Markdown("Trajectory reference $x_T^*$ and feedforward thrust $u_{ff}$ of the design that is written")
+ROBUST = ", and of the one whose free parameters are used for robustness against wrong mode frequencies."
 TRADE_OFF = Markdown(
     "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: a lower bound for every deadbeat of this stroke. "
     "Where a curve has no point, that shape cannot reach the settling time at all."
@@ -85,10 +98,7 @@ SENSITIVITY = (
     "Largest deviation of the linear plant from the target after the settling time, feedforward alone, when one mode's "
     "frequency is off."
 )
-BRANCH = (
-    "Increase of force after a reversal from full slip (compare Fig. 3b of the paper), with the machine file's slopes "
-    "of Region 1 and Region 2."
-)
+BRANCH = "Increase of force after a reversal from full slip"
 ELEMENTS = (
     "What the design achieves on the nonsmooth machine with each number of elements of the friction compensator: time "
     "until the slowest motion has settled (triangles: it never does), and worst dispersion after the specified time. "
@@ -96,16 +106,29 @@ ELEMENTS = (
 )
 RESPONSES = (
     "Positive motions on the nonsmooth machine, without friction compensation (left) and with the controller that is "
-    "written (right): distance travelled and rolling friction (compare Figs. 7, 12 and 14 of the paper)."
+    "written (right): distance travelled and rolling friction"
 )
 DISPERSION = "Dispersion of the positive motions over time: three standard deviations of the position."
 LISSAJOUS = (
-    "Rolling friction against position over the positive motions without compensation (compare Fig. 8 of the paper); "
-    "vertical lines are the targets."
+    "Rolling friction against position over the positive motions without compensation{compare}; vertical lines are "
+    "the targets."
 )
 _DISPERSION_KEYS = tuple(
     f"results.{case}.{key}" for case in ("without", "with") for key in ("time_s", "dispersion_m", "worst_dispersion_m")
 )
+
+
+def _compare(results: Results, figures: str) -> str:
+    """A reference to figures of the paper, in a report about the paper's machine; nothing in one about another."""
+    return f" (compare {figures} of the paper)" if results["paper"] else ""
+
+
+def _branch_caption(results: Results) -> str:
+    """What the figure of the branch shows: the slopes are drawn only where the file has two of them."""
+    slopes = (
+        ", with the machine file's slopes of Region 1 and Region 2" if results["friction"]["slope_2_N_per_m"] else ""
+    )
+    return BRANCH + _compare(results, "Fig. 3b") + slopes + "."
 
 
 def _bode(whole: Results) -> Drawing:
@@ -114,7 +137,8 @@ def _bode(whole: Results) -> Drawing:
     labels = {"P_l": "$P_l$", "P_e1": "$P_{e1}$", "P_e2": "$P_{e2}$"}
     for name, label in labels.items():
         slope = bode[name]["stiffness_N_per_m"]
-        text = f"{label} ($K_e$ = {show(slope, 'N/m')})" if slope else f"{label} (rolling)"
+        rolling = "(rolling)" if name == "P_l" else "= $P_l$"  # a friction that is fully developed has no stiffness
+        text = f"{label} ($K_e$ = {show(slope, 'N/m')})" if slope else f"{label} {rolling}"
         axes[0, 0].loglog(bode["frequency_Hz"], bode[name]["magnitude_m_per_N"], label=text)
         axes[1, 0].semilogx(bode["frequency_Hz"], bode[name]["phase_deg"])
     axes[0, 0].set_ylabel("magnitude [m/N]")
@@ -131,11 +155,15 @@ def _feedforward(whole: Results) -> Drawing:
     plain, robust, wanted = results["deadbeat"], results["robust"], results["wanted"]
     figure, axes = style.subplots(2, 1, 80, sharex=True)
     time = 1e3 * np.array(plain["time_s"])
-    for design, label in ((plain, wanted["objective_meaning"]), (robust, "robust against wrong mode frequencies")):
-        axes[0, 0].plot(time, 1e6 * np.array(design["position_m"]), label=label)
+    count, unit = style.length_unit(wanted["stroke_m"])
+    designs = [(plain, wanted["objective_meaning"]), (robust, "robust against wrong mode frequencies")]
+    if not results["sensitivity"]["modes"]:  # a rigid axis has none that could be wrong
+        del designs[1]
+    for design, label in designs:
+        axes[0, 0].plot(time, count * np.array(design["position_m"]), label=label)
         axes[1, 0].step(time, [*design["thrust_N"], 0.0], where="post")
-    axes[0, 0].axhline(1e6 * wanted["stroke_m"], color=style.LIMIT, linewidth=0.7, linestyle=(0, (4, 2)))
-    axes[0, 0].set_ylabel("$x_T^*$ [µm]")
+    axes[0, 0].axhline(count * wanted["stroke_m"], color=style.LIMIT, linewidth=0.7, linestyle=(0, (4, 2)))
+    axes[0, 0].set_ylabel(f"$x_T^*$ [{unit}]")
     axes[0, 0].legend(loc="lower right")
     limit = wanted["thrust_limit_N"]
     style.mark_limit(axes[1, 0], limit, f"{limit:.4g} N")
@@ -150,13 +178,18 @@ def _trade_off(whole: Results) -> Drawing:
     figure, axes = style.subplots(1, 1, 58)
     ax = axes[0, 0]
     time = 1e3 * np.array(trade["settling_time_s"])
-    for key, label, marker in (("free_N", "$x_T^*$ free", "o"), ("monotone_N", "$x_T^*$ monotone", "s")):
-        ax.semilogy(time, np.array(trade[key], dtype=float), marker=marker, label=label)
+    # Where both shapes take the same thrust, the ring of one is seen round the dot of the other.
+    looks: tuple[tuple[str, str, dict[str, Any]], ...] = (
+        ("free_N", "$x_T^*$ free", {"marker": "o", "markersize": 3}),
+        ("monotone_N", "$x_T^*$ monotone", {"marker": "s", "markersize": 5, "markerfacecolor": "none"}),
+    )
+    for key, label, look in looks:
+        ax.semilogy(time, np.array(trade[key], dtype=float), label=label, **look)
     style.mark_limit(ax, trade["limit_N"], f"limit of $u_{{ff}}$\n{trade['limit_N']:.4g} N")
     style.mark_limit(ax, wanted["settling_time_s"] * 1e3, f"chosen, {wanted['settling_time_s'] * 1e3:g} ms", axis="x")
     ax.set_xlabel("settling time of $x_T^*$ [ms]")
     ax.set_ylabel("least peak thrust [N]")
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower left")  # the thrust falls with the time
     return figure
 
 
@@ -301,35 +334,40 @@ def _positive(case: Results) -> list[Results]:
 def _responses(whole: Results) -> Drawing:
     results, specification = whole["results"], whole["machine"]["specification"]
     figure, axes = style.subplots(2, 2, 100, sharex=True, sharey="row")
+    stroke = max(abs(motion["target_m"] - motion["origin_m"]) for motion in results["with"]["motions"])
+    count, unit = style.length_unit(stroke)
     for column, (key, title) in enumerate((("without", "without compensation"), ("with", "with compensation"))):
         case = results[key]
         time = 1e3 * np.array(case["time_s"])
         upper, lower = axes[0, column], axes[1, column]
         positive = _positive(case)
-        stroke = positive[0]["target_m"] - positive[0]["origin_m"]
-        style.tolerance_band(upper, 1e6 * stroke, 1e6 * specification["tolerance_m"], "tolerance")
-        style.mark_limit(
-            upper, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", axis="x"
-        )
+        style.tolerance_band(upper, count * stroke, count * specification["tolerance_m"], "tolerance")
+        _mark_specified_time(upper, specification)
         for motion in reversed(positive):
             look: dict[str, Any] = (
                 {"color": style.VERMILION, "linestyle": "-", "linewidth": 1.6, "zorder": 3, "label": "reversal"}
                 if motion["reversal"]
                 else {"color": style.SKY, "linestyle": "-", "linewidth": 0.9, "label": "inching"}
             )
-            upper.plot(time, 1e6 * (np.array(motion["position_m"]) - motion["origin_m"]), **look)
+            upper.plot(time, count * (np.array(motion["position_m"]) - motion["origin_m"]), **look)
             lower.plot(time, motion["friction_N"], **look)
         first = positive[0]
-        reference = 1e6 * (np.array(first["reference_m"]) - first["origin_m"])
+        reference = count * (np.array(first["reference_m"]) - first["origin_m"])
         upper.plot(time, reference, color=style.BLACK, linestyle=(0, (4, 2)), linewidth=0.9, label="$x_T^*$", zorder=4)
         upper.set_title(title)
         lower.set_xlabel("time from the step [ms]")
         handles = dict(zip(*reversed(upper.get_legend_handles_labels()), strict=True))
         upper.legend(handles.values(), handles.keys(), loc="lower right")
         upper.set_xlim(0, time[-1])
-    axes[0, 0].set_ylabel("distance travelled [µm]")
+    axes[0, 0].set_ylabel(f"distance travelled [{unit}]")
     axes[1, 0].set_ylabel("rolling friction [N]")
     return figure
+
+
+def _mark_specified_time(ax: Any, specification: Results) -> None:
+    """The specified settling time, its label at the axis: the curves are above."""
+    time = 1e3 * specification["settling_time_s"]
+    style.mark_limit(ax, time, f"{time:g} ms", axis="x", end="bottom")
 
 
 def _dispersion(whole: Results) -> Drawing:
@@ -339,9 +377,8 @@ def _dispersion(whole: Results) -> Drawing:
     for key, label in (("without", "without compensation"), ("with", "with compensation")):
         case = results[key]
         ax.plot(1e3 * np.array(case["time_s"]), 1e6 * np.array(case["dispersion_m"]), label=label)
-    style.mark_limit(
-        ax, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", axis="x"
-    )
+    time = 1e3 * specification["settling_time_s"]
+    style.mark_limit(ax, time, f"{time:g} ms", axis="x")
     ax.set_xlabel("time from the step [ms]")
     ax.set_ylabel("3σ [µm]")
     ax.set_ylim(bottom=0)
@@ -355,34 +392,35 @@ def _lissajous(whole: Results) -> Drawing:
     figure, axes = style.subplots(1, 1, 75)
     ax = axes[0, 0]
     positive = _positive(case)
+    count, unit = style.length_unit(max(abs(motion["target_m"]) for motion in positive))
     for motion in positive:
         first = motion["reversal"]
         ax.plot(
-            1e6 * np.array(motion["position_m"]),
+            count * np.array(motion["position_m"]),
             motion["friction_N"],
             color=style.VERMILION if first else style.BLUE,
             linestyle="-",
             linewidth=1.6 if first else 1.0,
             label="reversal" if first else ("inching" if motion is positive[1] else None),
         )
-        ax.axvline(1e6 * motion["target_m"], color=style.LIMIT, linewidth=0.6, linestyle=(0, (4, 2)))
+        ax.axvline(count * motion["target_m"], color=style.LIMIT, linewidth=0.6, linestyle=(0, (4, 2)))
     slopes = (
-        (positive[0], "stiffness_1_N_per_m", "$K_{e1}$"),
-        (positive[-1], "stiffness_2_N_per_m", "$K_{e2}$"),
+        (positive[0], "stiffness_1_N_per_m", "$K_{e1}$", (0, (4, 1.5))),
+        (positive[-1], "stiffness_2_N_per_m", "$K_{e2}$", (0, (1, 1))),
     )
-    for motion, key, label in slopes if whole["results"]["friction"]["slope_2_N_per_m"] else ():
+    for motion, key, label, dashes in slopes if whole["results"]["friction"]["slope_2_N_per_m"] else ():
         x = np.array([motion["origin_m"], motion["target_m"]])
         middle = len(motion["friction_N"]) - 1
         y = motion["friction_N"][middle] + facts[key] * (x - motion["target_m"])
         ax.plot(
-            1e6 * x,
+            count * x,
             y,
             color=style.BLACK,
-            linestyle=(0, (2, 1)),
+            linestyle=dashes,
             linewidth=1.4,
             label=f"slope {label} = {show(facts[key], 'N/m')}",
         )
-    ax.set_xlabel("table position [µm]")
+    ax.set_xlabel(f"table position [{unit}]")
     ax.set_ylabel("rolling friction [N]")
     ax.legend(loc="lower right")
     return figure

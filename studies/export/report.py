@@ -11,6 +11,7 @@ from matplotlib.figure import Figure as Drawing
 
 from models.quantity import show
 from reports import style
+from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies.wording import filters
 
@@ -22,9 +23,9 @@ TABLES = {
     "tables": ("results.proof.tables",),
     "parameters": ("parameters",),
 }
-CAPTION = (
-    "Responses of x_T*, the compensator's path and u_ff to a step of the target by one stroke: what the law plays for "
-    "every change of the target, scaled by it."
+CAPTION = Markdown(
+    "Responses of $x_T^*$, the compensator's path and $u_{ff}$ to a step of the target by one stroke: what the law "
+    "plays for every change of the target, scaled by it."
 )
 
 

@@ -36,6 +36,7 @@ def machines(whole: Results) -> Drawing:
                 ax.plot(row["truth"][key] / unit, y, linestyle="none", marker="D", markerfacecolor="none",
                         color=style.BLACK, label="with the truth" if y == 0 else None)  # fmt: skip
         ax.axvline(1.0, color=style.LIMIT, linestyle=(0, (4, 2)), linewidth=0.9)
+        ax.margins(x=0.08)  # a marker at the end is whole
         ax.set_xlim(0, None)
         ax.set_xlabel(label)
         ax.grid(axis="y", visible=False)

@@ -28,13 +28,10 @@ ROLES = {
 TOLD = (
     ("worse", "machines that end worse than before by more than 5 % and noise"),
     ("inside_settling", "redesigns whose settling was in its 90 % interval"),
-    ("inside_dispersion", "redesigns whose 3 sigma was in its 90 % interval"),
+    ("inside_dispersion", "redesigns whose 3σ was in its 90 % interval"),
     ("said_why", "of what ends late, said with a reason"),
 )
-MACHINES = (
-    "Every machine before and after, and with designs made with the truth. Dashed: the specification, and what was "
-    "before."
-)
+MACHINES = "Every machine before and after{truth}. Dashed: the specification, and what was before."
 SHARES = (
     "The share recovered on each machine, and the median (bar), by the redesign and by what is simpler. What is beyond "
     "-1 or 1.5 is drawn there."
@@ -60,7 +57,9 @@ def tell(whole: Results) -> Report:
 
 def _withheld(whole: Results) -> Report:
     results = whole["results"]
-    shown = [Figure("machines", MACHINES, ("results.cases",), figures_withheld.machines)]
+    truth = any(row["truth"] is not None for row in results["cases"])  # a quick run makes no design with it
+    caption = MACHINES.format(truth=", and with designs made with the truth" if truth else "")
+    shown = [Figure("machines", caption, ("results.cases",), figures_withheld.machines)]
     if has_shares(results):
         shown.append(Figure("shares", SHARES, ("results.shares",), figures_withheld.shares))
     if singles(results):
@@ -113,6 +112,8 @@ def closed(results: Results) -> str:
     count, worse = len(results["cases"]), results["rates"]["worse"]["hits"]
     machines = f"{count} machine{'s' if count != 1 else ''}"
     share = results["shares"]["after"]["settling"]
+    if results["quick"]:  # no design is made with the truth, so nothing says what could be gained
+        return f"On {machines}, {worse} ended worse than before."
     if share["median"] is None:
         return f"On {machines}, of which {worse} end worse than before; on none could settling be much faster."
     return (
@@ -178,7 +179,7 @@ def headline(redesign: Results, verified: Results) -> str:
     gain = f"the slowest motion is expected to settle in {now} instead of {was}"
     if now == "never":
         was, now = (show(one["dispersion"]["median"], "m", 3) for one in (before, after))
-        gain = f"its 3 sigma is expected to be {now} instead of {was}"
+        gain = f"its 3σ is expected to be {now} instead of {was}"
     if verified["state"] in {"holds", "missed"}:
         return _tried(verified, redesign["specified"]["settling_s"])
     if verified["state"] == "rolled back":
@@ -191,7 +192,7 @@ def _tried(verified: Results, specified: float) -> str:
     show, now, was = filters()["show"], verified["after"], verified["before"]
     came = "holds" if verified["state"] == "holds" else "misses the specification"
     told = f"The redesign {came}: it {settles(now)}, and {show(specified, 's')} are specified"
-    spread = f"Its 3 sigma is {show(now['dispersion_m'], 'm', 3)}"
+    spread = f"Its 3σ is {show(now['dispersion_m'], 'm', 3)}"
     if was is None:
         return f"{told}. {spread}. What the design in place achieves is not in the records."
     return f"{told}; the design in place {settles(was)}. {spread} instead of {show(was['dispersion_m'], 'm', 3)}."
@@ -201,7 +202,7 @@ def in_its_interval(inside: Results) -> str:
     """Which of what the redesign achieved was in the interval in which it was expected, as a sentence."""
     settling, spread = inside["settling"], inside["dispersion"]
     if settling == spread:
-        both = "Settling and 3 sigma were both in their expected intervals"
-        return both if settling else "Neither settling nor 3 sigma was in its expected interval"
-    within, beyond = ("settling", "3 sigma") if settling else ("3 sigma", "settling")
+        both = "Settling and 3σ were both in their expected intervals"
+        return both if settling else "Neither settling nor 3σ was in its expected interval"
+    within, beyond = ("settling", "3σ") if settling else ("3σ", "settling")
     return f"{within[0].upper()}{within[1:]} was in its expected interval, {beyond} was not"

@@ -11,8 +11,8 @@ from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies import as_known
 from studies.gap_diagnosis import course, figures, unknown_law
-from studies.gap_diagnosis.answer import bounds_told, effects_listed, harm_told
-from studies.wording import filters, fitted
+from studies.gap_diagnosis.answer import CANDIDATES, MEASURES, bounds_told, effects_listed
+from studies.wording import beside, filters, fitted, quantity
 
 Results = Mapping[str, Any]
 
@@ -21,7 +21,7 @@ def tell(whole: Results) -> Report:
     """The report on the content of results.json."""
     results = whole["results"]
     shown = [
-        Figure("waterfall", WATERFALL, ("results.how_far", "results.where"), figures.waterfall),
+        Figure("waterfall", _waterfall_caption(results), ("results.how_far", "results.where"), figures.waterfall),
         Figure("force", FORCE, ("results.pictures", "results.records"), figures.force),
         Figure("courses", COURSES, ("results.pictures",), figures.courses),
         Figure("maps", MAPS, ("results.where",), figures.maps),
@@ -36,10 +36,10 @@ def tell(whole: Results) -> Report:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
     extra: dict[str, Callable[..., Any]] = {
         "listed": effects_listed,
-        "harm": harm_told,
+        "harm": _harm,
         "bounds": partial(bounds_told, verb=False),
         "share": _share,
-        "sized": partial(fitted, digits=4),
+        "sized": _sized,
         "over": unknown_law.OVER.__getitem__,
         "found": course.found,
         "evalue": course.e_value,
@@ -86,10 +86,9 @@ TABLES = {
     "parameters": ("parameters",),
 }
 WATERFALL = (
-    "The residual of each model: the unknown force, the position error of the simulated closed loop against the "
-    "record, and the error of its settling times. Dashed: the noise floor, which is what the last model leaves of a "
-    "record that it made itself or, for a drive rougher than its model, the scatter between equal motions. Dotted: the "
-    "force that flexible curves over all coordinates, which name no cause, leave on held-out motions."
+    "The residual of each model: the unknown force{others}. Dashed: the noise floor, which is what the last model "
+    "leaves of a record that it made itself or, for a drive rougher than its model, the scatter between equal motions. "
+    "Dotted: the force that flexible curves over all coordinates, which name no cause, leave on held-out motions."
 )
 FORCE = Markdown(
     "The force $d$ that the re-fitted model lacks, smoothed over the whole record (past and future), at two settings: "
@@ -121,8 +120,40 @@ CONFUSABLE = (
 NEXT = Markdown("The references of the proposed experiment, `next_experiment.csv`.")
 
 
+def _waterfall_caption(results: Results) -> str:
+    """The caption with what the figure shows: records without a motion that settles have no settling times."""
+    stages = results["how_far"]["stages"]
+    others = [
+        words
+        for key, words in (
+            ("position_m", "the position error of the simulated closed loop against the record"),
+            ("settling_s", "the error of its settling times"),
+        )
+        if any(stage[key] is not None for stage in stages)
+    ]
+    parts = "" if not others else f" and {others[0]}" if len(others) == 1 else f", {others[0]}, and {others[1]}"
+    return WATERFALL.format(others=parts)
+
+
 def _share(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.1f} %"
+
+
+def _harm(harm: Results) -> str:
+    """In which measure a file was worse than a simpler one, in one sentence."""
+    article = "an" if MEASURES[harm["measure"]][0] in "aeiou" else "a"
+    before, after = (quantity(harm[name], harm["unit"], 3) for name in ("before", "after"))
+    return (
+        f"On motions left out of the fit, {CANDIDATES[harm['file']]} leaves {article} {MEASURES[harm['measure']]} of "
+        f"{after}, {CANDIDATES[harm['than']]} one of {before}: the former is not adopted."
+    )
+
+
+def _sized(item: Results) -> str:
+    """A fitted value with its standard deviation, and no more digits than that leaves it."""
+    if not item["std"]:  # at the end of its range, or without one
+        return fitted(item, 4)
+    return f"{beside(item['value'], item['std'], item['unit'])} ± {quantity(item['std'], item['unit'], 2)}"
 
 
 def _fitted(results: Results) -> list[Results]:

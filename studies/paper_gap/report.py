@@ -135,7 +135,7 @@ def _counted(share: Results) -> str:
     return (
         f"{100 * share['share']:.{digits}f} ({low:.{digits}f}–{high:.{digits}f})"
         if share["count"]
-        else f"0 (0–{high:.2f})"
+        else f"0 (0–{high:.{1 if high >= 1 else 2}f})"
     )
 
 
@@ -208,13 +208,22 @@ def _clouds(whole: Results) -> Drawing:
     figure, axes = style.subplots(math.ceil(len(families) / 2), 2, 180, sharex=True, sharey=True)
     for i, family in enumerate(families):
         _family(axes[i // 2, i % 2], family, results)
-    for ax in axes.flat[len(families) :]:
-        ax.set_visible(False)
-    for ax in axes[-1]:
-        ax.set_xlabel(f"largest inching error after {show(results['pattern']['settling_time'], 's')} [µm]")
+    label = f"largest inching error after {show(results['pattern']['settling_time'], 's')} [µm]"
+    _label_lowest(axes, len(families), label)
     for ax in axes[:, 0]:
         ax.set_ylabel("3σ [µm]")
     return figure
+
+
+def _label_lowest(axes: Any, count: int, label: str) -> None:
+    """Hides the axes of a grid that are not used, and labels the lowest used one of each column."""
+    for ax in axes.flat[count:]:
+        ax.set_visible(False)
+    for column in axes.T:
+        lowest = [ax for ax in column if ax.get_visible()][-1:]
+        for ax in lowest:
+            ax.set_xlabel(label)
+            ax.tick_params(labelbottom=True)
 
 
 def _family(ax: Axes, family: str, results: Results) -> None:
@@ -231,7 +240,7 @@ def _family(ax: Axes, family: str, results: Results) -> None:
     stars = [one["seen"] for one in results["again"] if one["shows"] and one["name"] in names]
     ax.plot(*_places(stars), linestyle="none", marker="*", color=style.BLACK, markersize=6)
     ax.set_title(family + (f" (grey: {len(rows) - COLOURED} more)" if len(rows) > COLOURED else ""))
-    ax.legend(loc="upper left", fontsize=6.5)
+    ax.legend(loc="lower right", fontsize=6.5)  # a large error with a small 3σ hardly occurs
     ax.set_xscale("log")
     ax.set_yscale("log")
     _ticks(ax.xaxis, (0.2, 0.5, 1, 2, 5, 10))
@@ -274,10 +283,7 @@ def _responses(whole: Results) -> Drawing:
     for i, one in enumerate(drawn):
         _motions(axes[i // 2, i % 2], one, wanted)
     axes[0, 0].legend(loc="upper right")
-    for ax in axes.flat[len(drawn) :]:
-        ax.set_visible(False)
-    for ax in axes[-1]:
-        ax.set_xlabel("time from the step [ms]")
+    _label_lowest(axes, len(drawn), "time from the step [ms]")
     for ax in axes[:, 0]:
         ax.set_ylabel("error [µm]")
     return figure

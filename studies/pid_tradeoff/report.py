@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import LogLocator
 
 from reports import style
 from reports.markup import Markdown
@@ -82,9 +83,9 @@ BETWEEN = "Position after a step of friction of the reversal's size, chosen PID,
 
 def _gain(number: float | None) -> str:
     """A gain with its power of ten as mathematics."""
-    if number is None:
-        return "–"
-    power = math.floor(math.log10(abs(number))) if number else 0
+    if not number:
+        return "–" if number is None else "0"
+    power = math.floor(math.log10(abs(number)))
     return Markdown("$") + f"{number / 10**power:.2f}" + Markdown("\\cdot 10^{") + str(power) + Markdown("}$")
 
 
@@ -121,23 +122,25 @@ def _series(results: Results) -> list[tuple[str, list[Any], dict[str, Any]]]:
 
 def _front(whole: Results) -> Drawing:
     results, spec = whole["results"], whole["machine"]["specification"]
-    figure, axes = style.subplots(1, 1, 48)
+    figure, axes = style.subplots(1, 1, 54)
     ax = axes[0, 0]
     top = 1e3 * spec["interval_s"]
+    fastest = 1e3 * spec["settling_time_s"]
     for label, rows, look in _series(results):
         settling = 1e3 * _column(rows, "settling_s")
+        fastest = float(np.nanmin([fastest, *settling]))
         ax.semilogy(_column(rows, "ms"), np.where(np.isnan(settling), top, settling), label=label, **look)
     style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"required,\n{1e3 * spec['settling_time_s']:g} ms")
     bound = results["chosen"]["bound"]
     style.mark_limit(ax, bound, f"chosen, $M_s \\leq$ {bound:g}", axis="x")
     ax.set_xlim(1.15, 3.15)
-    ax.set_ylim(15, top * 1.1)
-    ticks = [tick for tick in (15, 20, 30, 50, 100, 200, 500) if tick <= top * 1.1]
-    ax.set_yticks(ticks, [f"{tick}" for tick in ticks], minor=False)
+    ax.set_ylim(0.6 * fastest, top * 1.1)
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.yaxis.set_major_formatter("{x:g}")
     ax.minorticks_off()
     ax.set_xlabel("largest $|S|$ over the family, $M_s$")
     ax.set_ylabel("settling of the reversal [ms]")
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.02), ncols=4)  # the curves go through every corner
     return figure
 
 
@@ -145,14 +148,21 @@ def _reversal(whole: Results) -> Drawing:
     reversal, spec = whole["results"]["reversal"], whole["machine"]["specification"]
     figure, axes = style.subplots(1, 1, 60)
     ax = axes[0, 0]
-    style.tolerance_band(ax, 0.0, 1e6 * spec["tolerance_m"], "tolerance")
-    style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"{1e3 * spec['settling_time_s']:g} ms", axis="x")
+    largest = max(float(np.max(np.abs(curve["error_m"]))) for curve in reversal["curves"])
+    end = 10 * spec["tolerance_m"]
+    long = largest > 10 * end  # of a long stroke only the end tells the curves apart
+    count, unit = style.length_unit(end if long else largest)
+    style.tolerance_band(ax, 0.0, count * spec["tolerance_m"], "tolerance")
+    in_time = 1e3 * spec["settling_time_s"]
+    style.mark_limit(ax, in_time, f"{in_time:g} ms", axis="x", end="bottom")
     for curve in reversal["curves"]:
         label = f"{'present' if curve['name'] == 'present' else 'tuned'}, $M_s$ = {curve['ms']:.3g}"
-        ax.plot(1e3 * np.array(reversal["time_s"]), 1e6 * np.array(curve["error_m"]), label=label)
+        ax.plot(1e3 * np.array(reversal["time_s"]), count * np.array(curve["error_m"]), label=label)
+    if long:
+        ax.set_ylim(-count * end, 0.5 * count * end)
     ax.set_xlim(0, 1e3 * reversal["time_s"][-1])
     ax.set_xlabel("time from the step [ms]")
-    ax.set_ylabel("$x_T - r$ [µm]")
+    ax.set_ylabel(f"$x_T - r$ [{unit}]")
     ax.legend(loc="lower right")
     return figure
 
@@ -165,7 +175,7 @@ def _gains(whole: Results) -> Drawing:
         axes[0, 1].plot(_column(rows, "ms"), _column(rows, "crossover_Hz"), **look)
     axes[0, 0].set_ylabel("integral gain [N/(m s)]")
     axes[0, 1].set_ylabel("crossover on $P_l$ [Hz]")
-    axes[0, 1].set_ylim(0, 75)
+    axes[0, 1].set_ylim(bottom=0)
     for ax in axes[0]:
         ax.set_xlim(1.15, 3.15)
         ax.set_xlabel("$M_s$")

@@ -155,12 +155,19 @@ def _ends(quantiles: Sequence[float] | None) -> str:
     return _from_to(quantiles, "m")
 
 
+def _shares(ends: Results) -> str:
+    """The ends of a range of shares [%], or the one number that both are."""
+    low, high = (f"{100 * ends[end]:.0f}" for end in ("low", "high"))
+    return low if low == high else f"{low} to {high}"
+
+
 FILTERS: dict[str, Callable[..., Any]] = {
     "deviation": _deviation,
     "worded": _worded,
     "from_to": _from_to,
     "range": _range,
     "ends": _ends,
+    "shares": _shares,
 }
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure as Drawing
 
-from models.quantity import show
-from reports.markup import unlinked
+from reports.markup import NUMBER, unlinked
 from reports.overlay import lay_over
 from reports.report import Figure, Report, select
 from studies.catalogue import find
 from studies.review.differences import differences, short
-from studies.wording import filters
+from studies.wording import filters, powers, quantity
 
 LARGEST_LIST = 40  # numbers of the results that are listed; the others are counted
 
@@ -51,7 +50,8 @@ def tell(content: Mapping[str, Any]) -> Report:
     figures = tuple(_overlaid(figure) for figure in study.report(content["after"]).figures if _drawn(figure, content))
     title = f"Change: {study.name.replace('_', ' ')}"
     question = "What changes from one design to the other?"
-    return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), "verdict_of": _verdict})
+    own: dict[str, Callable[..., Any]] = {"verdict_of": _verdict, "limits": _limits, "told": _told}
+    return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), **own})
 
 
 def _listed(one: Any) -> dict[str, Any]:
@@ -62,7 +62,18 @@ def _verdict(check: Mapping[str, Any] | None) -> str:
     if check is None:
         return "–"
     mark = "✓" if check["holds"] else "✗ MISSED"
-    return f"{mark} {show(check['value'], check['unit']) if check['value'] is not None else 'never'}"
+    return f"{mark} {quantity(check['value'], check['unit'])}"
+
+
+def _limits(row: Mapping[str, Any]) -> str:
+    """A check's limit, or those before and after where it moved."""
+    known = [quantity(one["limit"], row["unit"]) for one in (row["before"], row["after"]) if one]
+    return " → ".join(dict.fromkeys(known))
+
+
+def _told(text: str) -> str:
+    """What stands at a place; a number with its power of ten as a page has it."""
+    return powers(text) if NUMBER.fullmatch(text) else text
 
 
 def _drawn(figure: Figure, content: Mapping[str, Any]) -> bool:

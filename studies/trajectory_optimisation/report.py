@@ -149,10 +149,11 @@ def _envelope(whole: Results) -> Drawing:
     )
     style.mark_limit(ax, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", "x")
     ax.set_xlim(0, time[-1])
-    ax.set_ylim(0.05, 400)  # room for the legend
+    ax.set_ylim(0.05, 60)
     ax.set_xlabel("time from the step [ms]")
     ax.set_ylabel("largest error [µm]")
-    ax.legend(loc="upper right", ncols=2)
+    # Above the axes it hides neither curves nor the labels of the two times.
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.02), ncols=3)
     return figure
 
 
@@ -227,6 +228,8 @@ def _pareto(whole: Results) -> Drawing:
     )
     for design, marker in (("least peak thrust", "o"), ("least sensitivity", "s")):
         rows = [row for row in results["pareto"] if row["design"] == design]
+        if not rows:  # a quick run has none of one kind
+            continue
         time = [1e3 * row["time_s"] for row in rows]
         axes[0, 0].plot(time, [row["peak_N"] for row in rows], marker=marker, label=design)
         axes[0, 1].plot(time, [1e6 * row["sensitivity_m"] for row in rows], marker=marker, label=design)
@@ -235,10 +238,10 @@ def _pareto(whole: Results) -> Drawing:
     axes[0, 0].set_ylabel("peak thrust [N]")
     axes[0, 0].set_ylim(bottom=0)
     axes[0, 1].set_ylabel("error left, root mean square [µm]")
-    axes[0, 1].set_ylim(bottom=0)
+    axes[0, 1].set_ylim(0, 1.15 * axes[0, 1].dataLim.y1)
     for ax in axes[0]:
         ax.set_xlabel("table at rest after [ms]")
-        ax.legend()
+        ax.legend(loc="lower left")
     return figure
 
 

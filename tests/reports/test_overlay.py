@@ -74,6 +74,22 @@ def test_a_limit_is_repeated_only_where_it_moved() -> None:
     assert not [line for line in same.lines if line.get_zorder() < 1 and line.get_transform() != same.transData]
 
 
+def test_axes_of_other_units_are_not_laid_over_each_other() -> None:
+    """Of a stroke of 20 µm and one of 20 mm, also where the unit stands at the panel beside it."""
+
+    def drawn(unit: str) -> Figure:
+        figure, axes = style.subplots(1, 2, sharey=True)
+        for ax in axes[0]:
+            ax.plot(TIME, TIME)
+        axes[0, 0].set_ylabel(f"distance [{unit}]")
+        return figure
+
+    assert [len(grey(axes)) for axes in lay_over(drawn("µm"), drawn("µm")).axes] == [1, 1]
+    other = lay_over(drawn("mm"), drawn("µm"))
+    assert [len(grey(axes)) for axes in other.axes] == [0, 0]
+    assert {text.get_text() for text in other.axes[1].texts} == {"before: not drawn (it has other units)"}
+
+
 def test_what_cannot_be_laid_over_is_said_in_the_figure() -> None:
     figure = lay_over(drawing(1.0), drawing(3.0))
     assert [text.get_text() for text in figure.axes[3].texts] == ["before: not drawn (AxesImage)"]

@@ -18,6 +18,7 @@ from models.quantity import turned
 from reports import pages, style
 from reports.markup import Markdown
 from reports.report import Figure, Report, render
+from reports.text import fill, head
 from tests.reports import demo
 
 ROOT = Path(__file__).parents[2]
@@ -140,6 +141,19 @@ def test_verdicts_are_told_in_words(html: str) -> None:
     missed = sum(not run["holds"] for run in runs) + 1
     assert len(re.findall(r"✗\s+MISSED", html)) == missed
     assert len(re.findall(r"✓\s+holds", html)) == len(runs) + 3 - missed
+
+
+def test_a_table_of_the_summary_has_the_width_that_its_box_leaves(tmp_path: Path) -> None:
+    """Else its last column is too narrow, and the frame of a verdict goes through its letters."""
+    prose = "a sentence that is long enough to be broken over several lines of a table " * 3
+    table = f"| Check | Verdict |\n|:--|:--|\n| {prose} | {{{{ False | verdict }}}} |\n"
+    told_of = told(tmp_path, table + "\nTable: Below. {#tbl:below}")
+    told_of.template.write_text(f"::: {{.summary}}\n{table}:::\n\n{table}\nTable: Below. {{#tbl:below}}\n", "utf-8")
+    source = pages.to_typst(head("Title", "Question", []) + fill(told_of.template, {}, {}, {}))
+    narrow, wide = (
+        float(re.findall(r"[\d.]+(?=%)", columns)[-1]) for columns in re.findall(r"columns: \(([^)]*%[^)]*)\)", source)
+    )
+    assert narrow > wide
 
 
 def test_pdf_opens_and_has_its_pages(folder: Path) -> None:

@@ -142,6 +142,8 @@ def test_the_report_answers_the_question_and_says_that_it_was_quick(folder: Path
     assert "all 7 checks hold" in page
     assert "This is a quick run" in page
     assert "<math" in page
+    assert "(compare Fig. 8 of the paper)" in page
+    assert re.search(r"\de[-+]\d", re.sub(r'"[^"]*"', "", page)) is None, "an exponent as a program prints it"
 
 
 def test_the_manifest_holds_what_the_results_follow_from(folder: Path) -> None:
@@ -193,6 +195,7 @@ def test_an_own_machine_without_published_outcomes(tmp_path: Path) -> None:
     assert results["machine"]["sample_time_s"] == 2.5e-4
     assert results["checks"][0]["holds"] is True
     assert results["results"]["paper"] == []
+    assert "of the paper)" not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert (tmp_path / "out" / "report.pdf").stat().st_size > 10_000
 
 
@@ -301,7 +304,7 @@ def test_a_machine_s_effects_are_met_and_shown_beside_the_controller_that_does_n
     assert content["effect_compensation"]["effects"]["gain_asymmetry"] == {"asymmetry": 0.03}
     assert load(tmp_path / "out" / "controller.json").effect_compensation is not None
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "scale_gain_error is not met" in page
+    assert "scale gain error is not met" in page
     assert "with the RFM and the effects" in page
 
 

@@ -156,10 +156,10 @@ def test_both_intervals_are_told_in_one_sentence() -> None:
         for spread in (True, False)
     }
     assert told == {
-        (True, True): "Settling and 3 sigma were both in their expected intervals",
-        (True, False): "Settling was in its expected interval, 3 sigma was not",
-        (False, True): "3 sigma was in its expected interval, settling was not",
-        (False, False): "Neither settling nor 3 sigma was in its expected interval",
+        (True, True): "Settling and 3σ were both in their expected intervals",
+        (True, False): "Settling was in its expected interval, 3σ was not",
+        (False, True): "3σ was in its expected interval, settling was not",
+        (False, False): "Neither settling nor 3σ was in its expected interval",
     }
 
 

@@ -1,0 +1,90 @@
+"""Numbers as reports print them: no exponent of a program, no digit that means nothing, no sign of nothing."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from models.quantity import turned
+from studies import wording
+
+SPACE = "\u00a0"
+
+
+def plain(text: str) -> str:
+    """The text with blanks in place of what keeps a line from ending."""
+    return text.replace(SPACE, " ").replace("\u2060", "")
+
+
+@pytest.mark.parametrize(
+    ("number", "unit", "printed"),
+    [
+        (2.535e-12, "1", "2.535 · 10⁻¹²"),
+        (1e-9, "1", "10⁻⁹"),
+        (7.3305e7, "N/(m s)", "7.3305 · 10⁷ N/(m s)"),
+        (9.2e-5, "N", "9.2 · 10⁻⁵ N"),
+        (220.0, "1", "220"),
+        (2e-5, "m", "20 µm"),
+    ],
+)
+def test_a_number_is_printed_without_the_exponent_of_a_program(number: float, unit: str, printed: str) -> None:
+    assert plain(wording.quantity(number, unit, 5)) == printed
+
+
+def test_two_digits_of_a_large_number_are_written_out() -> None:
+    assert wording.quantity(224.0, "1", 2) == "220"
+    assert plain(wording.scientific(2.535e-12)) == "2.5 · 10⁻¹²"
+    assert wording.scientific(0.0) == "0"
+
+
+def test_a_rotary_axis_has_its_units_behind_a_power_of_ten() -> None:
+    assert plain(turned(wording.quantity(9.2e-5, "N", 2))) == "9.2 · 10⁻⁵ N m"
+
+
+@pytest.mark.parametrize(
+    ("number", "std", "printed"),
+    [
+        (331.48e-6, 47e-6, "331 µs"),
+        (0.33769, 0.24, "0.34 N"),
+        (80.9e6, 122e6, "80000 N/mm"),
+        (204.26, 2.48, "204.3 N"),
+        (0.0, 1.0, "0 N"),
+        (1.234567, math.inf, "1.2346 N"),
+    ],
+)
+def test_a_value_ends_where_its_deviation_has_its_second_digit(number: float, std: float, printed: str) -> None:
+    unit = "s" if number < 1e-3 and number else "N/m" if number > 1e6 else "N"
+    assert plain(wording.beside(number, std, unit)) == printed
+
+
+def test_a_parameter_of_several_numbers_has_the_digits_of_each() -> None:
+    row = {"name": "friction.limit", "number": [2e-7, 1.757e-4], "std": [3.03e-7, 1.8e-5], "unit": "m"}
+    assert plain(wording.rounded(row)) == "200 nm, 176 µm"
+    assert plain(wording.deviation(row)) == "300 nm, 18 µm"
+    assert wording.deviation({"name": "tolerance.offset", "number": 0.45, "std": 0.45, "unit": "N"}) == "–"
+    assert plain(wording.rounded({**row, "std": None})) == "200 nm, 175.7 µm"
+
+
+def test_a_check_that_is_missed_does_not_print_its_limit() -> None:
+    assert wording.checked(2.2021, 2.2, "1", 3) == "2.202"
+    assert wording.checked(2.2, 2.2, "1", 3) == "2.2"
+    assert wording.checked(1.0000071, 1.0, "1") == "1.00001"
+    assert plain(wording.checked(0.0195, 0.025, "s")) == "19.5 ms"
+    assert wording.checked(None, 0.025, "s") == "never"
+
+
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    assert wording.signed(-0.001) == "0.00"
+    assert wording.signed(0.126) == "+0.13"
+    assert wording.percent(-1e-5) == "0.0 %"
+    assert wording.percent(-0.002) == "-0.2 %"
+
+
+def test_a_motion_is_in_the_unit_of_its_length() -> None:
+    assert plain(wording.from_to(0.0, 20e-6)) == "0 → 20 µm"
+    assert plain(wording.from_to(0.06, 0.04)) == "60 → 40 mm"
+
+
+def test_one_thing_is_singular() -> None:
+    assert [plain(wording.several(count, "table")) for count in (0, 1, 2)] == ["0 tables", "1 table", "2 tables"]
