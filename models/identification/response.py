@@ -20,6 +20,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 
 from models.identification.modal.local_rational import LOCAL as NOISE_LOCAL
 from models.identification.modal.local_rational import noise_between_lines, noise_under_sweep
@@ -40,6 +41,7 @@ LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks i
 ONCE: Final = 0.5  # of a line's power in a single window: a sweep went by there
 SURELY: Final = 3.0  # times its neighbours' noise, from which on a line of a periodic excitation has more of its own
 NEIGHBOURS: Final = 4  # lines on each side over which the noise's power is averaged
+FOREIGN: Final = 25.0  # times its neighbours' median, from which on what a line has beside the sweep is another signal
 THIRD: Final = 2 ** (1 / 6)  # factor to either side over which the noise's power of one sweep is taken to be smooth
 STEPS: Final = 24  # medians in an octave, between which that power is interpolated
 LOCAL: Final = 8  # lines on each side over which the local model of one sweep holds
@@ -207,7 +209,8 @@ def _swept(record: Record) -> FrequencyResponse:
         raise ValueError(
             f"the sweep of {n * ts:.3g} s has {np.sum(swept)} lines; {FEWEST} are needed, sweep for longer"
         )
-    coherence, commanded = (_smoothed(values) for values in _local(r, u, x))
+    of_x, of_u, beside = _local(r, u, x)
+    coherence, commanded = _smoothed(of_x), _smoothed(of_u)
     used = swept & (commanded > LED) & (coherence > SEEN)
     if np.sum(used) < FEWEST:
         raise ValueError("the sweep is too weak: position or command is noise at most lines; sweep with more force")
@@ -215,6 +218,7 @@ def _swept(record: Record) -> FrequencyResponse:
     lines = np.flatnonzero(used)
     noise = noise_under_sweep(x, u, r, z, lines)
     noise = _apart(noise, _smooth(noise, lines))
+    noise = noise + np.abs(x / np.where(u == 0, 1, u))[lines] ** 2 * _leaked(np.where(swept, beside, 0.0))[lines]
     f, u = np.asarray(frequency[used], np.float64), u[used]
     if f[-1] < 2**OCTAVES * f[0]:
         raise ValueError(
@@ -230,12 +234,15 @@ def _swept(record: Record) -> FrequencyResponse:
     )
 
 
-def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array]:
-    """The coherences of x and of u with r (n,), from spectra (n,) of one record.
+def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array]:
+    """The coherences of x and of u with r (n,), and the power of what each line has beside the sweep (n,), at the
+    thrust [u^2], from spectra (n,) of one record.
 
     Least squares of x and u over each line and its neighbours, as r times polynomials of frequency (Pintelon and
     Schoukens, System Identification, 2012, 7.2); on r, since u holds the fed back noise. Without a polynomial for what
-    the ends leave, which looks like a sweep's own first and last second.
+    the ends leave, which looks like a sweep's own first and last second. A line that its neighbours do not foretell is
+    another signal's, as that of cogging under an axis that rolls: there X / U is what the feedback answers to it, and
+    not the plant. Foretold from the others alone, by the leverage of its own equation.
     """
     n, width = r.size, 2 * LOCAL + 1
     near = np.clip(np.arange(n) - LOCAL, 0, n - width)[:, None] + np.arange(width)
@@ -245,7 +252,24 @@ def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array]:
     share = q.conj().swapaxes(1, 2) @ both
     explained, rest = (np.sum(np.abs(part) ** 2, axis=1) for part in (share, both - q @ share))
     coherence = explained / (explained + rest)
-    return coherence[:, 0], coherence[:, 1]
+    own = np.arange(n), np.arange(n) - near[:, 0]
+    told = both[own] - (both - q @ share)[own] / np.maximum(1 - np.sum(np.abs(q[own]) ** 2, axis=1), 1e-9)[:, None]
+    plant = np.divide(told[:, 0], told[:, 1], out=np.zeros(n, complex), where=told[:, 1] != 0)
+    beside = np.divide(x, plant, out=u.astype(complex), where=plant != 0) - u
+    return coherence[:, 0], coherence[:, 1], np.abs(beside) ** 2
+
+
+def _leaked(beside: Array) -> Array:
+    """The power (n,) that other signals may have in each line, from that of what each line has beside the sweep (n,).
+
+    A signal of one frequency that stands out from its neighbours leaves so much in its own line, and in all others at
+    most what a record that is no whole number of its periods makes of it, 1 / (pi k) in k lines' distance. That is so
+    smooth that X / U seems to be free of noise.
+    """
+    alone = np.where(beside > FOREIGN * _typical(beside, LOCAL), beside, 0.0)
+    away = np.abs(np.arange(1 - alone.size, alone.size))
+    leaked = fftconvolve(alone, 1 / np.maximum(np.pi * away, 1.0) ** 2, "valid")
+    return np.asarray(np.maximum(leaked, 0.0), float)
 
 
 def _level(position: Array) -> Array:
@@ -285,10 +309,10 @@ def _smoothed(power: Array) -> Array:
     return np.asarray(np.convolve(power, width, "same") / np.convolve(np.ones(power.size), width, "same"))
 
 
-def _typical(power: Array) -> Array:
+def _typical(power: Array, neighbours: int = NEIGHBOURS) -> Array:
     """The median over each line and its neighbours: the noise beside a line is one of few that came out too large."""
-    padded = np.pad(power, NEIGHBOURS, mode="reflect")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1), axis=1))
+    padded = np.pad(power, neighbours, mode="reflect")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * neighbours + 1), axis=1))
 
 
 def _smooth(power: Array, lines: NDArray[np.intp]) -> Array:

@@ -83,11 +83,17 @@ class Lines:
         """Whether this is a single sweep, whose lines are as near each other as its length allows."""
         return self.command is not None and self.settled == 0
 
+    def up_to(self, top: float) -> Lines:
+        """The lines up to a frequency [Hz]."""
+        return self._of(np.flatnonzero(self.f <= top))
+
     def thinned(self, most: int) -> Lines:
         """At most so many of the lines, as many over a decade as over another."""
         if self.f.size <= most:
             return self
-        some = np.unique(np.searchsorted(self.f, np.geomspace(self.f[0], self.f[-1], most)))
+        return self._of(np.unique(np.searchsorted(self.f, np.geomspace(self.f[0], self.f[-1], most))))
+
+    def _of(self, some: NDArray[np.intp]) -> Lines:
         command = None if self.command is None else self.command[some]
         return replace(self, f=self.f[some], p=self.p[some], weight=self.weight[some], command=command)
 
@@ -126,6 +132,12 @@ class Problem:
         """The lowest and the highest line [Hz]."""
         return min(float(one.f[0]) for one in self.lines), max(float(one.f[-1]) for one in self.lines)
 
+    def up_to(self, top: float) -> Problem:
+        """The lines up to a frequency [Hz], with the rigid body's gain as these show it; theta means the same."""
+        lines = tuple(one.up_to(top) for one in self.lines)
+        lines = tuple(one for one in lines if one.f.size)
+        return replace(self, lines=lines, gain=_gain(lines))
+
     def thinned(self, most: int) -> Problem:
         """The same with at most so many lines."""
         return replace(self, lines=tuple(one.thinned(most // len(self.lines)) for one in self.lines))
@@ -142,8 +154,13 @@ def problem_of(
         weight = np.sqrt(2 / one.variance[kept]) if known else 1 / np.abs(p)
         command = None if one.command is None else one.command[kept]
         lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, command, one.settled, one.slope))
-    gain = math.log(float(np.median([np.median(np.abs(one.p) * (2 * math.pi * one.f) ** 2) for one in lines])))
-    return Problem(tuple(lines), known, 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines)), gain, spring)
+    unit = 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines))
+    return Problem(tuple(lines), known, unit, _gain(lines), spring)
+
+
+def _gain(lines: Sequence[Lines]) -> float:
+    """The logarithm of the median of w^2 |P| [1/kg]."""
+    return math.log(float(np.median([np.median(np.abs(one.p) * (2 * math.pi * one.f) ** 2) for one in lines])))
 
 
 @dataclass(frozen=True)

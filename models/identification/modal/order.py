@@ -8,7 +8,8 @@ with a neighbour of the other sign, or whose residue is smaller than three devia
 or spring, whose loss raises the criterion by less than ten is taken out, the least first. The criterion is Bayes's,
 with the errors' variance that the best order leaves: without that, what no mode explains (an encoder's period, an
 amplifier's knee) would be explained by ever more of them. Of a record with thousands of lines a few hundred decide how
-many modes there are; lag, drag and spring are small, and are decided on all of them.
+many modes there are; lag, drag and spring are small, and are decided on all of them. A scan that ends far from the
+stated errors is made again from the modes that a growing band shows.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ SEEN: Final = 3.0  # standard deviations that a residue is from none at least
 WORSE: Final = 2  # orders in a row whose criterion is worse: then none better follows
 NEAR: Final = 1.05  # factor from a bound of the search within which a value stands at it
 SURELY: Final = 400.0  # squared deviations from none from which on no trial without a part is needed
+FAR: Final = 10.0  # times the stated variance: what is left is no scatter, and another start is tried
 EDGE: Final = 1.1  # times the lowest line: a mode below stands for friction where the axis did not roll
 SAME: Final = 0.02  # relative distance of two frequencies that count as the same mode in another order
 
@@ -119,8 +121,26 @@ def _sprung(problem: Problem, one: Candidate) -> bool:
 
 
 def _chosen(problem: Problem, most: int, candidates: Structure, exactly: int | None, rolling: bool) -> Chosen:
-    """As `chosen`, with all candidates from the first order on."""
-    scanned = _scanned(problem, most if exactly is None else exactly, candidates, exactly, rolling)
+    """As `chosen`, with all candidates from the first order on.
+
+    Where what passes is far from the stated errors, the modes may be too large for a start without any: then those that
+    a growing band shows begin a second scan, and the better of both counts.
+    """
+    most, few = most if exactly is None else exactly, problem.thinned(FEW)
+    found = _passed(problem, _scanned(problem, most, candidates, exactly, rolling), exactly, rolling)
+    if few.known and not found.bent and found.best.cost > FAR * few.size:
+        scanned = _scanned_from(problem, _grown(few, candidates, most), most, exactly, rolling)
+        again = _passed(problem, scanned, exactly, rolling)
+        found = min(found, again, key=lambda one: one.best.cost)
+    if few.size == problem.size or found.bent:
+        return found
+    best, nuisances = _with_all_lines(problem, found.best, candidates)
+    worth = {name: found.worth[name] for name in found.worth if name.startswith("mode")} | nuisances
+    return replace(found, best=best, worth=worth)
+
+
+def _passed(problem: Problem, scanned: list[Candidate], exactly: int | None, rolling: bool) -> Chosen:
+    """What is left of the best order without what is no mode, or is not worth its parameters; on a few of the lines."""
     scale = _scale(problem, scanned)
     orders = tuple(_told(problem, one, scale) for one in scanned)
     if not rolling and _bent(problem, scanned):
@@ -130,9 +150,6 @@ def _chosen(problem: Problem, most: int, candidates: Structure, exactly: int | N
     if exactly is None:
         best = _without_faults(few, best)
     best, worth = _fewest(few, best, scale, modes=exactly is None)
-    if few.size < problem.size:
-        best, nuisances = _with_all_lines(problem, best, candidates)
-        worth = {name: worth[name] for name in worth if name.startswith("mode")} | nuisances
     return Chosen(best, orders, worth)
 
 
@@ -209,16 +226,52 @@ def _bent(problem: Problem, found: list[Candidate]) -> bool:
 def _scanned(problem: Problem, most: int, structure: Structure, exactly: int | None, rolling: bool) -> list[Candidate]:
     """Candidates with 0, 1, ... modes, until the criterion has been worse WORSE times in a row."""
     few = problem.thinned(FEW)
+    return _from(few, [fitted(few, structure, trend(structure, few))], most, exactly, rolling)
+
+
+def _scanned_from(problem: Problem, grown: Candidate, most: int, exactly: int | None, rolling: bool) -> list[Candidate]:
+    """The same with the candidate that a growing band shows, and more modes from there on."""
+    few, structure = problem.thinned(FEW), grown.structure
     found = [fitted(few, structure, trend(structure, few))]
-    for _ in range(most):
+    while len(found) < grown.modes:
+        found.append(fitted(few, structure, with_mode(found[-1].theta, structure, few)))
+    return _from(few, [*found[: grown.modes], grown], most, exactly, rolling)
+
+
+def _from(few: Problem, found: list[Candidate], most: int, exactly: int | None, rolling: bool) -> list[Candidate]:
+    """A scan that goes on from the candidates with the fewest modes."""
+    while len(found) <= most:
+        structure = found[-1].structure
         found.append(fitted(few, structure, with_mode(found[-1].theta, structure, few)))
         scale = _scale(few, found)
         criteria = [_criterion(few, one, scale) for one in found]
         if exactly is None and min(criteria[-WORSE:]) > min(criteria) and len(found) > WORSE:
             break
-        if not rolling and _bent(problem, found):
+        if not rolling and _bent(few, found):
             break
     return found
+
+
+def _grown(problem: Problem, structure: Structure, most: int) -> Candidate:
+    """The modes that show as the band grows, octave by octave, from the lowest two on, where an axis is hardly more
+    than a rigid body; fitted to the whole band at last. Without a lag, which a dead time stands in for, and without
+    what is not a mode: in a narrow band either would pass for the slopes of a mode above it."""
+    low, high = problem.band
+    top, plain = 4 * low, replace(structure, lag=False)
+    part = problem.up_to(top)
+    one = fitted(part, plain, trend(plain, part))
+    while top < high:
+        top *= 2
+        part = problem.up_to(top)
+        one = fitted(part, plain, one.theta)
+        while one.modes < most:
+            more = fitted(part, plain, with_mode(one.theta, plain, part))
+            scale = _scale(part, [one, more])
+            gained = _criterion(part, one, scale) - _criterion(part, more, scale)
+            if gained < STRONG or any(faults(part, more)):
+                break
+            one = more
+    return fitted(problem, structure, _with_parts(problem, one, structure))
 
 
 def _scale(problem: Problem, found: list[Candidate]) -> float:

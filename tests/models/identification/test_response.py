@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import chirp
 
+from models.effects.motor import Cogging
 from models.identification import modes, response
 from models.identification.estimate import Estimate, combined, left_out, newey_west, not_identifiable, wider
 from models.identification.modal.remarks import TURNED
@@ -168,6 +169,20 @@ def test_a_sweep_that_turned_the_axis_back_is_left_out_of_the_plant(force: float
     assert any("strong.csv went backwards, and is left out" in said for said in both.remarks)
     assert any("% of the samples the axis moved backwards" in said for said in bent.remarks)
     assert bent.machine.plant != alone.machine.plant
+
+
+def test_a_tone_beside_one_sweep_is_no_part_of_the_plant() -> None:
+    """Cogging under the axis at 12 Hz: what feedback answers to it is not the plant, in its line and those around."""
+    table = replace(MACHINE, effects=(Cogging(0.5, 0.85e-3, 0.4),))
+    found = response.measured(_swept(table, 20))
+    truth = modes.model(table.plant, found.frequency, table.sample_time)
+    errors = np.abs(found.response - truth) ** 2 / found.variance
+    beside = np.abs(found.frequency - 11.9) < 1.0
+    assert np.mean(errors[beside]) < 3
+    assert np.mean(errors) == pytest.approx(1.0, abs=0.2)
+    fit = modes.fit(found)
+    assert fit.estimate.names == modes.fit(response.measured(_swept(MACHINE, 20))).estimate.names
+    assert np.all(np.abs(fit.estimate.values - true_modes(table)) < 4 * fit.estimate.deviations)
 
 
 def _record(loaded: Loaded) -> Record:
