@@ -125,9 +125,7 @@ def cause_of(found: Sticking) -> str:
     """Why it is unstable, in words."""
     if not found.modes:
         return "the feedback does not damp what swings against that slope"
-    at = listed([show(mode.frequency, "Hz", 3) for mode in found.modes])
-    several = len(found.modes) > 1
-    named = f"the mode{'s' if several else ''} of negative gain at {at}"
+    several, named = len(found.modes) > 1, named_modes(found)
     if not found.makes_work:
         return f"{named}, without which the loop is stable against that slope"
     return (
@@ -137,13 +135,19 @@ def cause_of(found: Sticking) -> str:
     )
 
 
+def named_modes(found: Sticking) -> str:
+    """The modes that make it unstable, in words."""
+    at = listed([show(mode.frequency, "Hz", 3) for mode in found.modes])
+    return f"the mode{'s' if len(found.modes) > 1 else ''} of negative gain at {at}"
+
+
 def advice_on(found: Sticking) -> str:
     """What to do about it, in words."""
     if not found.modes:
         return "a PID that is stable at every slope is what pid_tradeoff looks for"
     judge = (
-        "real friction acts where it is deflected, at the motor or at the carriage, so that the settling predicted here "
-        "need not be the axis's: judge by a record"
+        "real friction acts where it is deflected, at the motor or at the carriage, so that the settling predicted "
+        "here need not be the axis's: judge by a record"
     )
     if not found.heals:
         return judge

@@ -376,7 +376,8 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     for row in verified["rows"]:
         told = f"{verification.settles(row)}, 3 sigma {show(row['dispersion_m'], 'm', 2)}"
         rows.append((f"  measured in {row['record']} ({row['design']})", told))
-    rows += [("WARNING, the design in place", f"{text}; {SAME_MODEL}") for text in verified["contradicts"]]
+    if verified["contradicts"]:
+        rows.append(("WARNING, the design in place", "; ".join([*verified["contradicts"], SAME_MODEL])))
     rows += sticking_rows(results)
     rows.append(("verification", verification.sentence(verified, shown["specified"]["settling_s"])))
     heading = "expected before that record" if verified["met"] else "not met"
