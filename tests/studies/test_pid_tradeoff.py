@@ -136,12 +136,12 @@ def test_a_mode_through_which_the_friction_does_work_is_the_reason_why_there_is_
     error = TuningError("no PID (tried); raise a bound, or take plants out of the family", tried, "no PID")
     table = load_machine()
     belt = far_side(table)
-    told = _refusal(replace(belt, plant=replace(belt.plant, dead_time=5e-3)), error, 3.0)
+    told = _refusal(replace(belt, plant=replace(belt.plant, dead_time=8e-3)), error, 3.0)
     assert told.startswith("no PID (present PID: it keeps to the bounds, but a loop is unstable); with the present")
     assert "the mode of negative gain at 38 Hz" in told
     assert "keep the present feedback and judge it by a record" in told
     assert "raise a bound" not in told
     assert "dead time" not in told
-    late = _refusal(replace(table, plant=replace(table.plant, dead_time=5e-3)), error, 3.0)
+    late = _refusal(replace(table, plant=replace(table.plant, dead_time=8e-3)), error, 3.0)
     assert late.startswith(str(error))
     assert late.endswith("shorten the dead time")
