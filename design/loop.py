@@ -114,10 +114,23 @@ def controller_matrices(feedback: Feedback, sample_time: float) -> tuple[Array, 
 
 def largest_pole(plant: Plant, feedback: Feedback, sample_time: float) -> float:
     """Largest magnitude [1] of the closed loop's eigenvalues: above 1 the loop is unstable; sample_time [s]."""
-    a, b, c = sampled_matrices(plant, sample_time)
+    return abs(dominant_pole(plant, feedback, sample_time))
+
+
+def dominant_pole(
+    plant: Plant, feedback: Feedback, sample_time: float, stiffness: float = 0.0, damping: float = 0.0
+) -> complex:
+    """The closed loop's eigenvalue z [1] of the largest magnitude, one of a pair; inf where the loop is not finite.
+
+    sample_time [s]; stiffness [N/m], damping [N s/m]: of a spring in place of the friction, see `sampled_matrices`.
+    """
+    a, b, c = sampled_matrices(plant, sample_time, stiffness, damping=damping)
     a_pid, b_pid, c_pid, d_pid = controller_matrices(feedback, sample_time)
     loop = np.block([[a - b @ d_pid @ c, b @ c_pid], [-b_pid @ c, a_pid]])
-    return float(np.max(np.abs(np.linalg.eigvals(loop)))) if np.all(np.isfinite(loop)) else math.inf
+    if not np.all(np.isfinite(loop)):
+        return complex(math.inf)
+    poles = np.linalg.eigvals(loop)
+    return complex(poles[np.argmax(np.abs(poles))])
 
 
 def closed_loop(plant: control.StateSpace, feedback: Feedback) -> control.StateSpace:

@@ -200,12 +200,15 @@ def sampled(
 
 
 def sampled_matrices(
-    plant: Plant, sample_time: float, stiffness: float = 0.0, *, whole_delay: bool = True
+    plant: Plant, sample_time: float, stiffness: float = 0.0, *, damping: float = 0.0, whole_delay: bool = True
 ) -> tuple[Array, Array, Array]:
-    """A (n, n), B (n, 1), C (1, n) of `sampled`, for who needs no control.StateSpace; arguments as there; SI."""
+    """A (n, n), B (n, 1), C (1, n) of `sampled`, for who needs no control.StateSpace; arguments as there; SI.
+
+    damping: of the spring K_e, by the speed at the scale [N s/m].
+    """
     whole, rest = delay_split(plant.dead_time, sample_time)
     a_plant, b_plant, c_plant = matrices(plant)
-    a_plant = a_plant - stiffness * b_plant @ c_plant
+    a_plant = against_spring(a_plant, b_plant, c_plant, stiffness, damping)
     n, memory = len(a_plant), (whole if whole_delay else 0) + (rest > 0)
     phi, _ = transition(a_plant, b_plant, sample_time)
     part = sample_time - rest  # in which the newer command acts
@@ -223,6 +226,13 @@ def sampled_matrices(
     if memory:
         b[n, 0] = 1.0
     return a, b, np.hstack([c_plant, np.zeros((1, memory))])
+
+
+def against_spring(a: Array, b: Array, c: Array, stiffness: float, damping: float = 0.0) -> Array:
+    """A (n, n) of a plant whose thrust also bears stiffness x + damping x', of A (n, n), B (n, 1), C (1, n); stiffness
+    [N/m], damping [N s/m]; C B = 0, as the thrust moves nothing at once."""
+    held = a - stiffness * b @ c
+    return held - damping * b @ c @ a if damping else held
 
 
 def _space(a: Array, b: Array, c: Array, sample_time: float | None) -> control.StateSpace:

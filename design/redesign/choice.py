@@ -62,7 +62,7 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
         return f"it asks for more than the rated thrust in {new.saturated} of {new.settling.size} simulated runs"
     for name, unit in UNITS.items():
         before, after = (float(np.median(getattr(one, name))) for one in (old, new))
-        if after > before * (1 + WORSE) + _least(machine)[name]:
+        if after > before * (1 + WORSE) + least(machine)[name]:
             return f"{CALLED[name]} gets worse, from {show(before, unit, 3)} to {show(after, unit, 3)} in the median"
     gains = {name: _gain(old, new, name) for name in UNITS}
     if any(gain.low > 0 for gain in gains.values()):
@@ -74,7 +74,7 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
     return f"its gain is not sure: {told}"
 
 
-def _least(machine: Machine) -> dict[str, float]:
+def least(machine: Machine) -> dict[str, float]:
     """What of each quantity the scale's noise and the samples make: a sample [s], three deviations of a reading [m]."""
     return {"settling": machine.sample_time, "dispersion": 3 * machine.scale.reading_deviation}
 
@@ -86,7 +86,7 @@ def worse(before: Outcome, after: Outcome, machine: Machine) -> tuple[str, ...]:
     for name, unit in UNITS.items():
         old, new = float(getattr(before, name)), float(getattr(after, name))
         never = name == "settling" and not before.never and after.never > 0  # however long its motions were watched
-        if never or new > old * (1 + WORSE) + _least(machine)[name]:
+        if never or new > old * (1 + WORSE) + least(machine)[name]:
             told = [_told(one, name, unit) for one in (after, before)]
             found.append(f"{CALLED[name]}: {told[0]} instead of {told[1]}")
     return tuple(found)

@@ -10,6 +10,7 @@ import numpy as np
 
 from design.effect_compensation import left_out
 from design.judging.known_range import APART, excess
+from design.judging.sticking import named_modes, sticking
 from design.redesign.designs import Design
 from design.redesign.prediction import Prediction, predicted
 from design.validation import sequence
@@ -66,6 +67,9 @@ def _late(design: Design, machine: Machine, prediction: Prediction, seed: int) -
             f"{head}; the reference rests after {show(design.settling_time, 's')}, and the table follows it by the "
             f"dead time of {show(machine.plant.dead_time, 's')}"
         )
+    found = sticking(machine, design.controller.feedback)
+    if found is not None and found.modes:
+        return f"{head}; while the friction sticks, the model's loop is unstable for {named_modes(found)}"
     return f"{head}; the friction that the compensator does not know at the start, and the feedback's own speed, decide"
 
 

@@ -52,6 +52,8 @@ from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
 from studies.scattered import rows_of, scattered
 from studies.starts import cost_of_starts
+from studies.sticking import found_in
+from studies.sticking import rows as sticking_rows
 from studies.study import Answer, Progress
 from studies.wording import beyond_records
 
@@ -102,6 +104,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         "paper": beside_the_paper(machine, wanted, without, judged),
         **counted.results,
         **written.results,
+        **found_in(machine, controller.feedback),
     }
     progress(0.75, "repeating the motions with a dither and from other pasts of the friction")
     results["settling"] = _settling(machine, controller, without, judged, options)
@@ -129,6 +132,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
         *counted.summary,
         *_reference_delay(machine, controller),
+        *sticking_rows(results),
         ("machines that the file allows on which all motions settle in time", in_short(results["as_known"])),
         *told_remedies(results),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +45,14 @@ from studies.export.page import readme
 from studies.export.proof import prove
 from studies.export.tables import PERIODS
 from studies.options import BadInputError
+from studies.sticking import found_in
+from studies.sticking import rows as sticking_rows
 from studies.study import Answer, Check, Progress
 
 Array = NDArray[np.float64]
+
+
+NEVER: Final = "motions never settle under this controller; that the code is the same law says nothing about that"
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,7 @@ def compute(machine: Machine, options: ExportOptions, progress: Progress) -> Ans
     }
     progress(0.4, "running the drive's own cascade")
     results["drive"] = _drive(machine, given)
+    results |= found_in(machine, given.controller.feedback)
     if options.proof:
         progress(0.5, "proving that the code is the same")
         simulated = _loop_as_in_c(machine, given)
@@ -283,11 +290,13 @@ def _drive(machine: Machine, given: _Given) -> dict[str, Any]:
     """What the motions achieve with a drive that keeps its own cascade, beside the whole scheme."""
     target, controller = sequence(machine, given.known.stroke, periods=PERIODS), given.controller
     known = references(given.controller, target)
+    whole = _achieved(machine, controller, target, known)
+    never = math.isinf(whole["slowest_s"])
     try:
         cascade = cascade_of(machine)
     except ValueError as error:
-        return {"rows": [], "reason": str(error)}
-    cases = [("the whole scheme", controller, known)]
+        return {"rows": [], "reason": str(error), "never": never}
+    cases = list[tuple[str, Controller, References]]()
     for name, torque, rounded in (
         ("cascade; set point, velocity and torque offset", True, False),
         ("the same, rounded to increments and 0.1 % of the rating", True, True),
@@ -295,7 +304,8 @@ def _drive(machine: Machine, given: _Given) -> dict[str, Any]:
     ):
         cases.append((name, *on_the_drive(machine, controller, known, torque=torque, rounded=rounded)))
     rows = [{"name": name, **_achieved(machine, law, target, known)} for name, law, known in cases]
-    return {"cascade": described(cascade), "rows": rows, "reason": ""}
+    rows.insert(0, {"name": "the whole scheme", **whole})
+    return {"cascade": described(cascade), "rows": rows, "reason": "", "never": never}
 
 
 def _achieved(machine: Machine, controller: Controller, target: Array, known: References) -> dict[str, float]:
@@ -348,5 +358,7 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("largest step within the thrust limit", show(law["largest_step_m"], "m", 3)),
         ("vectors", str(results["vectors"]["count"])),
         *((f"slowest motion: {row['name']}", show(row["slowest_s"], "s")) for row in results["drive"]["rows"]),
+        *((("WARNING, simulated on the machine", NEVER),) if results["drive"]["never"] else ()),
+        *sticking_rows(results),
     ]
     return [*rows, *((one["name"], one["text"]) for one in results.get("proof", {}).get("said", []))]

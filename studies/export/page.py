@@ -38,6 +38,8 @@ def readme(text: str, known: Coefficients, results: Mapping[str, Any], names: Se
         settled=law["settling_time_s"] + known.delay * known.sample_time,
         vectors=results["vectors"]["count"],
         folders=[(name, said) for name, said in FOLDERS.items() if any(one.startswith(name) for one in names)],
+        never=results["drive"]["never"],
+        sticking=results.get("sticking"),
         show=show,
     )
 

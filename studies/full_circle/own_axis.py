@@ -40,11 +40,14 @@ from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded_of
 from studies.identify_machine.shown import results_of
 from studies.options import BadInputError
+from studies.sticking import found_in
+from studies.sticking import rows as sticking_rows
 from studies.study import Answer, Progress
 
 RUNS: Final = 40  # machines that could be this one, on which each design is tried
 FEW: Final = 10  # of them in a quick run
 OPEN: Final = ("ambiguous", "none_of_these")  # outcomes of a diagnosis that ask for another experiment
+SAME_MODEL: Final = "the other designs are judged with the same model"
 ROOM: Final = 1.05  # of the samples that are expected, as a log begins before its table and ends after it
 FILES: Final = {"current": "run_current.csv", "redesign": "run_redesign.csv"}
 
@@ -98,6 +101,7 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
         "pictures": _pictures(circle, redesign, judged),
         "verified": verified,
         "next": runs,
+        **found_in(better),
     }
     checks = verification.checks(verified, machine.specification.settling_time)
     return Answer(results, tuple(checks), files, _summary(results))
@@ -372,6 +376,9 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     for row in verified["rows"]:
         told = f"{verification.settles(row)}, 3 sigma {show(row['dispersion_m'], 'm', 2)}"
         rows.append((f"  measured in {row['record']} ({row['design']})", told))
+    if verified["contradicts"]:
+        rows.append(("WARNING, the design in place", "; ".join([*verified["contradicts"], SAME_MODEL])))
+    rows += sticking_rows(results)
     rows.append(("verification", verification.sentence(verified, shown["specified"]["settling_s"])))
     heading = "expected before that record" if verified["met"] else "not met"
     rows += [(heading, text) for text in shown["unmet"]]

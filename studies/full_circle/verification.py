@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from design.redesign.choice import UNITS, worse
+from design.redesign.choice import UNITS, WORSE, least, worse
 from design.redesign.designs import in_place
 from design.redesign.outcome import Outcome, judged_motions, outcome, tolerance_reached
 from models.machine import Machine
@@ -98,6 +98,7 @@ def verified(machine: Machine, found: Sequence[Tried], shown: Mapping[str, Any])
         "reached_tolerance_m": None if stays is None else tolerance_reached(stays.run, machine),
         "interval_s": machine.specification.interval,
         "inside": None if after is None else _inside(after.outcome, shown, machine),
+        "contradicts": [] if before is None else contradicting(before.outcome, shown["designs"][0], machine),
     }
 
 
@@ -114,6 +115,27 @@ def _inside(after: Outcome, shown: Mapping[str, Any], machine: Machine) -> dict[
         name: bool(row[name]["low"] - slack[name] <= getattr(after, name) <= row[name]["high"] + slack[name])
         for name in UNITS
     }
+
+
+def contradicting(before: Outcome, expected: Mapping[str, Any], machine: Machine) -> list[str]:
+    """In which quantity the record of the design in place is outside the interval in which it was expected, in words;
+    expected: that design's row. What is off by no more than two records may be from each other (see `worse`) counts
+    as inside."""
+    found = []
+    for name, unit in UNITS.items():
+        low, high, value = expected[name]["low"], expected[name]["high"], float(getattr(before, name))
+        slack = least(machine)[name]
+        if low / (1 + WORSE) - slack <= value <= high * (1 + WORSE) + slack:
+            continue
+        if name == "settling":
+            told = [
+                expected_to_settle(low, high, machine.specification.interval),
+                settles({"never": before.never, "settling_s": value, "motions": before.motions}),
+            ]
+        else:
+            told = [f"3 sigma {show(low, unit, 2)} to {show(high, unit, 2)}", show(value, unit, 2)]
+        found.append(f"predicted: {told[0]}; measured: {told[1]}")
+    return found
 
 
 def settles(found: Mapping[str, Any]) -> str:

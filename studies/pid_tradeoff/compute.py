@@ -16,6 +16,7 @@ from design.deployment.drive_file import controller_to_json
 from design.effect_compensation import left_out, with_effects
 from design.family import Member, family, slopes, usual_errors
 from design.judging.known_range import excess_of, excess_to_json
+from design.judging.sticking import cause_of, state_of, sticking
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
 from design.pid.front import LAMBDAS, RULE_TIMES, Front, Point, judged, rules, tuned
@@ -158,7 +159,7 @@ def _tuned(
     try:
         front = tuned(problem, levels, limits, machine)
     except TuningError as error:
-        raise BadInputError(f"--ms, --mt, --noise: {error}{_dead_time(machine, levels[-1])}") from error
+        raise BadInputError(f"--ms, --mt, --noise: {_refusal(machine, error, levels[-1])}") from error
     chosen = front.nearest(wanted["ms"])
     return _TradeOff(members, goal, replace(limits, ms=chosen.bound or wanted["ms"]), present, front, chosen)
 
@@ -178,6 +179,19 @@ def _foresee(
         "tuning": levels * ASSESSMENTS * (len(plants) + others) * loop,
     }
     foresee(seconds, min(runs, BATCH) * 4 * period(machine) * SIMULATED, options, progress)
+
+
+def _refusal(machine: Machine, error: TuningError, ms: float) -> str:
+    """Why no PID was found up to |S| <= ms [1], and what to do. Where the friction of the model does work on the axis
+    through a mode of negative gain, neither bounds nor the dead time are the reason."""
+    found = sticking(machine)
+    if found is None or not found.modes:
+        return f"{error}{_dead_time(machine, ms)}"
+    tried = "; ".join(f"{attempt.start}: {attempt.outcome}" for attempt in error.attempts)
+    return (
+        f"{error.reason} ({tried}); with the present feedback, too, {state_of(found)}. The cause is {cause_of(found)}; "
+        "keep the present feedback and judge it by a record"
+    )
 
 
 def _dead_time(machine: Machine, ms: float) -> str:

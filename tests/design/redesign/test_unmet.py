@@ -11,6 +11,7 @@ from models.effects.structure import FloorVibration
 from models.machine import Machine
 from models.machines.parts import Covered
 from models.variation import Variation, drawn
+from tests.design.machines import far_side
 from tests.design.redesign.axes import KNOWN
 
 RUNS = 12
@@ -51,3 +52,9 @@ def test_a_dead_time_of_its_own_is_told() -> None:
 def test_what_is_beyond_the_records_is_told() -> None:
     told = said(replace(KNOWN, covered=Covered(force=50.0, speed=1.0)))
     assert "is beyond the records, which cover 50 N" in told
+
+
+def test_a_mode_through_which_the_friction_does_work_is_the_reason_where_it_makes_the_motions_late() -> None:
+    told = said(far_side(KNOWN), [far_side(KNOWN)] * 3)
+    assert "while the friction sticks, the model's loop is unstable for the mode of negative gain at 38 Hz" in told
+    assert "the feedback's own speed" not in told

@@ -25,7 +25,9 @@ from studies.full_circle.folder_of_records import loaded
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.redesigning import old_design, references_of, table
 from studies.full_circle.steps import Steps
+from studies.sticking import found_in
 from studies.study import Progress
+from tests.design.machines import far_side
 from tests.design.redesign.axes import KNOWN, TRUE
 
 HEADER = "time_s,target_m,reference_m,feedforward_N,command_N,position_m"
@@ -92,6 +94,18 @@ def test_the_first_command_says_what_is_off_and_asks_for_the_proof_of_a_design(b
     assert [one["file"] for one in results["next"]] == ["run_redesign.csv"]
     assert results["verified"]["state"] == "asked"
     assert results["verified"]["before"]["settling_s"] > KNOWN.specification.settling_time
+
+
+def test_a_record_that_contradicts_the_prediction_is_warned_of_and_this_one_does_not(begun: Path) -> None:
+    results = json.loads((begun / "out" / "results.json").read_text(encoding="utf-8"))["results"]
+    assert results["verified"]["contradicts"] == []
+    assert "sticking" not in results
+    assert not [row for row in own_axis._summary(results) if "WARNING" in row[0]]
+    results["verified"]["contradicts"] = ["predicted: settles in 20 ms to 22 ms; measured: settles in 15 ms"]
+    results |= found_in(far_side(KNOWN))
+    told = dict(own_axis._summary(results))
+    assert told["WARNING, the design in place"].startswith("predicted: settles in 20 ms to 22 ms; measured: settles in")
+    assert "unstable" in told["WARNING, while the friction sticks"]
 
 
 def test_its_record_closes_the_circle_and_nothing_is_computed_again(

@@ -23,6 +23,7 @@ from studies.full_circle.verification import (
     Tried,
     checks,
     closing,
+    contradicting,
     expected_to_settle,
     sentence,
     settles,
@@ -170,3 +171,31 @@ def test_the_tolerance_that_would_have_been_met_is_met() -> None:
     found = outcome(run(), wider)
     assert found is not None
     assert found.settling <= SPECIFIED * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "found", "told"),
+    [
+        (SPECIFIED, 1.2 * SPECIFIED, GOOD, "predicted: settles in 25 ms to 30 ms; measured: settles in 22.5 ms"),
+        (0.5 * SPECIFIED, SPECIFIED, LATE, "predicted: settles in 12.5 ms to 25 ms; measured: settles in 30 ms"),
+        (0.15, 0.15, SLOW, "predicted: has motions that never settle; measured: settles in 50 ms"),
+        (0.5 * SPECIFIED, SPECIFIED, NEVER, "measured: never settles in 4 of 10 motions"),
+        (0.15, 0.15, NEVER, ""),
+        (0.5 * SPECIFIED, SPECIFIED, GOOD, ""),
+        (0.91 * SPECIFIED, SPECIFIED, GOOD, ""),  # by less than two records of one design may differ
+    ],
+)
+def test_a_record_that_contradicts_what_is_expected_of_the_design_in_place_is_told(
+    low: float, high: float, found: Outcome, told: str
+) -> None:
+    expected = {"settling": {"low": low, "high": high}, "dispersion": {"low": 0.0, "high": 1e-6}}
+    said = contradicting(found, expected, KNOWN)
+    assert len(said) == bool(told)
+    assert told in "".join(said)
+
+
+def test_a_spread_that_contradicts_is_told_too_and_only_of_the_design_in_place() -> None:
+    expected = {"settling": {"low": 0.0, "high": SPECIFIED}, "dispersion": {"low": 3e-6, "high": 8e-6}}
+    assert contradicting(GOOD, expected, KNOWN) == ["predicted: 3 sigma 3 µm to 8 µm; measured: 100 nm"]
+    assert judged(None, SLOW)["contradicts"] == []
+    assert len(judged(SLOW, None)["contradicts"]) == 1
