@@ -17,7 +17,9 @@ from models.records.record import Record
 from models.records.tables.sizes import LIMITS, Limits
 
 SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
-STRAIGHT: Final = 0.01  # of the way: by so much a reference of one speed may depart from a straight line
+STRAIGHT: Final = (
+    0.01  # of the way: by so much a reference of one speed may be off a straight line under the excitation
+)
 
 
 def read(
@@ -78,7 +80,10 @@ def replayable(machine: Machine, loaded: Loaded, kind: str, columns: Columns) ->
 
 
 def _straight(record: Record) -> bool:
-    """Whether the reference stands still or moves at one speed, so that the feedforward belongs to no motion."""
-    line = np.linspace(record.reference[0], record.reference[-1], record.reference.size)
-    away = float(np.max(np.abs(record.reference - line)))
-    return away <= STRAIGHT * max(float(np.ptp(record.reference)), float(np.ptp(record.position)))
+    """Whether the reference stands still or moves at one speed while the feedforward acts, which then belongs to no
+    motion; before, the axis may have started."""
+    acts = np.flatnonzero(record.feedforward != record.feedforward[0])
+    part = record.part(int(acts[0]), int(acts[-1]) + 1)
+    line = np.linspace(part.reference[0], part.reference[-1], part.reference.size)
+    away = float(np.max(np.abs(part.reference - line)))
+    return away <= STRAIGHT * max(float(np.ptp(part.reference)), float(np.ptp(part.position)))

@@ -209,7 +209,7 @@ def _swept(record: Record) -> FrequencyResponse:
         raise ValueError(
             f"the sweep of {n * ts:.3g} s has {np.sum(swept)} lines; {FEWEST} are needed, sweep for longer"
         )
-    of_x, of_u, beside = _local(r, u, x)
+    of_x, of_u, beside, plant = _local(r, u, x)
     coherence, commanded = _smoothed(of_x), _smoothed(of_u)
     used = swept & (commanded > LED) & (coherence > SEEN)
     if np.sum(used) < FEWEST:
@@ -218,7 +218,7 @@ def _swept(record: Record) -> FrequencyResponse:
     lines = np.flatnonzero(used)
     noise = noise_under_sweep(x, u, r, z, lines)
     noise = _apart(noise, _smooth(noise, lines))
-    noise = noise + np.abs(x / np.where(u == 0, 1, u))[lines] ** 2 * _leaked(np.where(swept, beside, 0.0))[lines]
+    noise = noise + _leaked(np.where(swept, beside, 0.0), plant)[lines]
     f, u = np.asarray(frequency[used], np.float64), u[used]
     if f[-1] < 2**OCTAVES * f[0]:
         raise ValueError(
@@ -234,9 +234,9 @@ def _swept(record: Record) -> FrequencyResponse:
     )
 
 
-def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array]:
-    """The coherences of x and of u with r (n,), and the power of what each line has beside the sweep (n,), at the
-    thrust [u^2], from spectra (n,) of one record.
+def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array, Array]:
+    """The coherences of x and of u with r (n,), the power of what each line of x has beside the sweep (n,) [m2], and
+    |P|^2 as the lines around it have it (n,), from spectra (n,) of one record.
 
     Least squares of x and u over each line and its neighbours, as r times polynomials of frequency (Pintelon and
     Schoukens, System Identification, 2012, 7.2); on r, since u holds the fed back noise. Without a polynomial for what
@@ -255,20 +255,21 @@ def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array]:
     own = np.arange(n), np.arange(n) - near[:, 0]
     told = both[own] - (both - q @ share)[own] / np.maximum(1 - np.sum(np.abs(q[own]) ** 2, axis=1), 1e-9)[:, None]
     plant = np.divide(told[:, 0], told[:, 1], out=np.zeros(n, complex), where=told[:, 1] != 0)
-    beside = np.divide(x, plant, out=u.astype(complex), where=plant != 0) - u
-    return coherence[:, 0], coherence[:, 1], np.abs(beside) ** 2
+    return coherence[:, 0], coherence[:, 1], np.abs(x - plant * u) ** 2, np.abs(plant) ** 2
 
 
-def _leaked(beside: Array) -> Array:
-    """The power (n,) that other signals may have in each line, from that of what each line has beside the sweep (n,).
+def _leaked(beside: Array, plant: Array) -> Array:
+    """The power (n,) [m2] that other signals may have in each line, from that of what each line has beside the sweep
+    (n,) [m2]; plant: |P|^2 (n,).
 
     A signal of one frequency that stands out from its neighbours leaves so much in its own line, and in all others at
-    most what a record that is no whole number of its periods makes of it, 1 / (pi k) in k lines' distance. That is so
-    smooth that X / U seems to be free of noise.
+    most what a record that is no whole number of its periods makes of it, 1 / (pi k) in k lines' distance, as it acts
+    with the thrust. That is so smooth that X / U seems to be free of noise.
     """
     alone = np.where(beside > FOREIGN * _typical(beside, LOCAL), beside, 0.0)
     away = np.abs(np.arange(1 - alone.size, alone.size))
-    leaked = fftconvolve(alone, 1 / np.maximum(np.pi * away, 1.0) ** 2, "valid")
+    alone = np.divide(alone, plant, out=alone, where=plant > 0)
+    leaked = plant * fftconvolve(alone, 1 / np.maximum(np.pi * away, 1.0) ** 2, "valid")
     return np.asarray(np.maximum(leaked, 0.0), float)
 
 

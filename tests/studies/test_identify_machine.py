@@ -97,6 +97,8 @@ def test_an_excitation_that_does_not_repeat_is_recognised_by_the_straight_refere
     reference = own_records.SPEED * table.sample_time * np.arange(wave.size, dtype=float)
     record = own_records.run(table, reference, wave, 1)
     assert recognised(table, Loaded("random", "", record, (), ())) == "excitation"
+    started = replace(record, reference=np.maximum(record.reference, record.reference[record.reference.size // 20]))
+    assert recognised(table, Loaded("started", "", started, (), ())) == "excitation"
     slow = own_records.hysteresis(table, 1)
     assert recognised(table, Loaded("slow", "", replace(slow, feedforward=0.1 * slow.command), (), ())) == "hysteresis"
 

@@ -155,12 +155,17 @@ def there_and_back(sections: Array, at_rest: Array, columns: Array) -> Array:
     return np.asarray(whole[edge:-edge])
 
 
+def reversals(path: Array) -> NDArray[np.int64]:
+    """The samples (k,) at which a path (n,) [m] turns round, for a PASS of its span at least."""
+    least = PASS * np.ptp(path)
+    ends = [scipy.signal.find_peaks(sign * path, prominence=least)[0] for sign in (1, -1)]
+    return np.asarray(np.sort(np.concatenate(ends)), np.int64)
+
+
 def passes(path: Array) -> tuple[NDArray[np.int64], Array]:
     """Of every sample (n,) which pass it belongs to, from one reversal to the next, and how far it is from the one
     before [m]. Passes that begin and end at the same places are one."""
-    least = PASS * np.ptp(path)
-    ends = np.sort(np.concatenate([scipy.signal.find_peaks(sign * path, prominence=least)[0] for sign in (1, -1)]))
-    ends = np.unique(np.concatenate([[0], ends, [path.size - 1]]))
+    ends = np.unique(np.concatenate([[0], reversals(path), [path.size - 1]]))
     number, way, known = np.zeros(path.size, np.int64), np.zeros(path.size), list[tuple[float, float]]()
     for begin, end in pairwise(ends):
         here = path[begin], path[end]

@@ -9,7 +9,7 @@ from typing import Final
 from models.identification.estimate import LOOSE, Estimate, combined
 from models.identification.force import by_elements
 from models.identification.force.fit import ForceFit
-from models.identification.force.signals import Terms, fast_band
+from models.identification.force.signals import Terms, fast_band, reversals
 from models.identification.force.stated import along_the_path
 from models.identification.into_machine import (
     Found,
@@ -51,6 +51,11 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     records show different forms of it, both are that record's.
     """
     record = record_of(loaded)
+    if reversals(record.position).size == 0:
+        raise ValueError(
+            "never turns round: in one direction friction is no other than an offset; record strokes there and back, "
+            "or name its kind excitation if a sweep or a multisine acts while it rolls"
+        )
     band = settings.pass_band or fast_band(record, found.machine.plant.lowest_mode)
     terms = replace(DYNAMICS, effects=along_the_path(found.machine))
     fit = by_elements.identify(record, terms, pass_band=band, fit_until=half_of(record))

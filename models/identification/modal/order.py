@@ -265,10 +265,9 @@ def _grown(problem: Problem, structure: Structure, most: int) -> Candidate:
         part = problem.up_to(top)
         one = fitted(part, plain, one.theta)
         while one.modes < most:
-            more = fitted(part, plain, with_mode(one.theta, plain, part))
+            more = _without_faults(part, fitted(part, plain, with_mode(one.theta, plain, part)))
             scale = _scale(part, [one, more])
-            gained = _criterion(part, one, scale) - _criterion(part, more, scale)
-            if gained < STRONG or any(faults(part, more)):
+            if _criterion(part, one, scale) - _criterion(part, more, scale) < STRONG:
                 break
             one = more
     return fitted(problem, structure, _with_parts(problem, one, structure))

@@ -83,6 +83,13 @@ def test_a_response_that_shows_nothing_is_refused_with_the_reason() -> None:
         identify(MACHINE, [replace(one, content=vague)])
 
 
+def test_a_record_of_one_direction_shows_no_friction() -> None:
+    """What is the friction's there may as well be an offset's, however much a force shakes the axis."""
+    rolls = Loaded("one_way.csv", "0", own_records.excitation(MACHINE, 1), (), ())
+    with pytest.raises(RecordError, match=r"one_way\.csv: never turns round: in one direction friction is no other"):
+        identify(MACHINE, [rolls], kinds=["dynamics"])
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_record_that_no_machine_explains_is_refused_in_words_of_its_own() -> None:
     """A command whose sign is turned, which is trusted: no message and no warning of NumPy comes through."""
