@@ -218,7 +218,8 @@ def _swept(record: Record) -> FrequencyResponse:
     lines = np.flatnonzero(used)
     noise = noise_under_sweep(x, u, r, z, lines)
     noise = _apart(noise, _smooth(noise, lines))
-    noise = noise + _leaked(np.where(swept, beside, 0.0), plant)[lines]
+    inside = np.convolve(swept, np.ones(2 * LOCAL + 1), "same") > 2 * LOCAL  # the sweep's ends look like tones, too
+    noise = noise + _leaked(beside, plant, inside)[lines]
     f, u = np.asarray(frequency[used], np.float64), u[used]
     if f[-1] < 2**OCTAVES * f[0]:
         raise ValueError(
@@ -258,15 +259,15 @@ def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array, Arr
     return coherence[:, 0], coherence[:, 1], np.abs(x - plant * u) ** 2, np.abs(plant) ** 2
 
 
-def _leaked(beside: Array, plant: Array) -> Array:
+def _leaked(beside: Array, plant: Array, inside: NDArray[np.bool_]) -> Array:
     """The power (n,) [m2] that other signals may have in each line, from that of what each line has beside the sweep
-    (n,) [m2]; plant: |P|^2 (n,).
+    (n,) [m2]; plant: |P|^2 (n,); inside (n,): where such a signal can be told from the sweep.
 
     A signal of one frequency that stands out from its neighbours leaves so much in its own line, and in all others at
     most what a record that is no whole number of its periods makes of it, 1 / (pi k) in k lines' distance, as it acts
     with the thrust. That is so smooth that X / U seems to be free of noise.
     """
-    alone = np.where(beside > FOREIGN * _typical(beside, LOCAL), beside, 0.0)
+    alone = np.where(inside & (beside > FOREIGN * _typical(beside, LOCAL)), beside, 0.0)
     away = np.abs(np.arange(1 - alone.size, alone.size))
     alone = np.divide(alone, plant, out=alone, where=plant > 0)
     leaked = plant * fftconvolve(alone, 1 / np.maximum(np.pi * away, 1.0) ** 2, "valid")
