@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from diagnosis.handover.files import Content
@@ -296,7 +296,7 @@ def _percent(part: float, whole: float) -> str:
 
 def _in_percent(ratio: float) -> str:
     """A ratio [1] in percent, as long as that is easily read."""
-    return f"{100 * ratio:.2g} %" if ratio < SEVERAL else f"{ratio:.0f} times"
+    return f"{100 * ratio:.2g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
 
 
 def _handed_over(far: Results) -> list[str]:
@@ -367,12 +367,13 @@ CANDIDATES: Final = {
 }
 
 
-def harm_told(harm: Results) -> str:
-    """In which measure a file was worse than a simpler one, in one sentence."""
-    before, after = (show(harm[name], harm["unit"], 3) for name in ("before", "after"))
+def harm_told(harm: Results, quantity: Callable[[float, str, int], str] = show) -> str:
+    """In which measure a file was worse than a simpler one, in one sentence, its numbers as `quantity` writes them."""
+    article = "an" if MEASURES[harm["measure"]][0] in "aeiou" else "a"
+    before, after = (quantity(harm[name], harm["unit"], 3) for name in ("before", "after"))
     return (
-        f"On motions left out of the fit, {CANDIDATES[harm['file']]} has {MEASURES[harm['measure']]} of {after}, and "
-        f"{CANDIDATES[harm['than']]} of {before}: it is not adopted."
+        f"On motions left out of the fit, {CANDIDATES[harm['file']]} leaves {article} {MEASURES[harm['measure']]} of "
+        f"{after}, {CANDIDATES[harm['than']]} one of {before}: the former is not adopted."
     )
 
 

@@ -11,7 +11,7 @@ from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies import as_known
 from studies.gap_diagnosis import course, figures, unknown_law
-from studies.gap_diagnosis.answer import CANDIDATES, MEASURES, bounds_told, effects_listed
+from studies.gap_diagnosis.answer import bounds_told, effects_listed, harm_told
 from studies.wording import beside, filters, fitted, quantity
 
 Results = Mapping[str, Any]
@@ -36,7 +36,7 @@ def tell(whole: Results) -> Report:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
     extra: dict[str, Callable[..., Any]] = {
         "listed": effects_listed,
-        "harm": _harm,
+        "harm": partial(harm_told, quantity=quantity),
         "bounds": partial(bounds_told, verb=False),
         "share": _share,
         "sized": _sized,
@@ -137,16 +137,6 @@ def _waterfall_caption(results: Results) -> str:
 
 def _share(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.1f} %"
-
-
-def _harm(harm: Results) -> str:
-    """In which measure a file was worse than a simpler one, in one sentence."""
-    article = "an" if MEASURES[harm["measure"]][0] in "aeiou" else "a"
-    before, after = (quantity(harm[name], harm["unit"], 3) for name in ("before", "after"))
-    return (
-        f"On motions left out of the fit, {CANDIDATES[harm['file']]} leaves {article} {MEASURES[harm['measure']]} of "
-        f"{after}, {CANDIDATES[harm['than']]} one of {before}: the former is not adopted."
-    )
 
 
 def _sized(item: Results) -> str:

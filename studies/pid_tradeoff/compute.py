@@ -16,7 +16,6 @@ from design.deployment.drive_file import controller_to_json
 from design.effect_compensation import left_out, with_effects
 from design.family import Member, family, slopes, usual_errors
 from design.judging.known_range import excess_of, excess_to_json
-from design.judging.sticking import cause_of, state_of, sticking
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
 from design.pid.front import LAMBDAS, RULE_TIMES, Front, Point, judged, rules, tuned
@@ -40,6 +39,7 @@ from studies.pid_tradeoff import ensemble
 from studies.pid_tradeoff.checks import made
 from studies.pid_tradeoff.options import TradeoffOptions
 from studies.pid_tradeoff.published import compare
+from studies.pid_tradeoff.refusal import refusal
 from studies.pid_tradeoff.rows import MOST_RUNS, nonsmooth, over_runs, point_row, summary
 from studies.scattered import scattered
 from studies.study import Answer, Progress
@@ -159,7 +159,7 @@ def _tuned(
     try:
         front = tuned(problem, levels, limits, machine)
     except TuningError as error:
-        raise BadInputError(f"--ms, --mt, --noise: {_refusal(machine, error, levels[-1])}") from error
+        raise BadInputError(f"--ms, --mt, --noise: {refusal(machine, error, levels[-1])}") from error
     chosen = front.nearest(wanted["ms"])
     return _TradeOff(members, goal, replace(limits, ms=chosen.bound or wanted["ms"]), present, front, chosen)
 
@@ -179,35 +179,6 @@ def _foresee(
         "tuning": levels * ASSESSMENTS * (len(plants) + others) * loop,
     }
     foresee(seconds, min(runs, BATCH) * 4 * period(machine) * SIMULATED, options, progress)
-
-
-def _refusal(machine: Machine, error: TuningError, ms: float) -> str:
-    """Why no PID was found up to |S| <= ms [1], and what to do. Where the friction of the model does work on the axis
-    through a mode of negative gain, neither bounds nor the dead time are the reason."""
-    found = sticking(machine)
-    if found is None or not found.modes:
-        return f"{error}{_dead_time(machine, ms)}"
-    tried = "; ".join(f"{attempt.start}: {attempt.outcome}" for attempt in error.attempts)
-    return (
-        f"{error.reason} ({tried}); with the present feedback, too, {state_of(found)}. The cause is {cause_of(found)}; "
-        "keep the present feedback and judge it by a record"
-    )
-
-
-def _dead_time(machine: Machine, ms: float) -> str:
-    """The dead time as a reason why no PID keeps to |S| <= ms [1]; empty where it is not long.
-
-    Behind a reversal the mass swings on the undamped contacts, which a loop can damp up to its crossover only.
-    """
-    crossover = float(highest_crossover(machine.plant, machine.sample_time, ms)[0])
-    swing = math.sqrt(max(slopes(machine).values()) / machine.plant.mass)
-    if crossover >= swing:
-        return ""
-    return (
-        f"; within |S| <= {ms:g} a dead time of {show(machine.plant.dead_time, 's')} allows a crossover of at most "
-        f"{show(crossover / (2 * math.pi), 'Hz', 3)}, below the {show(swing / (2 * math.pi), 'Hz', 3)} at which the "
-        "mass swings on its contacts: shorten the dead time"
-    )
 
 
 def _asked(wanted: dict[str, Any], tuning: _TradeOff) -> dict[str, Any]:

@@ -22,8 +22,9 @@ from models.machine import Provenance
 from models.machine import load as load_machine
 from studies.command import DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
-from studies.pid_tradeoff.compute import _keeps_present, _refusal, _wanted
+from studies.pid_tradeoff.compute import _keeps_present, _wanted
 from studies.pid_tradeoff.options import TradeoffOptions
+from studies.pid_tradeoff.refusal import refusal
 from tests.design.machines import far_side
 
 TS = 5e-4
@@ -136,12 +137,12 @@ def test_a_mode_through_which_the_friction_does_work_is_the_reason_why_there_is_
     error = TuningError("no PID (tried); raise a bound, or take plants out of the family", tried, "no PID")
     table = load_machine()
     belt = far_side(table)
-    told = _refusal(replace(belt, plant=replace(belt.plant, dead_time=8e-3)), error, 3.0)
+    told = refusal(replace(belt, plant=replace(belt.plant, dead_time=8e-3)), error, 3.0)
     assert told.startswith("no PID (present PID: it keeps to the bounds, but a loop is unstable); with the present")
     assert "the mode of negative gain at 38 Hz" in told
     assert "keep the present feedback and judge it by a record" in told
     assert "raise a bound" not in told
     assert "dead time" not in told
-    late = _refusal(replace(table, plant=replace(table.plant, dead_time=8e-3)), error, 3.0)
+    late = refusal(replace(table, plant=replace(table.plant, dead_time=8e-3)), error, 3.0)
     assert late.startswith(str(error))
     assert late.endswith("shorten the dead time")

@@ -194,7 +194,7 @@ def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> 
         "at_bounds": [bound],
     }
     told = sentences({**results, "how_far": far})["how_far"]
-    assert "the machine with effects has position error of 8.2 µm, and the machine as delivered of 2.3 µm" in told
+    assert "the machine with effects leaves a position error of 8.2 µm, the machine as delivered one of 2.3 µm" in told
     assert "improved.toml is the machine as delivered." in told
     assert "The model is incomplete: payload mass is at the end of twice the usual room." in told
 
