@@ -20,7 +20,8 @@ from models.identification import MOST_MODES
 from models.identification.estimate import Estimate
 from models.identification.force.fit import SPRING
 from models.identification.modal.fitting import Beside, Problem, Structure, decoded, left_of, problem_of, sizes
-from models.identification.modal.order import HEAVY, Candidate, Order, chosen
+from models.identification.modal.foreign import left_out
+from models.identification.modal.order import HEAVY, Candidate, Chosen, Order, chosen
 from models.identification.modal.transfer import Array, Complex, response
 from models.identification.response import FrequencyResponse
 from models.plant import Plant
@@ -148,7 +149,16 @@ def _fit(
     problem = problem_of(measured, used, spring.stiffness)
     rolling = all(one.rolling for one in measured)
     candidates = Structure(lag=True, drag=rolling, spring=rolling and spring.sought)
-    found = chosen(problem, most_modes, candidates, exactly=count, rolling=rolling or len(measured) > 1)
+
+    def search(among: Problem) -> Chosen:
+        return chosen(among, most_modes, candidates, exactly=count, rolling=rolling or len(measured) > 1)
+
+    found = search(problem)
+    if len(measured) == 1 and measured[0].settled > 0 and not found.bent:
+        found, kept = left_out(problem, found, search)
+        mask = used[0].copy()
+        mask[mask] = kept
+        used, problem = [mask], problem_of(measured, [mask], spring.stiffness)
     best = found.best
     plant, beside = decoded(best.theta, best.structure, problem)
     early, plant = min(plant.dead_time, 0.0), replace(plant, dead_time=max(plant.dead_time, 0.0))

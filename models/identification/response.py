@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from models.identification.modal.local_rational import LOCAL as NOISE_LOCAL
-from models.identification.modal.local_rational import noise_between_lines, noise_under_sweep
+from models.identification.modal.local_rational import distortion_between_lines, noise_between_lines, noise_under_sweep
 from models.records.checks import quantisation
 from models.records.record import Record
 
@@ -144,8 +144,10 @@ def _repeated(record: Record, length: int) -> FrequencyResponse:
     response, coherence = _averaged(r[:, used], u[:, used], x[:, used])
     whole_u, whole_x = (np.fft.rfft(signal) / signal.size for signal in (part.command, level))
     z = np.exp(2j * np.pi * np.fft.rfftfreq(level.size))
-    noise = noise_between_lines(whole_x, whole_u, z, count * np.flatnonzero(used), count)
+    lines = count * np.flatnonzero(used)
+    noise = noise_between_lines(whole_x, whole_u, z, lines, count)
     noise = _apart(noise, _typical(noise))
+    noise = _apart(distortion_between_lines(whole_x, whole_u, z, lines, count), noise)
     command = np.mean(u[:, used], axis=0)
     rolling = _rolling(part.position)
     return FrequencyResponse(

@@ -93,6 +93,10 @@ class Lines:
             return self
         return self._of(np.unique(np.searchsorted(self.f, np.geomspace(self.f[0], self.f[-1], most))))
 
+    def kept(self, used: NDArray[np.bool_]) -> Lines:
+        """The lines that are used (n,)."""
+        return self._of(np.flatnonzero(used))
+
     def _of(self, some: NDArray[np.intp]) -> Lines:
         command = None if self.command is None else self.command[some]
         return replace(self, f=self.f[some], p=self.p[some], weight=self.weight[some], command=command)

@@ -44,6 +44,7 @@ WORSE: Final = 2  # orders in a row whose criterion is worse: then none better f
 NEAR: Final = 1.05  # factor from a bound of the search within which a value stands at it
 SURELY: Final = 400.0  # squared deviations from none from which on no trial without a part is needed
 FAR: Final = 10.0  # times the stated variance: what is left is no scatter, and another start is tried
+THIRD: Final = 2 ** (1 / 3)  # by which a band grows; by a whole octave a large mode may come too suddenly to be found
 EDGE: Final = 1.1  # times the lowest line: a mode below stands for friction where the axis did not roll
 SAME: Final = 0.02  # relative distance of two frequencies that count as the same mode in another order
 
@@ -253,15 +254,15 @@ def _from(few: Problem, found: list[Candidate], most: int, exactly: int | None, 
 
 
 def _grown(problem: Problem, structure: Structure, most: int) -> Candidate:
-    """The modes that show as the band grows, octave by octave, from the lowest two on, where an axis is hardly more
-    than a rigid body; fitted to the whole band at last. Without a lag, which a dead time stands in for, and without
-    what is not a mode: in a narrow band either would pass for the slopes of a mode above it."""
+    """The modes that show as the band grows by THIRDs of an octave, from the lowest two octaves on, where an axis is
+    hardly more than a rigid body; fitted to the whole band at last. Without a lag, which a dead time stands in for, and
+    without what is not a mode: in a narrow band either would pass for the slopes of a mode above it."""
     low, high = problem.band
     top, plain = 4 * low, replace(structure, lag=False)
     part = problem.up_to(top)
     one = fitted(part, plain, trend(plain, part))
     while top < high:
-        top *= 2
+        top *= THIRD
         part = problem.up_to(top)
         one = fitted(part, plain, one.theta)
         while one.modes < most:

@@ -67,6 +67,14 @@ def on_turning(measured: FrequencyResponse) -> Iterator[str]:
 def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
     """What a response shows beside modes, what was not a mode, and what was clipped."""
     yield from on_turning(measured)
+    if measured.settled > 0:
+        lowest = measured.frequency[fit.used][0]
+        foreign = [f"{f:.4g} Hz" for f in measured.frequency[~fit.used] if f > lowest]
+        if foreign:
+            yield (
+                f"Another signal stands on the excitation's line at {listed(foreign)}, as a ripple does that the axis "
+                "passes as often in each period: it is left out. Roll a little slower or faster to tell the two apart."
+            )
     if not np.all(np.isfinite(measured.variance)):
         yield "The response has no stated deviations: all lines count alike, relative to their size."
     if fit.lag > 0:

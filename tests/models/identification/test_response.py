@@ -12,7 +12,7 @@ from scipy.signal import chirp
 from models.effects.motor import Cogging
 from models.identification import modes, response
 from models.identification.estimate import Estimate, combined, left_out, newey_west, not_identifiable, wider
-from models.identification.modal.remarks import TURNED
+from models.identification.modal.remarks import TURNED, on_response
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.machine import Machine, load
@@ -25,6 +25,7 @@ from studies.identify_machine.round_trip import WITHIN, judged, true_modes
 Array = NDArray[np.float64]
 
 MACHINE = own_records.noisy(load())
+LINES: Array = np.unique(np.round(np.geomspace(8, 800, 70)))  # of a multisine, in its period's frequency
 
 
 @pytest.mark.parametrize("dead_time", [0.0, 1.0e-3, 1.23e-3])
@@ -183,6 +184,37 @@ def test_a_tone_beside_one_sweep_is_no_part_of_the_plant() -> None:
     fit = modes.fit(found)
     assert fit.estimate.names == modes.fit(response.measured(_swept(MACHINE, 20))).estimate.names
     assert np.all(np.abs(fit.estimate.values - true_modes(table)) < 4 * fit.estimate.deviations)
+
+
+def _multisine_over_cogging(passed: int) -> Record:
+    """A multisine of 70 lines while the axis passes so many cogs of 3 N in each period."""
+    speed, length, ts = own_records.SPEED, 2.0, MACHINE.sample_time
+    table = replace(MACHINE, effects=(Cogging(3.0, speed * length / passed, 0.4),))
+    draw, t = np.random.default_rng(0), np.arange(round(length / ts)) * ts
+    force = np.sum(1.2 * np.sin(2 * np.pi * np.outer(LINES / length, t) + draw.uniform(0, 7, (LINES.size, 1))), axis=0)
+    force_ = np.concatenate([np.zeros(round(1 / ts)), np.tile(force, 6)])
+    return own_records.run(table, speed * ts * np.arange(force_.size, dtype=float), force_, 1)
+
+
+def test_what_repeats_with_a_multisine_without_being_the_plants_answer_counts_as_noise() -> None:
+    """Cogging that the axis passes as often in each period: the lines between are as quiet as ever, and the multiples
+    of the period's frequency that are not excited are not."""
+    found = response.measured(_multisine_over_cogging(next(count for count in range(20, 60) if count not in LINES)))
+    truth = modes.model(MACHINE.plant, found.frequency, MACHINE.sample_time)
+    assert 0.3 < np.mean(np.abs(found.response - truth) ** 2 / found.variance) < 3
+    fit = modes.fit(found)
+    assert np.all(fit.used)
+    assert fit.estimate.values.size == true_modes(MACHINE).size
+    assert np.all(np.abs(fit.estimate.values - true_modes(MACHINE)) < 4 * fit.estimate.deviations)
+
+
+def test_a_tone_on_a_line_of_a_multisine_is_left_out_and_told() -> None:
+    """There X / U is what feedback answers to the tone, and nothing between the lines shows it."""
+    found = response.measured(_multisine_over_cogging(22))
+    fit = modes.fit(found)
+    assert list(found.frequency[~fit.used]) == [11.0]
+    assert np.all(np.abs(fit.estimate.values - true_modes(MACHINE)) < 4 * fit.estimate.deviations)
+    assert any("stands on the excitation's line at 11 Hz" in said for said in on_response(fit, found))
 
 
 def _record(loaded: Loaded) -> Record:

@@ -1,0 +1,70 @@
+"""Lines of a periodic excitation on which another signal stands: a ripple that the axis rolls over as often in each
+period. X / U is there what feedback answers to that signal, and not the plant; neither the periods nor the lines
+between show it. One such line hides every mode from the search, which no line of a plant does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.identification.modal.fitting import Lines, Problem
+from models.identification.modal.local_rational import DEGREE, LEAST, PASSES
+from models.identification.modal.order import FAR, Chosen
+from models.identification.modal.transfer import Array, Complex
+
+TRIED: Final = 3  # lines that their neighbours foretell worst
+MOST: Final = 3  # lines that are left out
+NEAR: Final = 4  # neighbours on each side, from which a line is foretold
+
+Mask = NDArray[np.bool_]
+
+
+def left_out(problem: Problem, found: Chosen, search: Callable[[Problem], Chosen]) -> tuple[Chosen, Mask]:
+    """What is found once the foreign lines of one response are left out, and which lines (n,) were used.
+
+    Only where what is found is far from the stated errors; a line is foreign if without it this is FAR times less.
+    """
+    used = np.ones(problem.lines[0].f.size, bool)
+    for _ in range(MOST):
+        one = problem.lines[0].kept(used)
+        if not problem.known or found.best.cost <= FAR * 2 * one.f.size:
+            break
+        places = np.flatnonzero(used)
+        tried = [(int(places[i]), search(_without(problem, used, int(places[i])))) for i in _suspects(one)]
+        line, better = min(tried, key=lambda pair: pair[1].best.cost)
+        if better.best.cost > found.best.cost / FAR:
+            break
+        used[line], found = False, better
+    return found, used
+
+
+def _without(problem: Problem, used: Mask, line: int) -> Problem:
+    kept = used.copy()
+    kept[line] = False
+    return replace(problem, lines=(problem.lines[0].kept(kept),))
+
+
+def _suspects(lines: Lines) -> list[int]:
+    """The lines that are worst foretold by their neighbours, which near one mode are a rational function."""
+    shape = lines.p * (2j * np.pi * lines.f) ** 2
+    away: Array = np.asarray([_foretold(lines.f, shape, i) for i in range(lines.f.size)]) / (2 * np.pi * lines.f) ** 2
+    return [int(i) for i in np.argsort(-away * lines.weight, kind="stable")[:TRIED]]
+
+
+def _foretold(f: Array, shape: Complex, line: int) -> float:
+    """By how much one line of w^2 P (n,) [1/kg] is not B / A, of degree DEGREE in log f, of those around it [1/kg]."""
+    near = np.clip(line - NEAR, 0, f.size - 2 * NEAR - 1) + np.arange(2 * NEAR + 1)
+    near = near[near != line]
+    place = np.log(f[near] / f[line])
+    powers = (place / np.max(np.abs(place)))[:, None] ** np.arange(DEGREE + 1)
+    weight, found = np.ones(near.size), np.zeros(2 * DEGREE + 1, complex)
+    for _ in range(PASSES):
+        columns = np.hstack([powers, -shape[near, None] * powers[:, 1:]]) * weight[:, None]
+        found, *_ = np.linalg.lstsq(columns, shape[near] * weight)
+        weight = 1 / np.maximum(np.abs(1 + powers[:, 1:] @ found[DEGREE + 1 :]), LEAST)
+    return float(np.abs(shape[line] - found[0]))
