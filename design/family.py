@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from design.loop import dominant_pole
+from models.controller import Feedback
 from models.machine import Machine
-from models.plant import sampled
+from models.plant import Plant, sampled
 from models.variation import Variation, known, varied_plant
 
 if TYPE_CHECKING:
@@ -34,7 +36,8 @@ def family(
     """P_l, P_e1, P_e2 and the steepest slope sum K_i, each also with all modes' frequencies and the mass off.
 
     mode_error, mass_error [1]: relative, to both sides; the mass is the rigid body's, as a payload changes it. others:
-    further machines that could be this one (an ensemble); of each the four plants as they are.
+    further machines that could be this one (an ensemble); of each the four plants as they are. All with what the
+    machine's effects add, as far as that is linear.
     """
     variants = {"": machine.plant}
     for sign in (-1, 1):
@@ -47,12 +50,12 @@ def family(
                 machine.plant, Variation(payload=sign * mass_error)
             )
     members = [
-        Member(name + variant, sampled(plant, machine.sample_time, slope), not variant)
+        Member(name + variant, with_effects(machine, plant, slope), not variant)
         for variant, plant in variants.items()
         for name, slope in slopes(machine).items()
     ]
     members += [
-        Member(f"{name} of {other.name}", sampled(other.plant, machine.sample_time, slope), False)
+        Member(f"{name} of {other.name}", with_effects(other, other.plant, slope), False)
         for other in others
         for name, slope in slopes(other).items()
     ]
@@ -75,3 +78,48 @@ def slopes(machine: Machine) -> dict[str, float]:
     facts = machine.presliding
     steepest = sum(machine.friction.stiffness)
     return {"P_l": 0.0, "P_e1": facts.stiffness_1, "P_e2": facts.stiffness_2, "steepest": steepest}
+
+
+@dataclass(frozen=True)
+class Linear:
+    """What a machine's effects add to its plant that is linear: the modes are in `plant`, and delays that are no lag.
+
+    lag [s]: of the thrust behind its command; drag [N s/m]; spring to ground [N/m].
+    """
+
+    plant: Plant
+    lag: float
+    drag: float
+    spring: float
+
+    @property
+    def late(self) -> Plant:
+        """The plant with the lag as further dead time, for rules that know no other."""
+        return replace(self.plant, dead_time=self.plant.dead_time + self.lag)
+
+
+def linear(machine: Machine, plant: Plant | None = None) -> Linear:
+    """The linear part of a machine's effects around a plant, by default its own."""
+    effects, around = machine.effects, plant or machine.plant
+    lag = sum(effect.lag() for effect in effects)
+    late = sum(effect.input_delay() for effect in effects) - lag
+    modes = sum((effect.modes() for effect in effects), around.modes)
+    return Linear(
+        replace(around, modes=modes, dead_time=around.dead_time + late),
+        lag,
+        sum(effect.viscous_drag() for effect in effects),
+        sum(effect.spring_to_ground() for effect in effects),
+    )
+
+
+def with_effects(machine: Machine, plant: Plant | None = None, slope: float = 0.0) -> control.StateSpace:
+    """The sampled plant, by default the machine's, at a slope of the friction [N/m], with the linear part of the
+    effects."""
+    known = linear(machine, plant)
+    return sampled(known.plant, machine.sample_time, slope + known.spring, damping=known.drag, lag=known.lag)
+
+
+def largest_pole(machine: Machine, feedback: Feedback) -> float:
+    """Largest magnitude [1] of the eigenvalues of the loop on the rolling axis: above 1 it is unstable."""
+    known = linear(machine)
+    return abs(dominant_pole(known.plant, feedback, machine.sample_time, known.spring, known.drag, known.lag))

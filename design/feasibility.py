@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from design.deadbeat import DesignError
-from design.loop import largest_pole
+from design.family import largest_pole, linear
 from design.pid.rules import slow_rule
 from models.machine import Machine
 from models.quantity import show
@@ -80,12 +80,14 @@ def require_stable(machine: Machine) -> None:
         raise DesignError(
             f"control.pid.kp is 0, so that nothing pulls the table to its target; give gains{_others(machine)}"
         )
-    pole = largest_pole(machine.plant, machine.control.feedback, machine.sample_time)
+    pole = largest_pole(machine, machine.control.feedback)
     stated = "control.pid" if machine.control.cascade is None else "control.cascade"
     if pole > 1 + UNSTABLE:
+        lag = linear(machine).lag
+        behind = f" and a lag of {show(lag, 's')}" if lag > 0 else ""
         raise DesignError(
             f"the loop is unstable: with {stated} on a mass of {show(machine.plant.mass, 'kg')} and a dead time of "
-            f"{show(machine.plant.dead_time, 's')} its largest pole has the magnitude {pole:.5g}; "
+            f"{show(machine.plant.dead_time, 's')}{behind} its largest pole has the magnitude {pole:.5g}; "
             f"correct the gains, the mass or the dead time{_others(machine)}"
         )
 
@@ -93,7 +95,7 @@ def require_stable(machine: Machine) -> None:
 def _others(machine: Machine) -> str:
     """Gains with which the loop is stable, where a rule of thumb knows some; empty otherwise."""
     pid = slow_rule(machine)
-    if largest_pole(machine.plant, pid, machine.sample_time) > 1 + UNSTABLE:
+    if largest_pole(machine, pid) > 1 + UNSTABLE:
         return ""
     gains = ((pid.kp, "N/m"), (pid.ki, "N/(m s)"), (pid.kd, "N s/m"), (pid.derivative_filter, "s"))
     kp, ki, kd, keep = (show(*gain, 3) for gain in gains)

@@ -112,19 +112,20 @@ def controller_matrices(feedback: Feedback, sample_time: float) -> tuple[Array, 
     return a, b, c, np.array([[d]])
 
 
-def largest_pole(plant: Plant, feedback: Feedback, sample_time: float) -> float:
-    """Largest magnitude [1] of the closed loop's eigenvalues: above 1 the loop is unstable; sample_time [s]."""
-    return abs(dominant_pole(plant, feedback, sample_time))
-
-
 def dominant_pole(
-    plant: Plant, feedback: Feedback, sample_time: float, stiffness: float = 0.0, damping: float = 0.0
+    plant: Plant,
+    feedback: Feedback,
+    sample_time: float,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    lag: float = 0.0,
 ) -> complex:
     """The closed loop's eigenvalue z [1] of the largest magnitude, one of a pair; inf where the loop is not finite.
 
-    sample_time [s]; stiffness [N/m], damping [N s/m]: of a spring in place of the friction, see `sampled_matrices`.
+    sample_time [s]; stiffness [N/m], damping [N s/m]: of a spring in place of the friction, lag [s] of the thrust, see
+    `sampled_matrices`.
     """
-    a, b, c = sampled_matrices(plant, sample_time, stiffness, damping=damping)
+    a, b, c = sampled_matrices(plant, sample_time, stiffness, damping=damping, lag=lag)
     a_pid, b_pid, c_pid, d_pid = controller_matrices(feedback, sample_time)
     loop = np.block([[a - b @ d_pid @ c, b @ c_pid], [-b_pid @ c, a_pid]])
     if not np.all(np.isfinite(loop)):
@@ -288,14 +289,23 @@ def disturbance_response(plant: control.StateSpace, feedback: Feedback, count: i
 
 
 def intersample(
-    plant: Plant, feedback: Feedback, sample_time: float, count: int, *, stiffness: float = 0.0, parts: int = 10
+    plant: Plant,
+    feedback: Feedback,
+    sample_time: float,
+    count: int,
+    *,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    lag: float = 0.0,
+    parts: int = 10,
 ) -> Array:
-    """x (count parts,) [m per newton] at `parts` points a sample from 0 on, after a unit step of d.
+    """x (count parts,) [m per newton] at `parts` points a sample from 0 on, after a unit step of d at the command.
 
-    stiffness: K_e [N/m]. The plant is exact at every point: it is sampled `parts` times as fast, under a command of the
-    feedback that changes with sample_time [s].
+    stiffness: K_e [N/m]; damping [N s/m] and lag [s]: see `sampled_matrices`. The plant is exact at every point: it is
+    sampled `parts` times as fast, under a command of the feedback that changes with sample_time [s].
     """
-    fast, law = sampled(plant, sample_time / parts, stiffness), controller_model(feedback, sample_time)
+    fast = sampled(plant, sample_time / parts, stiffness, damping=damping, lag=lag)
+    law = controller_model(feedback, sample_time)
     state, memory, command = np.zeros(fast.nstates), np.zeros(law.nstates), 0.0
     path = np.empty(count * parts)
     for k in range(path.size):

@@ -188,27 +188,43 @@ def transition(a: Array, b: Array, duration: float) -> tuple[Array, Array]:
 
 
 def sampled(
-    plant: Plant, sample_time: float, stiffness: float = 0.0, *, whole_delay: bool = True
+    plant: Plant,
+    sample_time: float,
+    stiffness: float = 0.0,
+    *,
+    damping: float = 0.0,
+    lag: float = 0.0,
+    whole_delay: bool = True,
 ) -> control.StateSpace:
     """Exact model of the plant behind a zero-order hold, at the samples [s], for any dead time: StateSpace with dt.
 
     The thrust changes in the midst of a sample when L is not a multiple of sample_time; the inputs under way are states
     behind those of `state_space`: (..., u[k-1], u[k-2], ...). `whole_delay=False` leaves out the d whole samples of
-    delay (L = d T_s + rest) and keeps the rest.
+    delay (L = d T_s + rest) and keeps the rest. damping, lag: see `sampled_matrices`.
     """
-    return _space(*sampled_matrices(plant, sample_time, stiffness, whole_delay=whole_delay), sample_time)
+    matrices_ = sampled_matrices(plant, sample_time, stiffness, damping=damping, lag=lag, whole_delay=whole_delay)
+    return _space(*matrices_, sample_time)
 
 
 def sampled_matrices(
-    plant: Plant, sample_time: float, stiffness: float = 0.0, *, damping: float = 0.0, whole_delay: bool = True
+    plant: Plant,
+    sample_time: float,
+    stiffness: float = 0.0,
+    *,
+    damping: float = 0.0,
+    lag: float = 0.0,
+    whole_delay: bool = True,
 ) -> tuple[Array, Array, Array]:
     """A (n, n), B (n, 1), C (1, n) of `sampled`, for who needs no control.StateSpace; arguments as there; SI.
 
-    damping: of the spring K_e, by the speed at the scale [N s/m].
+    damping: of the spring K_e, by the speed at the scale [N s/m]. lag: of first order, with which the thrust follows
+    its command behind the dead time [s]; the thrust is then the last state of the plant's own.
     """
     whole, rest = delay_split(plant.dead_time, sample_time)
     a_plant, b_plant, c_plant = matrices(plant)
     a_plant = against_spring(a_plant, b_plant, c_plant, stiffness, damping)
+    if lag > 0:
+        a_plant, b_plant, c_plant = _behind_lag(a_plant, b_plant, c_plant, lag)
     n, memory = len(a_plant), (whole if whole_delay else 0) + (rest > 0)
     phi, _ = transition(a_plant, b_plant, sample_time)
     part = sample_time - rest  # in which the newer command acts
@@ -226,6 +242,14 @@ def sampled_matrices(
     if memory:
         b[n, 0] = 1.0
     return a, b, np.hstack([c_plant, np.zeros((1, memory))])
+
+
+def _behind_lag(a: Array, b: Array, c: Array, lag: float) -> tuple[Array, Array, Array]:
+    """A (n + 1, n + 1), B (n + 1, 1), C (1, n + 1) of a plant behind lag u_i' + u_i = u, its last state u_i; lag
+    [s]."""
+    n = len(a)
+    both = np.block([[a, b], [np.zeros((1, n)), np.full((1, 1), -1 / lag)]])
+    return both, np.vstack([np.zeros((n, 1)), [[1 / lag]]]), np.hstack([c, np.zeros((1, 1))])
 
 
 def against_spring(a: Array, b: Array, c: Array, stiffness: float, damping: float = 0.0) -> Array:

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from design.family import linear
 from design.feasibility import UNSTABLE
 from design.loop import dominant_pole
 from models.controller import Feedback
@@ -56,21 +57,25 @@ class Sticking:
 def sticking(machine: Machine, feedback: Feedback | None = None) -> Sticking | None:
     """What makes the loop unstable while the friction sticks; None where it is stable, or unstable anyhow.
 
-    feedback: by default the one in place. Of the plant and the friction alone, without effects.
+    feedback: by default the one in place. Of the plant, the friction and what the effects add that is linear.
 
     >>> from models.machine import load
     >>> sticking(load()) is None
     True
     """
-    law, ts, plant = feedback or machine.control.feedback, machine.sample_time, machine.plant
-    every = springs(machine.friction)
+    law, ts, known = feedback or machine.control.feedback, machine.sample_time, linear(machine)
+    every, plant = springs(machine.friction), known.plant
+
+    def pole_of(plant: Plant, spring: Spring) -> complex:
+        stiffness, damping = spring
+        return dominant_pole(plant, law, ts, stiffness + known.spring, damping + known.drag, known.lag)
 
     def grows(plant: Plant, spring: Spring) -> bool:
-        return abs(dominant_pole(plant, law, ts, *spring)) > 1 + UNSTABLE
+        return abs(pole_of(plant, spring)) > 1 + UNSTABLE
 
     if grows(plant, (0.0, 0.0)):
         return None
-    poles = [dominant_pole(plant, law, ts, *spring) for spring in every]
+    poles = [pole_of(plant, spring) for spring in every]
     worst = max(range(len(every)), key=lambda i: abs(poles[i]))
     if not 1 + UNSTABLE < abs(poles[worst]) < math.inf:
         return None

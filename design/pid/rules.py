@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 
+from design.family import linear, with_effects
 from design.loop import assess
 from models.controller import PID
 from models.machine import Machine
-from models.plant import Plant, sampled
+from models.plant import Plant
 
 PEAK: Final = 2.0  # of |S| [1], beyond which a rule of thumb's loop counts as too quick
 RUNGS: Final = np.sqrt(2.0) ** np.arange(24)  # of theta: the time constants that are tried, from the quickest on
@@ -41,8 +42,9 @@ def quickest_time(machine: Machine) -> float:
     """The least closed-loop time constant [s] on the ladder with which SIMC's loop keeps |S| within its peak; the last
     rung if there is none."""
     ts, keep = machine.sample_time, machine.control.pid.derivative_filter
-    plant, times = sampled(machine.plant, ts), (machine.plant.dead_time + ts / 2) * RUNGS
-    loops = ((float(time), assess(plant, simc(machine.plant, ts, time, keep))) for time in times)
+    plant, known = with_effects(machine), linear(machine).late
+    times = (known.dead_time + ts / 2) * RUNGS
+    loops = ((float(time), assess(plant, simc(known, ts, time, keep))) for time in times)
     return next((time for time, loop in loops if loop.stable and loop.ms.value <= PEAK), float(times[-1]))
 
 
@@ -59,7 +61,10 @@ def fast_rule(machine: Machine) -> PID:
 def _of(machine: Machine, times: float) -> PID:
     """SIMC's PID [SI] with so many times the quickest time constant [1]."""
     return simc(
-        machine.plant, machine.sample_time, times * quickest_time(machine), machine.control.pid.derivative_filter
+        linear(machine).late,
+        machine.sample_time,
+        times * quickest_time(machine),
+        machine.control.pid.derivative_filter,
     )
 
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from design.controller import assemble, design_deadbeat, usable_thrust
 from design.deadbeat import Constraints, Deadbeat, DesignError, shortest_settling_time
 from design.effect_compensation import designed_with_effects, left_out, with_effects
-from design.family import family
+from design.family import family, largest_pole
 from design.friction_compensation import with_force
-from design.loop import assess, largest_pole
+from design.loop import assess
 from design.pid.goal import Goal
 from design.pid.problem import Bounds, TuningError, mt_bound
 from design.pid.rules import magnitude, slow_rule
@@ -109,7 +109,7 @@ def retuned(design: Design, machine: Machine, before: Machine, others: Sequence[
     here = family(machine, 0.0, 0.0, others)
     mcs = noise_bound(machine, [assess(member.plant, present) for member in here])
     starts = [("the PID in place", present), ("slow rule", slow_rule(machine))]
-    stable = [(start, pid) for start, pid in starts if largest_pole(machine.plant, pid, machine.sample_time) < STABLE]
+    stable = [(start, pid) for start, pid in starts if largest_pole(machine, pid) < STABLE]
     try:
         if not all(loop.stable for loop in loops) or not stable:
             raise TuningError("the loop to start from is not stable")

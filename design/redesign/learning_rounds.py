@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from design.family import with_effects
 from design.loop import controller_response, frequency_response
 from design.redesign.outcome import judged_motions
 from models.machine import Machine
-from models.plant import sampled
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ def learning_filter(machine: Machine, omega: Array) -> NDArray[np.complex128]:
     ts = machine.sample_time
     feedback = controller_response(machine.control.feedback, ts, omega)
     springs = (machine.presliding.stiffness_1, 0.0)
-    plants = np.stack([frequency_response(sampled(machine.plant, ts, spring), omega) for spring in springs])
+    plants = np.stack([frequency_response(with_effects(machine, slope=spring), omega) for spring in springs])
     reach = plants / (1 + plants * feedback)
     size = np.abs(reach)
     inverse = np.sum(np.conj(reach), axis=0) / np.sum(size**2 + (WEIGHT * np.max(size)) ** 2, axis=0)

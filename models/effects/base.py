@@ -308,6 +308,10 @@ class Effect(ABC):
         """By how much later it makes a thrust act [s], see `delayed_by`."""
         return float(getattr(self, self.delayed_by)) if self.delayed_by else 0.0
 
+    def lag(self) -> float:
+        """Of its input delay, what is a lag of first order [s], tau u' + u = command."""
+        return 0.0
+
     def viscous_drag(self) -> float:
         """Of its friction, what grows in proportion to the speed [N s/m], alike in both directions."""
         return 0.0

@@ -128,6 +128,10 @@ class CurrentLoopLag(Effect):
         """The current at the end of the last substep, in newtons, and whether there was one."""
         return 2
 
+    def lag(self) -> float:
+        """The time constant [s]."""
+        return self.time
+
 
 @hook
 def _late(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:

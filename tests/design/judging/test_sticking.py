@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from design.family import largest_pole
 from design.judging.sticking import MOST, advice_on, cause_of, springs, state_of, sticking
-from design.loop import largest_pole, spectral_radius
+from design.loop import spectral_radius
 from models.friction import Friction
 from models.machine import DEFAULT, Machine, load
 from models.plant import Mode, sampled
@@ -50,7 +51,7 @@ def test_a_mode_of_negative_gain_is_found_where_the_friction_swings_it_up(belt: 
     assert found.slope == pytest.approx(sum(belt.friction.stiffness))
     loop = spectral_radius(sampled(belt.plant, belt.sample_time, found.slope), belt.control.pid)
     assert found.pole == pytest.approx(loop, rel=1e-9)
-    assert loop > 1 > largest_pole(belt.plant, belt.control.pid, belt.sample_time)
+    assert loop > 1 > largest_pole(belt, belt.control.pid)
     assert found.growth_time == pytest.approx(belt.sample_time / math.log(loop))
 
 
@@ -67,7 +68,7 @@ def test_a_softer_friction_does_not_swing_it_up(belt: Machine) -> None:
 
 def test_a_loop_that_is_unstable_anyhow_is_left_to_others(belt: Machine) -> None:
     quick = replace(belt, control=load().control)
-    assert largest_pole(quick.plant, quick.control.pid, quick.sample_time) > 1
+    assert largest_pole(quick, quick.control.pid) > 1
     assert sticking(quick) is None
     assert sticking(quick, belt.control.pid) is not None
 
