@@ -179,10 +179,11 @@ def _refined(data: Signals, limits: Array, lags: Array) -> tuple[Array, Array]:
     )
     start = np.clip(np.append(np.log(limits), lags[free] / ts + LAG_ORIGIN), *bounds)
     columns = kept_columns(data, count)
+    size = math.sqrt(float(np.mean(linear_solution(data, limits, lags)[1] ** 2)))  # the search ends at absolute slopes
 
     def left(theta: Array) -> Array:
         limits, lags = split(theta)
-        return linear_solution(data, limits, lags, columns(limits, lags))[1]
+        return linear_solution(data, limits, lags, columns(limits, lags))[1] / max(size, 1e-300)
 
     found = scipy.optimize.least_squares(
         left, start, bounds=bounds, diff_step=1e-3, max_nfev=15, x_scale="jac",
