@@ -146,12 +146,18 @@ def _passed(problem: Problem, scanned: list[Candidate], exactly: int | None, rol
     orders = tuple(_told(problem, one, scale) for one in scanned)
     if not rolling and _bent(problem, scanned):
         return Chosen(scanned[-1], orders, {}, bent=True)
-    best = scanned[-1] if exactly is not None else min(scanned, key=lambda one: _criterion(problem, one, scale))
     few = problem.thinned(FEW)
-    if exactly is None:
-        best = _without_faults(few, best)
+    best = scanned[-1] if exactly is not None else _sound(few, scanned, scale)
     best, worth = _fewest(few, best, scale, modes=exactly is None)
     return Chosen(best, orders, worth)
+
+
+def _sound(few: Problem, scanned: list[Candidate], scale: float) -> Candidate:
+    """The best order without what is no mode, or the best of those that have no such mode, whichever is better: of an
+    order with too many, a mode that stands beside them may seem not to be seen, and is lost with them."""
+    best = min(scanned, key=lambda one: _criterion(few, one, scale))
+    without = [one for one in scanned if not any(faults(few, one))]
+    return min(_without_faults(few, best), *without, key=lambda one: _criterion(few, one, scale))
 
 
 def _with_all_lines(problem: Problem, one: Candidate, candidates: Structure) -> tuple[Candidate, dict[str, float]]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from models.identification import modes
-from models.identification.modal.order import SAME
+from models.identification.modal.fitting import Structure, problem_of, trend, with_mode
+from models.identification.modal.order import SAME, Candidate, _sound, faults, fitted
 from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
 from models.identification.response import FrequencyResponse
 from tests.coverage.axis import Axis, drawn
@@ -55,6 +56,21 @@ def test_what_the_lines_do_not_show_is_not_in_the_model() -> None:
     fit = modes.fit(measured(AXIS, 2, noise=0.2))
     assert (fit.lag, fit.drag, len(fit.plant.modes)) == (0.0, 0.0, 2)
     assert fit.plant.dead_time == pytest.approx(325e-6 + AXIS.lag, abs=4 * fit.estimate.deviation("dead time"))
+
+
+def test_an_order_that_loses_its_modes_with_what_is_none_gives_way_to_one_that_has_them() -> None:
+    """A multisine on a telescope in the wind: the order with the best criterion had five modes, none of them seen
+    beside the others, and without these a rigid body was left, where two modes alone were as good as none better."""
+    one = measured(replace(AXIS, lag=0.0), 1)
+    problem = problem_of([one], [np.ones(one.frequency.size, bool)])
+    structure = Structure()
+    rigid = fitted(problem, structure, trend(structure, problem))
+    right = fitted(problem, structure, with_mode(rigid.theta, structure, problem))
+    theta = np.concatenate([rigid.theta, [1e-6, np.log(9.0), np.log(0.01)], [1e-6, np.log(300.0), np.log(0.01)]])
+    many = Candidate(structure, theta, np.eye(theta.size), 0.5 * right.cost)  # as good, by what is no mode
+    assert [bool(fault) for fault in faults(problem, many)] == [True, True]
+    found = _sound(problem, [rigid, right, many], 1.0)
+    assert found.triples[:, 1] == pytest.approx([140.0], rel=1e-3)
 
 
 def test_a_lag_that_only_all_lines_together_show_is_found() -> None:
