@@ -141,13 +141,15 @@ def _repeated(record: Record, length: int) -> FrequencyResponse:
     r, u, x = (_periods(signal, length) for signal in (part.feedforward, part.command, level))
     frequency = np.asarray(np.fft.rfftfreq(length, ts), np.float64)
     used = _strong(r, frequency, ts, 1)
-    response, coherence = _averaged(r[:, used], u[:, used], x[:, used])
+    lines = count * np.flatnonzero(used)
     whole_u, whole_x = (np.fft.rfft(signal) / signal.size for signal in (part.command, level))
     z = np.exp(2j * np.pi * np.fft.rfftfreq(level.size))
-    lines = count * np.flatnonzero(used)
     noise = noise_between_lines(whole_x, whole_u, z, lines, count)
     noise = _apart(noise, _typical(noise))
     noise = _apart(distortion_between_lines(whole_x, whole_u, z, lines, count), noise)
+    led = _commanded(r[:, used], u[:, used])
+    used[used], noise = led, noise[led]
+    response, coherence = _averaged(r[:, used], u[:, used], x[:, used])
     command = np.mean(u[:, used], axis=0)
     rolling = _rolling(part.position)
     return FrequencyResponse(
@@ -177,6 +179,14 @@ def _averaged(r: Complex, u: Complex, x: Complex) -> tuple[Complex, Array]:
     cross_x, cross_u = np.mean(x * np.conj(r), axis=0), np.mean(u * np.conj(r), axis=0)
     power_x, power_r = np.mean(np.abs(x) ** 2, axis=0), np.mean(np.abs(r) ** 2, axis=0)
     return cross_x / cross_u, np.abs(cross_x) ** 2 / (power_x * power_r)
+
+
+def _commanded(excitation: Complex, command: Complex) -> NDArray[np.bool_]:
+    """At which lines (f,) the command's mean over the periods is the excitation's, from spectra (M, f): of its power at
+    most 1 - LED is what feedback makes of the noise, which draws X / U towards minus the inverse of the feedback."""
+    cross = np.mean(command * np.conj(excitation), axis=0)
+    coherence = np.abs(cross) ** 2 / (np.mean(np.abs(command) ** 2, axis=0) * np.mean(np.abs(excitation) ** 2, axis=0))
+    return np.asarray(1 - coherence < (1 - LED) * len(command) * coherence)
 
 
 def _apart(error: Array, usual: Array) -> Array:

@@ -17,7 +17,8 @@ from models.identification.modal.local_rational import DEGREE, LEAST, PASSES
 from models.identification.modal.order import FAR, Chosen
 from models.identification.modal.transfer import Array, Complex
 
-TRIED: Final = 3  # lines that their neighbours foretell worst
+STANDING: Final = 30.0  # times the usual error of what neighbours foretell, from which on a line may be foreign,
+TRIED: Final = 3  # so many at a time
 MOST: Final = 3  # lines that are left out
 NEAR: Final = 4  # neighbours on each side, from which a line is foretold
 
@@ -35,7 +36,10 @@ def left_out(problem: Problem, found: Chosen, search: Callable[[Problem], Chosen
         if not problem.known or found.best.cost <= FAR * 2 * one.f.size:
             break
         places = np.flatnonzero(used)
-        tried = [(int(places[i]), search(_without(problem, used, int(places[i])))) for i in _suspects(one)]
+        suspects = _suspects(one)
+        if not suspects:
+            break
+        tried = [(int(places[i]), search(_without(problem, used, int(places[i])))) for i in suspects]
         line, better = min(tried, key=lambda pair: pair[1].best.cost)
         if better.best.cost > found.best.cost / FAR:
             break
@@ -50,10 +54,12 @@ def _without(problem: Problem, used: Mask, line: int) -> Problem:
 
 
 def _suspects(lines: Lines) -> list[int]:
-    """The lines that are worst foretold by their neighbours, which near one mode are a rational function."""
+    """The lines that stand out from what their neighbours foretell, which near one mode are a rational function."""
     shape = lines.p * (2j * np.pi * lines.f) ** 2
     away: Array = np.asarray([_foretold(lines.f, shape, i) for i in range(lines.f.size)]) / (2 * np.pi * lines.f) ** 2
-    return [int(i) for i in np.argsort(-away * lines.weight, kind="stable")[:TRIED]]
+    away = away * lines.weight
+    worst = np.argsort(-away, kind="stable")[:TRIED]
+    return [int(i) for i in worst if away[i] > STANDING * np.median(away)]
 
 
 def _foretold(f: Array, shape: Complex, line: int) -> float:

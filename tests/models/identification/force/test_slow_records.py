@@ -40,10 +40,11 @@ def test_the_elements_do_not_depend_on_the_unit_of_force() -> None:
     elements where it began, and makes up for it by more of them."""
     table = own_records.another(MACHINE, 5)
     record = own_records.hysteresis(table, 5)
-    terms = Terms(mass=1 / table.plant.modes[0].gain, known_delay=table.plant.dead_time + table.sample_time / 2)
+    mass = 1 / table.plant.modes[0].gain
+    terms = Terms(mass=mass, known_delay=table.plant.dead_time + table.sample_time / 2)
     weak = replace(record, command=1e-6 * record.command)
     found = by_elements.identify(record, terms, pass_band=20.0)
-    small = by_elements.identify(weak, replace(terms, mass=1e-6 * terms.mass), pass_band=20.0)
+    small = by_elements.identify(weak, replace(terms, mass=1e-6 * mass), pass_band=20.0)
     assert small.friction.limit == pytest.approx(found.friction.limit, rel=1e-6)
     assert 1e6 * np.array(small.friction.stiffness) == pytest.approx(np.array(found.friction.stiffness), rel=1e-6)
 
