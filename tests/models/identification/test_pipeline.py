@@ -15,7 +15,7 @@ from models.identification.estimate import Estimate
 from models.identification.into_machine import Found, with_drag, with_inertia, with_offset
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
-from models.machine import Machine, Provenance, Tolerance, load
+from models.machine import Machine, Provenance, load
 from models.plant import frequency_response
 from models.records.columns import Columns
 from models.records.files import Loaded
@@ -121,13 +121,13 @@ def test_a_record_of_another_kind_is_said_with_its_name() -> None:
 
 
 def test_an_offset_widens_its_tolerance_only_where_it_is_known_worse_than_usual() -> None:
-    usual = Tolerance().offset
+    usual = MACHINE.tolerances.offset
     vague = with_offset(MACHINE, -3.0, 2 * usual, FOUND)
     assert (vague.drive.offset, vague.tolerance.offset) == (-3.0, 2 * usual)
     assert vague.sources["drive.offset"] == vague.sources["tolerance.offset"]
     assert vague.sources["drive.offset"].std == 2 * usual
     sharp = with_offset(vague, -2.0, 0.1 * usual, FOUND)
-    assert (sharp.drive.offset, sharp.tolerance.offset) == (-2.0, usual)
+    assert (sharp.drive.offset, sharp.tolerances.offset) == (-2.0, usual)
     assert "tolerance.offset" not in sharp.sources
 
 
