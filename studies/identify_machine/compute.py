@@ -90,6 +90,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     ]
     responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
     summary[:0] = [(f"WARNING, {name}", said) for name, gave in responses for said in on_turning(gave.measured)]
+    summary[:0] = [(f"WARNING, {one.name}", f"left out: {one.why}") for one in found.left_out]
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
     )
