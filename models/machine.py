@@ -38,6 +38,8 @@ from models.machines.parts import (
     Scale,
     Specification,
     Tolerance,
+    usual_delay,
+    usual_offset,
 )
 from models.machines.plain import Parameter, left_out, plain_of, range_rows, rows_of
 from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
@@ -125,6 +127,13 @@ class Machine:
     def sample_time(self) -> float:
         """T_s [s]."""
         return self.control.sample_time
+
+    @property
+    def tolerances(self) -> Tolerance:
+        """How well the values are known [SI], with what is usual on such a machine where the file states nothing."""
+        stated = self.tolerance
+        offset = stated.offset or usual_offset(self.drive.rated_thrust, self.friction.coulomb_force)
+        return dataclasses.replace(stated, offset=offset, dead_time=stated.dead_time or usual_delay(self.sample_time))
 
     def unit(self, unit: str) -> str:
         """What this axis has in place of a linear one's unit: "rad" for "m" if it is rotary; no unit [-]."""

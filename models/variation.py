@@ -220,7 +220,7 @@ def known_apart(machine: Machine) -> tuple[Known, ...]:
 
 def _nominal(machine: Machine) -> Iterator[Known]:
     """How well the values are known that a machine file states a tolerance for."""
-    plant, friction, tolerance = machine.plant, machine.friction, machine.tolerance
+    plant, friction, tolerance = machine.plant, machine.friction, machine.tolerances
 
     def entry(name: str, unit: str, numbers: tuple[float, ...], by: str, *, share: bool = True) -> Known:
         std, unit = _stated(machine, name, len(numbers)), machine.unit(unit)

@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 RESERVE: Final = 0.9  # of the thrust that friction leaves: the rest is the feedback's
 LONGEST: Final = 20_000  # samples that a profile may take
 RESTS: Final = 8  # settling times of rest behind each profile, 2 where they take very many samples
+LONGER: Final = (
+    8  # times as long a rest where a move does not settle: presliding loops may be slow against their motions
+)
 REPEATS: Final = 2  # there and back so often; the last counts, so that the friction's past is that of such moves
 FASTER: Final = 5.0  # sample times of anti-windup, where none is stated: the integral follows in a few samples
 
@@ -58,12 +61,14 @@ class LongMove:
 @dataclass(frozen=True)
 class Moved:
     """What a move achieved on the nonsmooth machine, the worst of there and back: settling [s] behind the end of the
-    profile, overshoot [m], largest |u_M| [N] as the controller puts it out, and largest |x_T* - x| [m] on the way."""
+    profile, overshoot [m], largest |u_M| [N] as the controller puts it out, largest |x_T* - x| [m] on the way, and for
+    how long the table was watched behind the profile [s]."""
 
     settling_time: float
     overshoot: float
     thrust: float
     lag: float
+    watched: float
 
 
 def plan(machine: Machine, controller: Controller, stroke: float) -> LongMove:
@@ -106,12 +111,17 @@ def plan(machine: Machine, controller: Controller, stroke: float) -> LongMove:
 
 
 def run(machine: Machine, controller: Controller, move: LongMove, seed: int = 0) -> Moved:
-    """What the move achieves there and back; settled is what stays within the specified tolerance [m]."""
-    ts, count = machine.sample_time, round(move.duration / machine.sample_time)
-    rest = _rest(machine)
-    way = move.target(ts, rest)
-    response = simulate(machine, controller, np.tile(np.append(way, move.stroke - way), REPEATS), seed=seed)
-    return _outcome(machine, controller, response, way.size, count)
+    """What the move achieves there and back; settled is what stays within the specified tolerance [m]. What does not
+    settle is watched for twice the time, up to LONGER times, unless it runs away."""
+    ts, count, rest = machine.sample_time, round(move.duration / machine.sample_time), _rest(machine)
+    longest = max(min(LONGER * rest, LONGEST), rest)
+    while True:
+        way = move.target(ts, rest)
+        response = simulate(machine, controller, np.tile(np.append(way, move.stroke - way), REPEATS), seed=seed)
+        found = _outcome(machine, controller, response, way.size, count)
+        if math.isfinite(found.settling_time) or not math.isfinite(found.lag) or 2 * rest > longest:
+            return found
+        rest *= 2
 
 
 def step(machine: Machine, controller: Controller, stroke: float, seed: int = 0) -> Moved:
@@ -161,6 +171,7 @@ def _outcome(machine: Machine, controller: Controller, response: Response, way: 
                 overshoot(travelled, abs(goal - origin)) if finite else math.inf,
                 float(np.max(np.abs(response.record.command[part]))) if finite else math.inf,
                 float(np.max(np.abs(late - position))) if finite else math.inf,
+                (way - moving) * machine.sample_time,
             )
         )
     return Moved(*(max(getattr(one, name) for one in found) for name in Moved.__dataclass_fields__))

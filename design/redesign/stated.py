@@ -100,7 +100,7 @@ def _with_value(found: Machine, machine: Machine, name: str, moved: Array) -> Ma
 
 def _tolerated(machine: Machine, stated: set[str], rng: np.random.Generator) -> Variation:
     """Errors of the values that have no stated deviation, drawn within the file's tolerances."""
-    tolerance, modes, contacts = machine.tolerance, len(machine.plant.modes), len(machine.friction.limit)
+    tolerance, modes, contacts = machine.tolerances, len(machine.plant.modes), len(machine.friction.limit)
 
     def of(deviation: float, names: list[str]) -> tuple[float, ...]:
         drawn = np.exp(deviation * _normal(rng, (len(names),))) - 1

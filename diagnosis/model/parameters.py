@@ -94,7 +94,7 @@ def parameters(machine: Machine, records: int) -> Parameters:
 
 def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
     """Name, usual deviation and deviation of each parameter: what the file states beside a value where that is more."""
-    plant, friction, tolerance = machine.plant, machine.friction, machine.tolerance
+    plant, friction, tolerance = machine.plant, machine.friction, machine.tolerances
     stated = {one.name: one for one in known_apart(machine) if one.origin == "value"}
 
     def each(name: str, usual: float, path: str, count: int = 1) -> Iterator[tuple[str, float, float]]:
@@ -149,7 +149,7 @@ def priors(layout: Parameters) -> tuple[Prior, ...]:
 def _delay_deviation(machine: Machine) -> float:
     """Deviation [s] of the dead time. One of 0 that is only assumed neglects the delay that every drive has, so that
     the usual tolerance, which is about a known delay, does not hold for it."""
-    source, usual = machine.sources.get("plant.dead_time"), machine.tolerance.dead_time
+    source, usual = machine.sources.get("plant.dead_time"), machine.tolerances.dead_time
     neglected = machine.plant.dead_time == 0 and source is not None and source.kind == "assumed"
     if not neglected or "tolerance.dead_time" in machine.sources:
         return usual

@@ -20,7 +20,7 @@ from models.identification.estimate import Estimate, newey_west
 from models.identification.force import by_elements
 from models.identification.force.fit import DAMPING, SPRING, SURE, ForceFit
 from models.identification.motion import MotionFit
-from models.machine import Machine, Provenance, Tolerance, with_derived_presliding
+from models.machine import Machine, Provenance, with_derived_presliding
 from models.records.files import Loaded
 from models.variation import known_apart
 
@@ -131,11 +131,11 @@ def with_offset(machine: Machine, offset: float, std: float, found: Found) -> Ma
     """The machine with a constant force [N] beside friction that a record shows, and its standard deviation [N], which
     is its tolerance where it is more than the usual one."""
     machine = machine.with_value("drive.offset", offset, found.by(std))
-    usual = Tolerance().offset
-    if std > usual:
+    unstated = replace(machine, tolerance=replace(machine.tolerance, offset=0.0))
+    if std > unstated.tolerances.offset:
         return machine.with_value("tolerance.offset", std, found.by(std))
     stated = {name: source for name, source in machine.sources_of("tolerance").items() if name != "offset"}
-    return machine.with_part("tolerance", replace(machine.tolerance, offset=usual), stated)
+    return machine.with_part("tolerance", unstated.tolerance, stated)
 
 
 def with_drag(

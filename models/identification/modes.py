@@ -24,6 +24,7 @@ from models.identification.modal.foreign import left_out
 from models.identification.modal.order import HEAVY, Candidate, Chosen, Order, chosen
 from models.identification.modal.transfer import Array, Complex, response
 from models.identification.response import FrequencyResponse
+from models.identification.unusable import UnusableError
 from models.plant import Plant
 
 FEWEST_LINES: Final = 12
@@ -90,7 +91,7 @@ def fit(
     octave left fits as well as the rest (its reduced chi-square at most 3 times that of the rest, or 1) and every mode
     is one of the structure: above that line, damped by less than 0.2, its gain below the rigid body's. A record that
     rolled throughout (`measured.rolling`) has no such lines.
-    Raises ValueError for fewer than 12 lines [Hz], or where the whole response is bent.
+    Raises ValueError for fewer than 12 lines [Hz], an UnusableError where the whole response is bent.
     """
     f = measured.frequency
     if f.size < FEWEST_LINES:
@@ -103,10 +104,10 @@ def fit(
         if not found.bent and _fits_low(measured, found, lowest):
             return found
         lowest *= 2 ** (1 / 3)
-    raise ValueError(
+    from_file = "; say so (--rolling) if this response was measured like that" if measured.sample_time == 0 else ""
+    raise UnusableError(
         f"no line below {f[-1] / 4:.3g} Hz agrees with a rigid body and modes: friction bends the whole response; "
-        "excite while the axis rolls, or with strokes well beyond the presliding region; say so (--rolling) if a "
-        "response from a file was measured like that"
+        f"excite while the axis rolls, or with strokes well beyond the presliding region{from_file}"
     )
 
 

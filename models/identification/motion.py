@@ -35,6 +35,7 @@ from models.controller import References
 from models.friction import elements
 from models.identification.estimate import STRONG, Estimate, left_out, wider
 from models.identification.force.fit import DAMPING, SURE
+from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.records.record import Record, cut
 from models.simulation.simulator import simulate
@@ -105,7 +106,7 @@ def identify(
     Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
     none. What the machine has of it is not used, nor is its offset: motions show both better.
     Raises ValueError if the record's sample time is another than the machine's, nothing moves, it is too long [s], or
-    the fit runs away.
+    the fit runs away (an UnusableError).
     """
     if record.position.size > MOST_SAMPLES:
         raise ValueError(
@@ -154,7 +155,7 @@ def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
         theta = theta + moved
         theta[4:] = np.maximum(theta[4:], 0.0)
         if not (np.all(theta[:3] > 1 / FARTHEST) and np.all(theta[:3] < FARTHEST)):  # nor is it so of nan
-            raise ValueError(_diverged(theta))
+            raise UnusableError(_diverged(theta))
         if iteration > 1 and np.all(np.abs(moved) < 1e-3 * STEPS[: theta.size]):
             break
     return theta, filter_
@@ -364,7 +365,7 @@ def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) ->
         changed, machine.feedback_only(), record.target, given=given, substeps=6, seed=seed, origin=origin
     ).record.command
     if not np.all(np.isfinite(command)):
-        raise ValueError(_diverged(theta))
+        raise UnusableError(_diverged(theta))
     return command
 
 
@@ -373,8 +374,7 @@ def _diverged(theta: Array) -> str:
     mass, level, length = theta[:3].tolist()
     return (
         f"the fit of its motions does not converge: it has come to {mass:.3g} times the mass, {level:.3g} times the "
-        f"friction's force and {length:.3g} times its length; check the feedback in [control] and the sign and unit of "
-        "the command, or add a frequency response and slow loops, which need no values near the true ones"
+        f"friction's force and {length:.3g} times its length"
     )
 
 

@@ -21,8 +21,9 @@ from models.identification.joint.fast_records import from_dynamics
 from models.identification.joint.motion_records import from_motion
 from models.identification.joint.response_records import from_response
 from models.identification.joint.slow_records import from_hysteresis
-from models.identification.joint.steps import Identified, Settings
+from models.identification.joint.steps import Identified, LeftOut, Settings
 from models.identification.recognise import read, recognised, replayable
+from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.records.columns import Columns
 from models.records.files import Loaded
@@ -53,6 +54,8 @@ def identify(
     of its loops, or 5.8 times that of a fast record's motion. modes: how many vibration modes a frequency response
     has, by default the fewest that pass. rolled: frequency responses in files were measured while the axis rolled.
     tell: hears the share that is done [1] and a sentence, before each record.
+    A frequency response that friction bends throughout, beside another one, and motions that no machine near the known
+    one makes, beside any other record, are left out, and told in the remarks and in `left_out`.
     Raises RecordError, a sentence that begins with the file's name, for a record that can't be used or is of another
     kind.
 
@@ -74,15 +77,29 @@ def identify(
     # What an experiment on another machine showed is left out.
     found = Identified(replace(machine, name=f"{machine.name}, identified", published=None))
     settings = Settings(pass_band, modes, rolled)
-    for i, (kind, one) in enumerate(sorted(zip(known, loaded, strict=True), key=lambda item: KINDS.index(item[0]))):
+    queue = sorted(zip(known, loaded, strict=True), key=lambda item: KINDS.index(item[0]))
+    for i, (kind, one) in enumerate(queue):
         if tell is not None:
             tell(i / len(loaded), f"identifying from {one.name} ({kind})")
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # ends in a refusal, not in warnings
                 found = _METHODS[kind](found, kind, one, settings)
         except ValueError as error:
-            raise RecordError(f"{one.name}: {error if _is_ours(error) else UNSOLVED.format(kind=kind)}") from error
+            why = str(error) if (ours := _is_ours(error)) else UNSOLVED.format(kind=kind)
+            came_to_nothing = isinstance(error, UnusableError) or not ours
+            if not (came_to_nothing and _beside_others(kind, found, [kind for kind, _ in queue[i + 1 :]])):
+                raise RecordError(f"{one.name}: {why}") from error
+            found = replace(found, left_out=(*found.left_out, LeftOut(one.name, kind, why)))
     return found
+
+
+def _beside_others(kind: str, found: Identified, to_come: Sequence[str]) -> bool:
+    """Whether a record of no use may be left out: a response where others give the plant, and motions where anything
+    else gave something, or yet may."""
+    if kind == "motion":
+        return bool(found.steps or to_come)
+    responses = {"response", "excitation"}
+    return kind in responses and (found.has("response") or not responses.isdisjoint(to_come))
 
 
 def _is_ours(error: ValueError) -> bool:

@@ -242,8 +242,16 @@ class Tolerance:
         "1", "standard deviation of a natural frequency, of its value", above=0, below=1, default=0.005
     )
     damping: float = value("1", "standard deviation of a damping ratio, of its value", above=0, below=1, default=0.12)
-    dead_time: float = value("s", "standard deviation of the dead time", above=0, at_most=1, default=2e-5)
-    offset: float = value("N", "standard deviation of the constant force", above=0, at_most=1e9, default=0.2)
+    dead_time: float = value(
+        "s", "standard deviation of the dead time (not stated: 4 % of the sample time)", above=0, at_most=1, default=0.0
+    )
+    offset: float = value(
+        "N",
+        "standard deviation of the constant force (not stated: 1/750 of the rated thrust, at most 5 % of the friction)",
+        above=0,
+        at_most=1e9,
+        default=0.0,  # stands where none is stated, as for the dead time
+    )
     friction_level: float = value(
         "1", "standard deviation of all contact stiffnesses together, of their value", above=0, below=1, default=0.03
     )
@@ -256,3 +264,18 @@ class Tolerance:
 
 
 USUAL_TOLERANCE: Final = Tolerance()  # of a machine file that states none
+# What it leaves to the machine, so that an axis of any size has its own. An amplifier's offset is so much of its range;
+# but a drive far stronger than its friction (a galvo, 670 times) would leave an offset open that is as large as that.
+USUAL_DELAY: Final = 0.04  # sample times: standard deviation of the dead time
+USUAL_OFFSET: Final = 750  # rated thrust over standard deviation of the constant force
+MOST_OFFSET: Final = 0.05  # of the friction, likewise
+
+
+def usual_delay(sample_time: float) -> float:
+    """The standard deviation [s] of a dead time of which a file states none; sample_time [s]."""
+    return USUAL_DELAY * sample_time
+
+
+def usual_offset(rated_thrust: float, friction: float) -> float:
+    """The standard deviation [N] of a constant force of which a file states none; thrust and friction [N]."""
+    return min(rated_thrust / USUAL_OFFSET, MOST_OFFSET * friction)

@@ -192,14 +192,21 @@ def _constant(record: Record) -> None:
 
 def rolling_mass(record: Record, presliding: float) -> float | None:
     """The mass [kg] that a record shows where the axis has gone beyond `presliding` [m] since it turned, smoothed over
-    40 samples; None if friction hides it."""
+    40 samples; None if friction hides it.
+
+    Dead time and current loop move the force behind its command, which in strokes of a few samples takes off a third of
+    the mass. So the command is taken as many samples earlier, up to LONGEST_SHIFT, as leave the least.
+    """
     speed, acceleration, force = smoothed(record, 40)
     rolls = np.abs(speed) > ROLLING * float(np.max(np.abs(speed)))
     rolls &= _since_turned(speed) * record.sample_time > presliding
-    if np.count_nonzero(rolls) < FEWEST_ROLLING:
+    rolls[:LONGEST_SHIFT] = False
+    at = np.flatnonzero(rolls)
+    if at.size < FEWEST_ROLLING:
         return None
-    mass, left = fitted_mass(speed[rolls], acceleration[rolls], force[rolls])
-    inertia, rest = float(np.var(mass * acceleration[rolls])), float(np.var(left))
+    fits = [fitted_mass(speed[at], acceleration[at], force[at - shift]) for shift in range(LONGEST_SHIFT + 1)]
+    mass, left = min(fits, key=lambda fit: float(np.var(fit[1])))
+    inertia, rest = float(np.var(mass * acceleration[at])), float(np.var(left))
     return mass if inertia > INERTIA * (inertia + rest) else None
 
 

@@ -93,7 +93,9 @@ def _row(machine: Machine, move: LongMove, done: Moved, bare: Moved) -> dict[str
         "settling_s": done.settling_time,
         "whole_s": move.duration + done.settling_time,
         "least_s": 2 * math.sqrt(machine.plant.mass * move.stroke / machine.drive.rated_thrust),
+        "watched_s": done.watched,
         "without_settling_s": bare.settling_time,
+        "without_watched_s": bare.watched,
         "overshoot_m": done.overshoot,
         "lag_m": done.lag,
         "thrust_N": done.thrust,
@@ -106,6 +108,7 @@ def _stepped(stepped: Moved, kept: Moved) -> dict[str, Any]:
     return {
         "step_thrust_N": stepped.thrust,
         "step_settling_s": stepped.settling_time,
+        "step_watched_s": stepped.watched,
         "step_guarded_settling_s": kept.settling_time,
         "step_guarded_overshoot_m": kept.overshoot,
     }

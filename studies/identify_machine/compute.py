@@ -23,7 +23,7 @@ from models.records.record import Record, cut
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_controller
 from studies.effort import IDENTIFIED, IDENTIFYING, foresee, seconds_a_sample
-from studies.identify_machine import controllers, own_records, round_trip
+from studies.identify_machine import controllers, own_records, round_trip, size_of_force
 from studies.identify_machine.options import IdentificationOptions
 from studies.identify_machine.shown import checks_of, results_of
 from studies.options import BadInputError
@@ -55,6 +55,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     except RecordError as error:
         raise BadInputError(str(error)) from error
     shown = results_of(found)
+    sizes = size_of_force.doubts(machine, found.machine, given) if options.record else []
     said, checks = controllers.judged(machine, given if options.record else ())
     checks = [*checks_of(found, shown), *checks]
     results: dict[str, Any] = {
@@ -63,7 +64,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         "records": [_record(kind, record) for kind, record in given],
         **shown,
         "parameters": [_parameter(p) for p in parameters(found.machine) if p.provenance.kind == "identified"],
-        "said": [*said, *found.remarks],
+        "said": [*(f"{what.capitalize()}: {one}." for what, one in sizes), *said, *found.remarks],
         "sure": SURE,
     }
     if not options.record:
@@ -90,6 +91,8 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     ]
     responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
     summary[:0] = [(f"WARNING, {name}", said) for name, gave in responses for said in on_turning(gave.measured)]
+    summary[:0] = [(f"WARNING, {one.name}", f"left out: {one.why}") for one in found.left_out]
+    summary[:0] = [(f"WARNING, {what}", said) for what, said in sizes]
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
     )

@@ -18,7 +18,7 @@ from design.controller import design_deadbeat
 from design.deadbeat import DesignError
 from design.pid.rules import simc
 from models.machine import Machine, MachineError, from_table
-from models.machines.parts import MOST_COMPENSATED
+from models.machines.parts import MOST_COMPENSATED, usual_delay, usual_offset
 from models.plant import Mode, Plant, delay_split
 from models.quantity import AXES, QuantityError, is_rotary, listed, parse, rotary, show
 from studies.beforehand import require_designable
@@ -29,6 +29,7 @@ DEAD_TIME: Final = 1.5  # sample times: one until the command is out, half of on
 CURRENT_LOOP: Final = 0.25  # of the sample rate
 ELEMENTS: Final = 5
 AUTOMATIC: Final = "assumed: chosen by the study, the fewest with which the design meets its specification"
+OFFSET: Final = "assumed: 1/750 of the rated thrust, at most 5 % of the friction"
 FINEST: Final = 1 / 20  # of the presliding distance: the limit of the first element
 CLOSED_LOOP: Final = 2.0  # time constant of the loop, in dead times: twice the tight setting of Skogestad's rule
 AT_REST: Final = 0.8  # of the settling time: when x_T* rests on the target
@@ -162,6 +163,10 @@ damping = {_entry(_quoted("0"), "given: a rigid body")}
 limit = {each(limits, "m", f"assumed: {share} up to --presliding {answers['presliding']}")}
 stiffness = {each(stiffness, "N/m", f"assumed: {share}, --friction-force {answers['friction_force']} together")}
 damping = {each(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not depend on speed")}
+
+[tolerance] # how well values are known, as standard deviations; of the others it is usual to state none
+dead_time = {number(usual_delay(ts), "s", "assumed: 4 % of the sample time")}
+offset = {number(usual_offset(numbers["rated_thrust"], numbers["friction_force"]), "N", OFFSET)}
 
 [control]
 sample_time = {given("sample_time")}

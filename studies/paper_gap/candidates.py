@@ -16,7 +16,7 @@ from design.friction_compensation import simplify
 from models.controller import Controller
 from models.effects import base, catalogue
 from models.friction import Friction
-from models.machine import Machine
+from models.machine import Machine, load
 from models.machines.parts import USUAL_TOLERANCE
 from models.quantity import declaration
 from models.variation import Variation, varied, varied_friction
@@ -185,7 +185,7 @@ def _of_parameters() -> tuple[Candidate, ...]:
             "mode_frequency", r"(1+e)\,\omega_{ti}", BOUND * USUAL_TOLERANCE.frequency, lambda e: Variation(frequency=e)
         ),
         off("mode_damping", r"(1+e)\,\zeta_{ti}", BOUND * USUAL_TOLERANCE.damping, lambda e: Variation(damping=e)),
-        off("dead_time", r"L+e", BOUND * USUAL_TOLERANCE.dead_time, lambda e: Variation(dead_time=e), "s"),
+        off("dead_time", r"L+e", BOUND * load().tolerances.dead_time, lambda e: Variation(dead_time=e), "s"),
     )
     return (
         off("friction_level", r"(1+e)\,K_i", FRICTION, lambda e: Variation(friction_force=e)),

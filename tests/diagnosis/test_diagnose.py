@@ -66,7 +66,7 @@ def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> Non
     std = written.sources["plant.dead_time"].std
     assert isinstance(std, float)
     assert truth.plant.dead_time != MACHINE.plant.dead_time
-    assert abs(written.plant.dead_time - truth.plant.dead_time) < 4 * std < MACHINE.tolerance.dead_time
+    assert abs(written.plant.dead_time - truth.plant.dead_time) < 4 * std < MACHINE.tolerances.dead_time
     file = judged(load(path), starts_of(adopted.fitted.candidate)).candidate
     left = errors_of(file, found.baseline.records, smooth(file, found.baseline.records)).gap()
     told = to_json(found)["how_far"]

@@ -71,12 +71,12 @@ def test_an_offset_far_beyond_its_tolerance_is_found_where_the_scale_resolves_it
     left = []
     fine = replace(MACHINE, scale=replace(MACHINE.scale, noise=2e-10, resolution=1e-9))
     for more in (0, deviations):
-        off = fine.drive.offset + more * fine.tolerance.offset
+        off = fine.drive.offset + more * fine.tolerances.offset
         truth = replace(fine, drive=replace(fine.drive, offset=off))
         records = recorded(truth, PLAN[1:], seed=7, wrong=0.0)
         found = refit_module.refit(parameters(fine, 1), records)
         left.append(float(np.mean(found.innovations**2)))
-        assert found.candidate.machine.drive.offset == pytest.approx(off, abs=0.1 * fine.tolerance.offset)
+        assert found.candidate.machine.drive.offset == pytest.approx(off, abs=0.1 * fine.tolerances.offset)
     assert left[1] == pytest.approx(left[0], rel=0.05)
 
 

@@ -175,6 +175,22 @@ def test_how_well_a_value_is_known_can_be_stated(tmp_path: Path) -> None:
     assert "[tolerance]" not in to_toml(load())
 
 
+def test_what_is_usual_is_so_for_an_axis_of_this_size() -> None:
+    """The paper's table keeps 0.2 N and 20 us; of a galvo these were its rated torque, and its whole sample time."""
+    table = load()
+    assert (table.tolerances.offset, table.tolerances.dead_time) == (0.2, 2e-5)
+    small = replace(
+        table,
+        drive=replace(table.drive, rated_thrust=0.2),
+        friction=replace(table.friction, stiffness=tuple(1e-5 * k for k in table.friction.stiffness)),
+        control=replace(table.control, sample_time=2e-5),
+    )
+    assert small.tolerances.offset == pytest.approx(0.05 * small.friction.coulomb_force)
+    assert small.tolerances.dead_time == pytest.approx(8e-7)
+    stated = replace(small, tolerance=Tolerance(offset=0.01, dead_time=1e-6))
+    assert stated.tolerances == stated.tolerance
+
+
 def test_a_tolerance_that_is_stated_to_be_the_usual_one_keeps_its_source(tmp_path: Path) -> None:
     text = '[tolerance]\noffset = { value = "0.2 N", source = "datasheet: 4" }\n\n[scale]'
     stated = load(changed(tmp_path, r"\[scale\]", text))

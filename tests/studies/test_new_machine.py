@@ -53,6 +53,9 @@ def test_the_file_holds_the_answers_and_says_of_every_value_where_it_is_from(tmp
     assert all(one.provenance.detail for one in parameters(machine))
     assert machine.control.compensator_elements == "auto"
     assert "chosen by the study" in machine.sources["control.compensator_elements"].detail
+    assert machine.tolerance.offset == pytest.approx(machine.drive.rated_thrust / 750, rel=1e-5)
+    assert machine.tolerance.dead_time == pytest.approx(0.04 * machine.sample_time)
+    assert kinds["tolerance.offset"] == kinds["tolerance.dead_time"] == "assumed"
     wanted = machine.specification
     assert (wanted.stroke, wanted.tolerance, wanted.settling_time) == (50e-6, 1e-6, 20e-3)
     for name in ("drive.rated_thrust", "plant.dead_time", "control.sample_time", "specification.settling_time"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +21,23 @@ from models.identification.into_machine import (
 )
 from models.identification.joint.agreement import SIGMAS
 from models.identification.joint.steps import Difference, Identified, MotionStep, Settings, record_of, with_step
+from models.identification.unusable import UnusableError
+from models.records.checks import replay
 from models.records.files import Loaded
+from models.records.record import Record
 
 Array = NDArray[np.float64]
+
+NOT_ITS_OWN: Final = 0.5  # share of the command's changes that the stated feedback leaves, where another one ran
 
 
 def from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:  # noqa: ARG001
     """Prediction-error fit with the controller replayed; what no other record gave goes into the machine."""
-    fit = motion.identify(record_of(loaded), found.machine, friction_covariance=_shape(found))
+    record = record_of(loaded)
+    try:
+        fit = motion.identify(record, found.machine, friction_covariance=_shape(found))
+    except UnusableError as error:
+        raise UnusableError(f"{error}; {_advice(found, record)}") from error
     differences = tuple(_differences(found, fit.estimate))
     remarks = [
         f"The motion record shows a {one.name} that differs by {100 * one.size:+.2g} % from the other record, "
@@ -45,6 +55,25 @@ def from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings
     if known is None or fit.lag[1] <= known[1]:  # else the slow record knows the damping better
         machine = with_damping_of_motion(machine, fit, source)
     return with_step(found, machine, kind, loaded, MotionStep(fit, differences), [*remarks, *_on_motion(fit)])
+
+
+def _advice(found: Identified, record: Record) -> str:
+    """What to do about motions that no machine near the known one makes: first what replays them, then what is known
+    of the machine."""
+    changes = np.diff(record.command)
+    made = np.diff(replay(record, found.machine.control.feedback, found.machine.control.reference_delay))
+    left = float(np.std(changes - made)) / max(float(np.std(changes)), 1e-300)
+    if not left < NOT_ITS_OWN:  # nor is it so of nan
+        return (
+            "the feedback in [control] does not make the logged command of reference and position "
+            f"({100 * left:.3g} % of its changes remain); correct it, the reference delay or the columns"
+        )
+    if found.has("response", "excitation") and found.slow:
+        return "check the sign and unit of the command and the payload against those of the other records"
+    return (
+        "check the sign and unit of the command, or add a frequency response and slow loops, which need no values near "
+        "the true ones"
+    )
 
 
 def _shape(found: Identified) -> Array | None:

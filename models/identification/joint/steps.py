@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from models.identification import modes, motion
 from models.identification.estimate import Estimate, not_identifiable
@@ -79,11 +79,20 @@ class Step:
         return "response" if self.kind == "excitation" else self.kind
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """A record that its method could not use, what it was taken for (one of KINDS), and why, without its name."""
+
+    name: str
+    kind: str
+    why: str
+
+
 @dataclass(frozen=True, repr=False)
 class Identified:
     """The machine that the records show, each identified value with its record and standard deviation, and how.
 
-    steps: what each record gave, in the order in which they were identified.
+    steps: what each record gave, in the order in which they were identified. left_out: records that gave nothing.
 
     >>> pos.identify(machine, [folder / "moves.csv"])
     Identified('Linear-motor table with rolling ball guides, identified', moves.csv: motion)
@@ -91,6 +100,7 @@ class Identified:
 
     machine: Machine
     steps: tuple[Step, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
     def __repr__(self) -> str:
         """The machine's name and what each record was taken for; no unit [-]."""
@@ -106,8 +116,9 @@ class Identified:
     def remarks(self) -> tuple[str, ...]:
         """What to know of the values, in whole sentences: what the records can't show or tell apart, or disagree in. Of
         several records each sentence begins with the file's name."""
-        several = len(self.steps) > 1
-        return tuple(f"{step.loaded.name}: {one}" if several else one for step in self.steps for one in step.remarks)
+        several = len(self.steps) + len(self.left_out) > 1
+        said = (f"{step.loaded.name}: {one}" if several else one for step in self.steps for one in step.remarks)
+        return (*(f"{one.name}: is left out: {one.why}." for one in self.left_out), *said)
 
     def earlier(self, name: str) -> list[tuple[float, float]]:
         """Value and standard deviation of a parameter [SI] in every record so far that has it."""
@@ -151,4 +162,4 @@ def with_step(
 ) -> Identified:
     """What was identified so far and one step more: the machine as it is after it, and remarks on the record."""
     remarks = (*remarks, *not_identifiable(gave.estimate, ("offset",)))
-    return Identified(machine, (*found.steps, Step(kind, loaded, gave, remarks)))
+    return replace(found, machine=machine, steps=(*found.steps, Step(kind, loaded, gave, remarks)))

@@ -41,6 +41,17 @@ def test_a_move_keeps_to_the_thrust_and_settles_where_the_same_step_never_does(
     assert move.duration + done.settling_time > 2 * math.sqrt(machine.plant.mass * stroke / machine.drive.rated_thrust)
 
 
+def test_a_move_is_watched_for_as_long_as_a_slow_loop_takes(machine: Machine, controller: Controller) -> None:
+    """Not only for eight settling times, which a short motion may take with much less than the loop's own time."""
+    brief = replace(machine, specification=replace(machine.specification, settling_time=1.5e-3, tolerance=1e-7))
+    move, bare = plan(brief, controller, 1e-3), controller.without_compensation()
+    done = run(brief, bare, move)
+    assert 8 * 1.5e-3 < done.settling_time < done.watched <= 64 * 1.5e-3
+    still = replace(brief, specification=replace(brief.specification, tolerance=1e-12))
+    assert math.isinf((never := run(still, bare, move)).settling_time)
+    assert never.watched == pytest.approx(64 * 1.5e-3), "and what does not settle says for how long"
+
+
 def test_an_integral_that_does_not_wind_up_brings_the_step_to_rest(machine: Machine, controller: Controller) -> None:
     guarded = with_anti_windup(machine)
     law = guarded.control.law

@@ -66,7 +66,7 @@ def test_the_deviations_of_values_are_those_of_drawn_machines_and_cover_the_trut
     told = {one.name: np.array(one.number) for one in values_of(replace(fitted.candidate.machine, effects=()))}
     for name in ("plant.dead_time", "plant.modes.1.gain", "plant.modes.2.frequency"):
         assert abs(told[name] - known[name]) < 4 * deviations[name], name
-    assert deviations["plant.dead_time"] < 0.5 * MACHINE.tolerance.dead_time
+    assert deviations["plant.dead_time"] < 0.5 * MACHINE.tolerances.dead_time
 
 
 def _of_halves(tolerance: float) -> Fit:

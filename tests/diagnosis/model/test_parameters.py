@@ -105,7 +105,7 @@ def test_a_dead_time_that_is_neglected_may_be_any_that_a_drive_has() -> None:
     """Unless the file states how well it is known, or that there is none."""
     machine = load()
     none = replace(machine, plant=replace(machine.plant, dead_time=0.0))
-    usual, half = machine.tolerance.dead_time, 0.5 * machine.sample_time
+    usual, half = machine.tolerances.dead_time, 0.5 * machine.sample_time
     assumed = {**machine.sources, "plant.dead_time": Provenance("assumed", "a guess")}
     given = {**machine.sources, "plant.dead_time": Provenance("datasheet", "the drive's manual")}
     stated = {**assumed, "tolerance.dead_time": Provenance("given", "measured")}

@@ -15,7 +15,8 @@ from models.identification.estimate import Estimate
 from models.identification.into_machine import Found, with_drag, with_inertia, with_offset
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
-from models.machine import Machine, Provenance, Tolerance, load
+from models.identification.unusable import UnusableError
+from models.machine import Machine, Provenance, load
 from models.plant import frequency_response
 from models.records.columns import Columns
 from models.records.files import Loaded
@@ -99,6 +100,54 @@ def test_a_record_that_no_machine_explains_is_refused_in_words_of_its_own() -> N
         identify(MACHINE, [turned], kinds=["motion"])
 
 
+def test_motions_that_no_machine_makes_are_left_out_beside_what_else_was_identified() -> None:
+    """They had thrown away a response that was found before, and advised to add one."""
+    record = own_records.motions(MACHINE, 1)
+    turned = Loaded("turned.csv", "0", replace(record, command=-record.command), (), ())
+    found = identify(MACHINE, [turned, measured(MACHINE)], kinds=["motion", "response"])
+    assert [step.loaded.name for step in found.steps] == ["frf.csv"]
+    assert found.machine.sources["plant.modes.1.gain"].record == "frf.csv"
+    (left,) = found.left_out
+    assert (left.name, left.kind) == ("turned.csv", "motion")
+    assert found.remarks[0] == f"turned.csv: is left out: {left.why}."
+    assert "add a frequency response" not in left.why
+
+
+def test_the_advice_on_motions_is_the_one_that_applies(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run_away(*_: object, **__: object) -> None:
+        raise UnusableError("it runs away")
+
+    monkeypatch.setattr(motion, "identify", run_away)
+    record = own_records.motions(MACHINE, 1)
+    own, other = (Loaded("m.csv", "0", replace(record, command=size * record.command), (), ()) for size in (1, -1))
+    slow = Loaded("slow.csv", "34cd", own_records.hysteresis(MACHINE, 5), (), ())
+    with pytest.raises(RecordError, match="or add a frequency response and slow loops"):
+        identify(MACHINE, [own], kinds=["motion"])
+    with pytest.raises(RecordError, match=r"the feedback in \[control\] does not make the logged command"):
+        identify(MACHINE, [other], kinds=["motion"])
+    found = identify(MACHINE, [own, slow, measured(MACHINE)], kinds=["motion", "hysteresis", "response"])
+    assert found.left_out[0].why.endswith("against those of the other records")
+    assert [step.kind for step in found.steps] == ["response", "hysteresis"]
+
+
+def test_a_response_that_friction_bends_is_left_out_beside_one_that_it_does_not() -> None:
+    """As of a galvo's first sweep, in which the axis moved backwards throughout."""
+    one = measured(MACHINE)
+    assert isinstance(one.content, FrequencyResponse)
+    stuck = 1 / (1 / one.content.response + 1e9)
+    bent = replace(one, name="bent.csv", content=replace(one.content, response=stuck))
+    for order in ([one, bent], [bent, one]):
+        found = identify(MACHINE, order)
+        assert [step.loaded.name for step in found.steps] == ["frf.csv"]
+        assert [left.name for left in found.left_out] == ["bent.csv"]
+    with pytest.raises(RecordError, match=r"friction bends the whole response.*\(--rolling\)"):
+        identify(MACHINE, [bent])
+    sampled = replace(bent, content=replace(one.content, response=stuck, sample_time=5e-4))
+    with pytest.raises(RecordError, match="friction bends the whole response") as said:
+        identify(MACHINE, [sampled])
+    assert "--rolling" not in str(said.value)
+
+
 def test_the_words_of_a_library_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(motion, "identify", lambda *_, **__: np.linalg.inv(np.zeros((2, 2))))  # "Singular matrix"
     record = Loaded("flat.csv", "0", own_records.motions(MACHINE, 1), (), ())
@@ -121,13 +170,13 @@ def test_a_record_of_another_kind_is_said_with_its_name() -> None:
 
 
 def test_an_offset_widens_its_tolerance_only_where_it_is_known_worse_than_usual() -> None:
-    usual = Tolerance().offset
+    usual = MACHINE.tolerances.offset
     vague = with_offset(MACHINE, -3.0, 2 * usual, FOUND)
     assert (vague.drive.offset, vague.tolerance.offset) == (-3.0, 2 * usual)
     assert vague.sources["drive.offset"] == vague.sources["tolerance.offset"]
     assert vague.sources["drive.offset"].std == 2 * usual
     sharp = with_offset(vague, -2.0, 0.1 * usual, FOUND)
-    assert (sharp.drive.offset, sharp.tolerance.offset) == (-2.0, usual)
+    assert (sharp.drive.offset, sharp.tolerances.offset) == (-2.0, usual)
     assert "tolerance.offset" not in sharp.sources
 
 
