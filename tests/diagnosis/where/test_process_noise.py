@@ -6,12 +6,9 @@ The scale is so fine that the force leaves hundreds of times what it promises, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-import scipy.signal
 
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import confusability
@@ -23,40 +20,10 @@ from diagnosis.where.force import borne_out
 from diagnosis.where.locate import locate
 from diagnosis.where.side import force_or_reading
 from models.effects.catalogue import every
-from models.machine import Machine
 from models.records.record import Record
-from tests.diagnosis.where.cases import case, fitted, run, schedules, table
+from tests.diagnosis.where.cases import case, windy
 
-WIND = 3.0  # N rms
-CALMS = 1.0  # s, after which it has forgotten itself
 AS_STATED = Criteria(rough_variance=np.inf)  # by which the weights of the scale's noise stay
-
-
-def fine() -> Machine:
-    machine = table()
-    return replace(machine, scale=replace(machine.scale, noise=5e-9, resolution=5e-9))
-
-
-@cache
-def still() -> tuple[Record, ...]:
-    return run(fine(), (), schedules(fine()))
-
-
-def blown(records: Sequence[Record], seed: int) -> list[Record]:
-    """The records with commands that lack a wind: to the model it is a force that the table had beside them."""
-    draw, found = np.random.default_rng(seed), []
-    for record in records:
-        keep = np.exp(-record.sample_time / CALMS)
-        white = draw.standard_normal(record.position.size + 4000)
-        wind = WIND * scipy.signal.lfilter([np.sqrt(1 - keep**2)], [1, -keep], white)[4000:]
-        found.append(replace(record, command=record.command - wind))
-    return found
-
-
-@cache
-def windy(seed: int) -> tuple[list[Record], Fit]:
-    records = blown(still(), seed)
-    return records, fitted(fine(), records)
 
 
 def test_weights_that_hold_stay() -> None:
