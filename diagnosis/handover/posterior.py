@@ -21,7 +21,7 @@ from diagnosis.handover.files import Content, Spread, machine_of
 from diagnosis.how_far import unknown_force
 from diagnosis.model.fit import Fit, bounds_of, coordinates, with_coordinates
 from diagnosis.model.parameters import TOLERANCES, bounded
-from diagnosis.model.residual import Candidate
+from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.table import covariance_of, slopes_of_parameters
@@ -44,26 +44,21 @@ def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[M
 
     Where the file is the machine as delivered, the draws are of the re-fit, which says what the records leave open.
     """
-    nominal = diagnosis.baseline.machine
-    found = drawn(_behind(diagnosis), diagnosis.baseline.segment, count, seed)
+    handover, nominal = diagnosis.how_far.handover, diagnosis.baseline.machine
+    adopted = handover.adopted if handover.adopted.finished is not None else handover.named(Content.REFITTED)
+    fitted = diagnosis.baseline.nominal if adopted is None or adopted.finished is None else adopted.finished.fitted
+    found = drawn(fitted, diagnosis.baseline.segment, count, seed)
     return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)
 
 
 def unexplained_force(diagnosis: Diagnosis) -> tuple[Array, ...]:
-    """The force (n,) [N] that these machines lack, by record, where a record leaves far more than its weights promise;
-    else none, as the runs of a design have the scale's noise of their own."""
-    baseline, fitted = diagnosis.baseline, _behind(diagnosis)
+    """The force (n,) [N] that the file which was handed over lacks, by record, where a record leaves far more than its
+    weights promise; else none, as the runs of a design have the scale's noise of their own."""
+    baseline, file = diagnosis.baseline, diagnosis.how_far.handover.adopted.judged.candidate
     if np.max(variance_by_record(diagnosis.final)) <= baseline.criteria.rough_variance:
         return ()
-    left = unknown_force(fitted.candidate, baseline.records, fitted.paths)
+    left = unknown_force(file, baseline.records, smooth(file, baseline.records))
     return tuple(one[~np.isnan(one)] for one in left)
-
-
-def _behind(diagnosis: Diagnosis) -> Fit:
-    """The fit behind the file that was handed over; of the machine as delivered the re-fit."""
-    handover = diagnosis.how_far.handover
-    adopted = handover.adopted if handover.adopted.finished is not None else handover.named(Content.REFITTED)
-    return diagnosis.baseline.nominal if adopted is None or adopted.finished is None else adopted.finished.fitted
 
 
 def spreads(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, Spread]:

@@ -189,8 +189,8 @@ def test_the_file_of_a_lag_near_none_tells_the_sum_that_is_sure(nothing: Fit) ->
 
 def test_the_force_that_a_wind_leaves_is_given_on_and_none_where_the_weights_hold() -> None:
     def left(records: Sequence[Record], fit: Fit) -> tuple[NDArray[np.float64], ...]:
-        handover = SimpleNamespace(adopted=SimpleNamespace(finished=None), named=lambda _file: None)
-        baseline = SimpleNamespace(nominal=fit, records=records, criteria=Criteria())
+        handover = SimpleNamespace(adopted=SimpleNamespace(judged=SimpleNamespace(candidate=fit.candidate)))
+        baseline = SimpleNamespace(records=records, criteria=Criteria())
         found: Any = SimpleNamespace(final=fit, baseline=baseline, how_far=SimpleNamespace(handover=handover))
         return unexplained_force(found)
 
