@@ -14,6 +14,7 @@ from diagnosis.experiments.confusability import to_json as confusion
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.verdict import Outcome
+from diagnosis.where.force import borne_out
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.serialise import to_json as place
 
@@ -69,7 +70,8 @@ def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Wher
         found.nominal, found.records, found.pieces,
         seed=seed, spike=spike, replays=replays, criteria=criteria, usual=found.null.usual,
     )  # fmt: skip
-    return lies, confusability(found.nominal, found.records, disabled, found.criteria)
+    weighed = borne_out(found.nominal, found.records, criteria)
+    return lies, confusability(weighed, found.records, disabled, criteria)
 
 
 def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) -> Evidence:

@@ -2,7 +2,8 @@
 simulation.
 
 Each run has a machine of its own, drawn from what is known of the parameters, the noise of its scale, and a past of the
-friction that the controller does not know, as when an axis is switched on.
+friction that the controller does not know, as when an axis is switched on; and, where records showed a force that no
+model explains, such as wind, that force, as it was but at another time.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from numpy.typing import NDArray
 from design.judging.scatter import dither_of
 from design.redesign.designs import Design
 from design.redesign.outcome import judged_target, outcome
+from models.controller import references
 from models.friction import follow, random_pasts
 from models.machine import Machine
+from models.records.record import Record
 from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
@@ -64,28 +67,55 @@ def interval_of(values: Array, level: float = LEVEL) -> Interval:
     return Interval(float(np.median(values)), float(ordered[i - 1]), float(ordered[n - i]))
 
 
-def predicted(design: Design, machines: Sequence[Machine], seed: int = 0) -> Prediction:
-    """Runs of a design on each of `machines`, which could be the machine at hand; SI. seed: of noise and pasts."""
-    rows = [_run(design, machine, seed, number) for number, machine in enumerate(machines)]
+def predicted(design: Design, machines: Sequence[Machine], seed: int = 0, left: Sequence[Array] = ()) -> Prediction:
+    """Runs of a design on each of `machines`, which could be the machine at hand; SI. seed: of noise and pasts; left:
+    the force (n,) [N] that no model explains, of each record that showed one."""
+    rows = [_run(design, machine, seed, number, left) for number, machine in enumerate(machines)]
     settling, dispersion, saturated = (np.array(column, float) for column in zip(*rows, strict=True))
     return Prediction(settling, dispersion, int(saturated.sum()))
 
 
-def _run(design: Design, machine: Machine, seed: int, number: int) -> tuple[float, float, bool]:
+def again(left: Sequence[Array], samples: int, seed: int) -> Array:
+    """A force (samples,) [N] as it was in one of the records `left` (n,) [N], less its mean, from a time at random on:
+    to and fro in time, so that it goes on where the record ends; 0 without records."""
+    if not left:
+        return np.zeros(samples)
+    rng = np.random.default_rng([seed, 41])
+    one = left[int(rng.choice(len(left), p=np.array([force.size for force in left]) / sum(map(len, left))))]
+    there_and_back = np.concatenate([one, one[::-1]]) - np.mean(one)
+    return np.resize(np.roll(there_and_back, -int(rng.integers(there_and_back.size))), samples)
+
+
+def moved_by(left: Sequence[Array], design: Design, machine: Machine, seed: int = 0) -> float:
+    """By how much the force alone moves the axis in the loop, in root mean square over the judged motions [m]."""
+    runs = [_response(design, machine, seed, 0, pushed)[0].position for pushed in (left, ())]
+    return float(np.sqrt(np.mean((runs[0] - runs[1]) ** 2)))
+
+
+def _run(
+    design: Design, machine: Machine, seed: int, number: int, left: Sequence[Array] = ()
+) -> tuple[float, float, bool]:
     """(settling [s], 3 sigma [m], whether it asked for more than the rating) of one run, which never settles if it runs
     away."""
-    noise = float(np.hypot(machine.scale.noise, dither_of(machine)))
-    noisy = replace(machine, scale=replace(machine.scale, noise=noise))
-    past = random_pasts(machine.friction, 1, seed + 1000 + number)[0]
-    start = follow(machine.friction, past)[1]
-    target = judged_target(machine)
     with np.errstate(all="ignore"):  # a loop that runs away is a result
-        response = simulate(noisy, design.controller, target, seed=seed + number, initial_friction=start)
-        record = response.record
+        record, push = _response(design, machine, seed, number, left)
         whole = bool(np.all(np.isfinite(record.position)) and np.all(np.isfinite(record.command)))
-    saturated = not whole or float(np.max(np.abs(record.command))) > machine.drive.rated_thrust
+    saturated = not whole or float(np.max(np.abs(record.command - push))) > machine.drive.rated_thrust
     if not whole:
-        return machine.specification.interval, float(np.ptp(target)), True
+        return machine.specification.interval, float(np.ptp(record.target)), True
     found = outcome(record, machine)
     assert found is not None  # the sequence has at least two positive motions
     return found.settling, found.dispersion, saturated
+
+
+def _response(design: Design, machine: Machine, seed: int, number: int, left: Sequence[Array]) -> tuple[Record, Array]:
+    """The record of one run, and the force (n,) [N] in it that no model explains. It goes in with the feedforward, for
+    it acts where the thrust does; that it comes later by the dead time is no matter, as it comes at any time."""
+    noise = float(np.hypot(machine.scale.noise, dither_of(machine)))
+    noisy = replace(machine, scale=replace(machine.scale, noise=noise))
+    past = random_pasts(machine.friction, 1, seed + 1000 + number)[0]
+    start, target = follow(machine.friction, past)[1], judged_target(machine)
+    known, push = references(design.controller, target), again(left, target.size, seed + number)
+    given = replace(known, feedforward=known.feedforward + push)
+    found = simulate(noisy, design.controller, target, seed=seed + number, initial_friction=start, given=given)
+    return found.record, push

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.effect_compensation import left_out
 from design.judging.known_range import APART, excess
@@ -19,19 +20,24 @@ from models.effects.catalogue import named
 from models.machine import Machine
 from models.quantity import listed, show
 
+Array = NDArray[np.float64]
+
 NARROWED: Final = "a further record would narrow it"
 RUNS: Final = 5  # of each machine that lacks something, from other pasts of the friction
 
 
-def unmet(design: Design, machine: Machine, prediction: Prediction, seed: int = 0) -> tuple[str, ...]:
+def unmet(
+    design: Design, machine: Machine, prediction: Prediction, seed: int = 0, left: Sequence[Array] = ()
+) -> tuple[str, ...]:
     """Sentences: what is not met, each with its reason; empty where the specification is met in every run (SI).
 
-    machine: as it is known now. prediction: the design's, on machines that the records allow.
+    machine: as it is known now. prediction: the design's, on machines that the records allow. left: the force (n,) [N]
+    of each record that no model explains, which acts in the prediction.
     """
     wanted, told = machine.specification, list(design.notes)
     settling = prediction.interval("settling")
     if settling.high > wanted.settling_time * (1 + 1e-9):
-        told.append(_late(design, machine, prediction, seed))
+        told.append(_late(design, machine, prediction, seed, left))
     floor = 3 * machine.scale.reading_deviation
     dispersion = prediction.interval("dispersion")
     if dispersion.median < 2 * floor:
@@ -42,13 +48,15 @@ def unmet(design: Design, machine: Machine, prediction: Prediction, seed: int = 
     return (*told, *_beyond(design, machine))
 
 
-def _late(design: Design, machine: Machine, prediction: Prediction, seed: int) -> str:
+def _late(design: Design, machine: Machine, prediction: Prediction, seed: int, left: Sequence[Array]) -> str:
     """Why motions settle late: the first of these that, left out, makes them settle in time."""
     wanted, settling = machine.specification, prediction.interval("settling")
     head = (
         f"settling within {show(wanted.settling_time, 's')} is not met in every run: {show(settling.low, 's', 3)} to "
         f"{show(settling.high, 's', 3)}"
     )
+    if left and _in_time(design, machine, seed) and not _in_time(design, machine, seed, left):
+        return f"{head}; it is the force that no model explains"
     stays = left_out(machine)
     quiet = replace(machine, scale=replace(machine.scale, noise=0.0))
     plain = replace(machine, effects=tuple(one for name, one in named(machine.effects).items() if name not in stays))
@@ -73,9 +81,10 @@ def _late(design: Design, machine: Machine, prediction: Prediction, seed: int) -
     return f"{head}; the friction that the compensator does not know at the start, and the feedback's own speed, decide"
 
 
-def _in_time(design: Design, machine: Machine, seed: int) -> bool:
-    """Whether the machine itself, with nothing drawn but the past of its friction, settles in time."""
-    found = predicted(design, [machine] * RUNS, seed)
+def _in_time(design: Design, machine: Machine, seed: int, left: Sequence[Array] = ()) -> bool:
+    """Whether the machine itself, with nothing drawn but the past of its friction, settles in time; left: a force
+    (n,) [N] that acts on it."""
+    found = predicted(design, [machine] * RUNS, seed, left)
     return float(np.max(found.settling)) <= machine.specification.settling_time * (1 + 1e-9)
 
 

@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, Spread, machine_of
+from diagnosis.how_far import unknown_force
 from diagnosis.model.fit import Fit, bounds_of, coordinates, with_coordinates
 from diagnosis.model.parameters import TOLERANCES, bounded
-from diagnosis.model.residual import Candidate
+from diagnosis.model.residual import Candidate, smooth
+from diagnosis.model.roughness import variance_by_record
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.table import covariance_of, slopes_of_parameters
 from models.effects.base import POSITIVE
@@ -47,6 +49,16 @@ def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[M
     fitted = diagnosis.baseline.nominal if adopted is None or adopted.finished is None else adopted.finished.fitted
     found = drawn(fitted, diagnosis.baseline.segment, count, seed)
     return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)
+
+
+def unexplained_force(diagnosis: Diagnosis) -> tuple[Array, ...]:
+    """The force (n,) [N] that the file which was handed over lacks, by record, where a record leaves far more than its
+    weights promise; else none, as the runs of a design have the scale's noise of their own."""
+    baseline, file = diagnosis.baseline, diagnosis.how_far.handover.adopted.judged.candidate
+    if np.max(variance_by_record(diagnosis.final)) <= baseline.criteria.rough_variance:
+        return ()
+    left = unknown_force(file, baseline.records, smooth(file, baseline.records))
+    return tuple(one[~np.isnan(one)] for one in left)
 
 
 def spreads(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, Spread]:

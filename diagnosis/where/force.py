@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from diagnosis.model.fit import Fit
+from diagnosis.criteria import Criteria
+from diagnosis.model.fit import Fit, fit
 from diagnosis.model.kalman import (
     STARTING,
     SUBSTEPS,
@@ -29,6 +30,7 @@ from diagnosis.model.kalman import (
 )
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.residual import AGAIN, Candidate, modal, unweighted_predictor
+from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import noise
 from diagnosis.where.energy import Samples, centred
 from models.plant import Plant
@@ -133,6 +135,16 @@ def likeliest_walk(fitted: Fit, records: Sequence[Record]) -> float:
     """The random walk [usual white forces per sample] of WALKS with the largest likelihood of the readings."""
     likelihoods = [sum(_log_likelihoods(fitted, records, walk)) for walk in WALKS]
     return float(WALKS[int(np.argmax(likelihoods))])
+
+
+def borne_out(fitted: Fit, records: Sequence[Record], criteria: Criteria = Criteria()) -> Fit:
+    """The fit as it is where its weights hold. Where a record leaves far more than they promise, it is linearised anew,
+    nothing fitted, beside a force that walks as is likeliest: what a slow force leaves that follows no law, such as
+    wind, is then noise, and only then are a chi-square and what follows from it in units of the noise."""
+    if np.max(variance_by_record(fitted)) <= criteria.rough_variance:
+        return fitted
+    walk = likeliest_walk(fitted, records)
+    return fit(fitted.candidate, records, paths=fitted.paths, iterations=0, walk=walk) if walk > fitted.walk else fitted
 
 
 def own_course(fitted: Fit, records: Sequence[Record], walk: float) -> float:

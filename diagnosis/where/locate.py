@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, Largest, largest, weights
 from diagnosis.model.motions import Piece, numbered
+from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import noise
 from diagnosis.refit import FOLLOWED, RATED
 from diagnosis.where.controller import Replayed, replayed
@@ -33,7 +34,7 @@ from diagnosis.where.coordinates import (
 )
 from diagnosis.where.dependence import explained_by, of_innovations
 from diagnosis.where.energy import PHASES, EnergyShares, Samples, by_band, by_wavelength, label_samples, shares
-from diagnosis.where.force import FAST, UnknownForce, own_course, smoother_response, unknown_force
+from diagnosis.where.force import FAST, UnknownForce, borne_out, own_course, smoother_response, unknown_force
 from diagnosis.where.side import Side, sides
 from diagnosis.which.scan import NuisanceProjection, partial_out
 from models.records.record import Record
@@ -51,8 +52,10 @@ class Where:
     phases, bands and wavelengths it lies. dependence: on which coordinates it depends. sides: whether it looks like a
     force or like an error of the reading. samples, coordinates: what is known of every sample, sampled every
     sample_time [s]. gap: what each coordinate explains of the innovations, see dependence.py. course [1]: see
-    `force.own_course`. spike: the largest innovation, where noise makes none of its size. beyond_rating [N]: the
-    largest command, where the drive followed commands beyond its rating.
+    `force.own_course`. walk [N per sample]: of the force beside which force and reading are compared, where the weights
+    do not hold, and variance [1]: what that leaves of each record, see `force.borne_out`. spike: the largest
+    innovation, where noise makes none of its size. beyond_rating [N]: the largest command, where the drive followed
+    commands beyond its rating.
     """
 
     controller: tuple[Replayed, ...]
@@ -65,6 +68,8 @@ class Where:
     sample_time: float
     gap: tuple[Explained, ...] = ()
     course: float = 0.0
+    walk: float | None = None
+    variance: tuple[float, ...] = ()
     spike: Largest | None = None
     beyond_rating: float | None = None
     criteria: Criteria = Criteria()
@@ -127,7 +132,8 @@ def locate(
     samples = label_samples(records, pieces, motion, weights(records), settling_time, nominal.priors.units)
     known = coordinates(fitted, records, samples)
     unknown = unknown_force(fitted, records, pieces)
-    projection = partial_out(fitted, motion, seed)
+    projection, weighed = partial_out(fitted, motion, seed), borne_out(fitted, records, criteria)
+    compared = projection if weighed is fitted else partial_out(weighed, motion, seed)
     dependence = _dependence(fitted, records, unknown.centred(samples), known, samples, seed)
     gap = of_innovations(fitted, records, projection, samples, usual)
     most = largest(fitted)
@@ -136,12 +142,14 @@ def locate(
         unknown=unknown,
         energy=_energy(fitted, records, unknown, samples, seed),
         dependence=dependence,
-        sides=_sides(fitted, records, projection, known, dependence, samples, seed),
+        sides=_sides(weighed, records, compared, known, dependence, samples, seed),
         samples=samples,
         coordinates=known,
         sample_time=records[0].sample_time,
         gap=explained_by(gap, unknown.centred(samples), known, samples, seed),
         course=own_course(fitted, records, unknown.likely.walk / fitted.candidate.usual_white_force),
+        walk=None if weighed is fitted else weighed.walk * weighed.candidate.usual_white_force,
+        variance=tuple(variance_by_record(weighed).tolist()),
         spike=most if most.deviations > spike else None,
         beyond_rating=nominal.drive.rated_thrust if nominal.sources.get(RATED) == FOLLOWED else None,
         criteria=criteria,

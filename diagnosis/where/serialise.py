@@ -62,7 +62,8 @@ def _details(where: Where) -> dict[str, Any]:
         "force_rms_N": where.deviation,
         "noise_rms_N": where.unknown.noise,
         "walk_N_per_sample": where.unknown.likely.walk,
-        "side": force_or_reading(where.sides),
+        "weighed": {"walk_N_per_sample": where.walk, "chi_square_per_sample": list(where.variance)},
+        "side": force_or_reading(where.sides, where.criteria),
         "sides": [
             {"coordinate": one.coordinate, "force": one.force, "reading": one.reading, "pitch_m": one.pitch}
             for one in where.sides

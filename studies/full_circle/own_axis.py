@@ -21,7 +21,7 @@ from design.redesign.outcome import judged_target
 from design.redesign.stated import machines_as_stated
 from design.redesign.unmet import NARROWED
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
-from diagnosis.handover.posterior import machines_allowed
+from diagnosis.handover.posterior import machines_allowed, unexplained_force
 from models.identification.pipeline import identify
 from models.machine import Machine, MachineError, from_table
 from models.machine_file import to_toml
@@ -173,6 +173,7 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
             "improved": answer.files["improved.toml"],
             "next_experiment": answer.files.get("next_experiment.csv"),
             "could_be": draws,
+            "left_N": [one.tolist() for one in unexplained_force(found)],
         }
 
     kept, again = circle.steps.done("diagnose", used, work)
@@ -189,15 +190,16 @@ def _as_diagnosis(options: CircleOptions, paths: tuple[Path, ...]) -> DiagnosisO
 
 def _redesigned(circle: Circle, better: Machine, found: Mapping[str, Any] | None) -> dict[str, Any]:
     """The redesign: what of it is shown, its controller files, and its tables."""
-    drawn = found["could_be"] if found else []
-    used = {"before": to_toml(circle.machine), "better": to_toml(better), "could_be": drawn}
+    drawn, left = (found["could_be"], found["left_N"]) if found else ([], [])
+    used = {"before": to_toml(circle.machine), "better": to_toml(better), "could_be": drawn, "left_N": left}
     used |= {"seed": circle.options.seed, "quick": circle.options.quick}
 
     def work() -> dict[str, Any]:
         could_be = _loadable(drawn) or machines_as_stated(better, FEW if circle.options.quick else RUNS)
         within = lambda share, text: circle.progress(0.7 + 0.15 * share, text)  # noqa: E731
         try:
-            made = redesigning.redesigned(circle.machine, better, could_be, circle.options.seed, within)
+            forces = [np.array(one) for one in left]
+            made = redesigning.redesigned(circle.machine, better, could_be, circle.options.seed, within, left=forces)
         except DesignError as error:
             raise BadInputError(f"--machine: {error}") from error
         old, new = made.old, made.chosen.design
@@ -373,6 +375,8 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
         told = verification.expected_to_settle(settling["low"], settling["high"], verified["interval_s"])
         told = f"{told}, 3 sigma {show(spread['low'], 'm', 2)} to {show(spread['high'], 'm', 2)}"
         rows.append((f"  expected of the {row['name']}", told))
+    if shown["left"] is not None:
+        rows.append(("  with a force in these runs", left_told(shown["left"])))
     for row in verified["rows"]:
         told = f"{verification.settles(row)}, 3 sigma {show(row['dispersion_m'], 'm', 2)}"
         rows.append((f"  measured in {row['record']} ({row['design']})", told))
@@ -386,3 +390,11 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     if not results["next"]:
         rows.append(("run next", f"nothing: {verification.closing(verified, shown['unmet'])}"))
     return rows
+
+
+def left_told(left: Mapping[str, Any]) -> str:
+    """How large the force is that no model explains, and what it does, in words."""
+    return (
+        f"{show(left['force_N'], 'N', 2)} (rms) that no model explains, as it was in the records that were diagnosed; "
+        f"it alone moves the axis by {show(left['moves_m'], 'm', 2)} (rms) under the design in place"
+    )

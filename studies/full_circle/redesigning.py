@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.controller import waiting
 from design.deadbeat import DesignError
@@ -14,12 +15,14 @@ from design.deployment.drive_file import controller_to_json
 from design.redesign.choice import UNITS, Chosen, chosen
 from design.redesign.designs import Design, designed, in_place, retuned, retuned_alone
 from design.redesign.outcome import Outcome, judged_motions, judged_target
-from design.redesign.prediction import Interval, Prediction, predicted
+from design.redesign.prediction import Interval, Prediction, moved_by, predicted
 from design.redesign.unmet import unmet
 from models.controller import References
 from models.machine import Machine
 from models.records.record import Record
 from models.simulation.simulator import simulate
+
+Array = NDArray[np.float64]
 
 OLD: Final = "design in place"
 REFIT: Final = "new feedforward"
@@ -31,15 +34,25 @@ THINNED: Final = 150  # points of a motion in a figure
 
 
 @dataclass(frozen=True)
+class Left:
+    """The force that no model explains, which acts in the predictions as it did in the records: its deviation [N], and
+    by how much it alone moves the axis under the design in place [m], both in root mean square."""
+
+    force: float
+    moves: float
+
+
+@dataclass(frozen=True)
 class Redesign:
     """All designs that were looked at, the old one first, what each is expected to achieve on the machines that could
-    be this one, which of them runs next, and what it cannot meet."""
+    be this one, which of them runs next, what it cannot meet, and the force that no model explains."""
 
     machine: Machine
     designs: tuple[Design, ...]
     predictions: tuple[Prediction, ...]
     chosen: Chosen
     unmet: tuple[str, ...]
+    left: Left | None = None
 
     @property
     def old(self) -> Design:
@@ -74,10 +87,12 @@ def redesigned(
     progress: Callable[[float, str], None],
     *,
     pid: bool = True,
+    left: Sequence[Array] = (),
 ) -> Redesign:
     """The redesign of a machine that was known as `before`, is known as `better`, and could be each of `could_be`.
 
-    pid: whether another one can run in place of the one that does.
+    pid: whether another one can run in place of the one that does. left: the force (n,) [N] that no model explains, of
+    each record that showed one.
     """
     old, notes = old_design(before), list[str]()
     designs = [old]
@@ -98,10 +113,15 @@ def redesigned(
     found = []
     for number, one in enumerate(designs):
         progress(0.3 + 0.6 * number / len(designs), f"what to expect of the {one.name}")
-        found.append(predicted(one, could_be, seed))
+        found.append(predicted(one, could_be, seed, left))
     taken = chosen(designs, found, better)
-    missing = unmet(taken.design, better, found[designs.index(taken.design)], seed)
-    return Redesign(better, tuple(designs), tuple(found), taken, tuple(dict.fromkeys((*missing, *notes))))
+    missing = unmet(taken.design, better, found[designs.index(taken.design)], seed, left)
+    told = tuple(dict.fromkeys((*missing, *notes)))
+    return Redesign(better, tuple(designs), tuple(found), taken, told, _left(left, old, better, seed))
+
+
+def _left(left: Sequence[Array], old: Design, better: Machine, seed: int) -> Left | None:
+    return Left(float(np.std(np.concatenate(left))), moved_by(left, old, better, seed)) if left else None
 
 
 def pid_alone(before: Machine, better: Machine) -> Design:
@@ -129,6 +149,7 @@ def to_json(found: Redesign) -> dict[str, Any]:
         "chosen": taken.design.name,
         "gains": {name: _interval(gain) for name, gain in taken.gains.items()},
         "unmet": list(found.unmet),
+        "left": found.left and {"force_N": found.left.force, "moves_m": found.left.moves},
         "specified": {
             "stroke_m": found.machine.specification.stroke,
             "tolerance_m": found.machine.specification.tolerance,

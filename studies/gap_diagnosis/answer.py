@@ -185,9 +185,22 @@ def _rough(results: Results) -> str:
         each = listed(f"{one:.2g} in record {number}" if len(left) > 1 else f"{one:.2g}" for number, one in far)
         told += (
             f". Chi-square per sample is {each} where 1 was expected, so that the stated deviations are too "
-            f"{'small' if far[0][1] > 1 else 'large'}"
+            f"{'small' if far[0][1] > 1 else 'large'}{_weighed(results)}"
         )
     return told
+
+
+def _weighed(results: Results) -> str:
+    """By which noise the detection limits go, where the scale's does not explain what is left."""
+    weighed = results["where"]["details"].get("weighed") or {}
+    walk = weighed.get("walk_N_per_sample")
+    if walk is None:
+        return ""
+    left = listed(f"{one:.2g}" for one in weighed["chi_square_per_sample"])
+    return (
+        f"; detection limits take what is left for a force that walks at random by {show(walk, 'N', 2)} a sample, "
+        f"beside which chi-square per sample is {left}"
+    )
 
 
 def _far(results: Results) -> list[tuple[int, float]]:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import scipy.signal
+from numpy.typing import NDArray
 
 from design.redesign.designs import designed
 from design.redesign.outcome import judged_target, outcome
-from design.redesign.prediction import interval_of, predicted
+from design.redesign.prediction import again, interval_of, predicted
 from design.redesign.stated import machines_as_stated
+from models.controller import references
 from models.machine import Provenance
 from models.simulation.simulator import simulate
 from tests.design.redesign.axes import KNOWN, TRUE
@@ -54,3 +59,37 @@ def test_draws_have_the_stated_deviations() -> None:
     assert np.mean(dead) == pytest.approx(KNOWN.plant.dead_time, abs=4e-6)
     np.testing.assert_allclose(np.std(stiff, axis=0) / np.mean(stiff, axis=0), 0.01, rtol=0.15)
     assert np.std(mass) / np.mean(mass) == pytest.approx(machine.tolerance.mass, rel=0.15)
+
+
+def wind(size: float, seconds: float, seed: int) -> NDArray[np.float64]:
+    """A force of `size` [N] rms that forgets itself within 50 ms."""
+    keep = np.exp(-KNOWN.sample_time / 0.05)
+    white = np.random.default_rng(seed).standard_normal(round(seconds / KNOWN.sample_time))
+    return np.asarray(size * scipy.signal.lfilter([np.sqrt(1 - keep**2)], [1, -keep], white))
+
+
+def test_a_force_that_no_model_explains_acts_in_the_prediction_as_on_the_axis() -> None:
+    """The axis has a wind that the records of another day showed; without it the interval is far too good."""
+    design, target = designed(KNOWN, "old"), judged_target(KNOWN)
+    known = references(design.controller, target)
+    found = predicted(design, [KNOWN] * 20, 4, [wind(2.0, 5.0, 1), wind(2.0, 8.0, 2)])
+    still = predicted(design, [KNOWN] * 20, 4)
+    outside, inside = 0, 0
+    for day in range(6):
+        push = wind(2.0, target.size * KNOWN.sample_time, 50 + day)
+        given = replace(known, feedforward=known.feedforward + push)
+        measured = outcome(simulate(KNOWN, design.controller, target, given=given, seed=80 + day).record, KNOWN)
+        assert measured is not None
+        inside += found.interval("dispersion").holds(measured.dispersion)
+        outside += not still.interval("dispersion").holds(measured.dispersion)
+    assert outside == 6
+    assert inside >= 5
+    assert found.saturated == still.saturated == 0
+
+
+def test_a_force_goes_on_where_its_record_ends() -> None:
+    force = wind(1.0, 1.0, 3) + 5.0
+    found = again([force], 3 * force.size, seed=2)
+    assert np.max(np.abs(np.diff(found))) <= np.max(np.abs(np.diff(force))) + 1e-12
+    assert abs(np.mean(found)) < 0.2
+    assert np.array_equal(again([], 7, seed=2), np.zeros(7))

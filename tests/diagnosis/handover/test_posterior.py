@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +15,11 @@ from scipy.stats import truncnorm
 from design.controller import default_controller
 from design.redesign.stated import machines_as_stated
 from design.validation import sequence
+from diagnosis.criteria import Criteria
 from diagnosis.handover.files import loaded, machine_of
-from diagnosis.handover.posterior import drawn, spreads
+from diagnosis.handover.posterior import drawn, spreads, unexplained_force
 from diagnosis.model.fit import Fit, bounds_of, coordinates
+from diagnosis.model.kalman import STARTING
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit
@@ -25,8 +30,10 @@ from models.effects.motor import CurrentLoopLag
 from models.friction import branch, elements
 from models.machine import Machine, load
 from models.machine import parameters as values_of
+from models.records.record import Record
 from models.simulation.simulator import simulate
 from models.variation import known as known_of
+from tests.diagnosis.where.cases import case, still, windy
 
 Array = NDArray[np.float64]
 
@@ -178,3 +185,20 @@ def test_the_file_of_a_lag_near_none_tells_the_sum_that_is_sure(nothing: Fit) ->
     machines = machines_as_stated(file, 600, seed=5)
     sums = [one.plant.dead_time + float(one.effects[0].values()[0]) for one in machines]
     assert np.std(sums) == pytest.approx(np.sqrt(own.sum()), rel=4 / np.sqrt(2 * 600))
+
+
+def test_the_force_that_a_wind_leaves_is_given_on_and_none_where_the_weights_hold() -> None:
+    def left(records: Sequence[Record], fit: Fit) -> tuple[NDArray[np.float64], ...]:
+        handover = SimpleNamespace(adopted=SimpleNamespace(judged=SimpleNamespace(candidate=fit.candidate)))
+        baseline = SimpleNamespace(records=records, criteria=Criteria())
+        found: Any = SimpleNamespace(final=fit, baseline=baseline, how_far=SimpleNamespace(handover=handover))
+        return unexplained_force(found)
+
+    records, fit = windy(0)
+    found = left(records, fit)
+    assert [one.size for one in found] == [record.position.size - STARTING for record in records]
+    wind = [calm.command - blown.command for calm, blown in zip(still(), records, strict=True)]
+    for one, true in zip(found, wind, strict=True):
+        assert np.corrcoef(one, true[STARTING:])[0, 1] > 0.9
+        assert np.std(one) == pytest.approx(np.std(true), rel=0.15)
+    assert left(*case("")) == ()

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+import scipy.signal
+
 from diagnosis.experiments import schedules as experiments
 from diagnosis.experiments.schedules import Schedule
 from diagnosis.model.fit import Fit, fit
@@ -18,6 +21,9 @@ from models.effects.catalogue import every
 from models.machine import Machine, load
 from models.records.record import Record
 from models.simulation.simulator import simulate
+
+WIND = 3.0  # N rms
+CALMS = 1.0  # s, after which it has forgotten itself
 
 
 @cache
@@ -63,3 +69,33 @@ def case(name: str) -> tuple[tuple[Record, ...], Fit]:
     effects = (every()[name].typical(),) if name else ()
     records = run(table(), effects, schedules(table()))
     return records, fitted(table(), records)
+
+
+def fine() -> Machine:
+    """The same with a scale so fine that a wind leaves hundreds of times what it promises."""
+    machine = table()
+    return replace(machine, scale=replace(machine.scale, noise=5e-9, resolution=5e-9))
+
+
+@cache
+def still() -> tuple[Record, ...]:
+    """Its records without wind."""
+    return run(fine(), (), schedules(fine()))
+
+
+def blown(records: Sequence[Record], seed: int) -> list[Record]:
+    """The records with commands that lack a wind: to the model it is a force that the table had beside them."""
+    draw, found = np.random.default_rng(seed), []
+    for record in records:
+        keep = np.exp(-record.sample_time / CALMS)
+        white = draw.standard_normal(record.position.size + 4000)
+        wind = WIND * scipy.signal.lfilter([np.sqrt(1 - keep**2)], [1, -keep], white)[4000:]
+        found.append(replace(record, command=record.command - wind))
+    return found
+
+
+@cache
+def windy(seed: int) -> tuple[list[Record], Fit]:
+    """Its records with a wind of this seed, and the fit to them."""
+    records = blown(still(), seed)
+    return records, fitted(fine(), records)

@@ -102,10 +102,14 @@ def test_a_record_that_contradicts_the_prediction_is_warned_of_and_this_one_does
     assert "sticking" not in results
     assert not [row for row in own_axis._summary(results) if "WARNING" in row[0]]
     results["verified"]["contradicts"] = ["predicted: settles in 20 ms to 22 ms; measured: settles in 15 ms"]
+    assert results["redesign"]["left"] is None
+    results["redesign"]["left"] = {"force_N": 4.1, "moves_m": 1.1e-6}
     results |= found_in(far_side(KNOWN))
     told = dict(own_axis._summary(results))
     assert told["WARNING, the design in place"].startswith("predicted: settles in 20 ms to 22 ms; measured: settles in")
     assert "unstable" in told["WARNING, while the friction sticks"]
+    assert told["  with a force in these runs"].startswith("4.1 N (rms) that no model explains")
+    assert "moves the axis by 1.1 µm (rms)" in told["  with a force in these runs"]
 
 
 def test_its_record_closes_the_circle_and_nothing_is_computed_again(

@@ -51,6 +51,17 @@ def test_every_outcome_has_its_sentences(
     assert told["how_far"].endswith(".")
 
 
+def test_where_the_weights_do_not_hold_it_is_said_by_which_noise_the_limits_go(results: dict[str, Any]) -> None:
+    weighed = {"walk_N_per_sample": 0.289, "chi_square_per_sample": [1.84, 1.82]}
+    where = {**results["where"], "details": {**results["where"]["details"], "weighed": weighed}}
+    far = {**results, "where": where, "chi_square_per_sample": {"with_effects": [1160.0, 1470.0]}}
+    assert (
+        "so that the stated deviations are too small; detection limits take what is left for a force that walks at "
+        "random by 0.29 N a sample, beside which chi-square per sample is 1.8 and 1.8."
+    ) in sentences(far)["which"]
+    assert results["where"]["details"]["weighed"]["walk_N_per_sample"] is None
+
+
 def test_what_was_not_tried_is_said_where_nothing_explains_the_records(results: dict[str, Any]) -> None:
     assert results["not_looked_for"] == ["velocity_strengthening"]  # not gravity, which no linear axis has
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
