@@ -97,10 +97,14 @@ class Study:
         )
 
     def compute(self, machine: Machine, options: Options, progress: Callable[[float, str], None]) -> Answer:
-        """Answers the question for a machine. Raises BadInputError."""
-        answer: Answer = import_module(f"studies.{self.name}.compute").compute(machine, options, progress)
+        """Answers the question for a machine, in the units of its axis. Raises BadInputError."""
+        work: Callable[..., Answer] = import_module(f"studies.{self.name}.compute").compute
         if machine.axis != "rotary":
-            return answer
+            return work(machine, options, progress)
+        try:
+            answer = work(machine, options, lambda share, text: progress(share, machine.wording(text)))
+        except BadInputError as error:
+            raise BadInputError(machine.wording(str(error))) from error
         return dataclasses.replace(
             answer,
             checks=tuple(dataclasses.replace(check, unit=machine.unit(check.unit)) for check in answer.checks),
