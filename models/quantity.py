@@ -162,7 +162,7 @@ def turned(text: str) -> str:
     torques are "N m" already, and no force is multiplied by a length anywhere else.
     """
     cells = _IN_CELL.sub(lambda cell: re.sub(_UNIT_ALONE, lambda found: _turned(found[0]), cell[0]), text)
-    words = _WORD.sub(_turned_word, cells)
+    words = _WORD.sub(_turned_word, re.sub(r"\bpayload mass\b", "payload inertia", cells))
     return _IN_TEXT.sub(lambda found: _turned(found[0]), words)
 
 
@@ -249,17 +249,20 @@ def listed(words: Iterable[str], last: str = "and") -> str:
     return f"{', '.join(before)} {last} {end}" if before else end
 
 
-def show(number: float, unit: str, digits: int = 4) -> str:
+def show(number: float, unit: str, digits: int = 4, *, like: float | None = None) -> str:
     """`number` (SI, in `unit`) for a reader, with a prefix where the unit takes one: show(2e-5, "m") = "20 µm". An
-    infinite time is that of what never happens: show(math.inf, "s") = "never"."""
+    infinite time is that of what never happens: show(math.inf, "s") = "never". like: a number (SI) to which it is
+    compared, whose prefix it takes: show(9e-7, "m", like=2e-6) = "0.9 µm"."""
     if unit == "s" and number == math.inf:
         return "never"
     if unit == "1":
         return f"{number:.{digits}g}"
-    if unit == "N/m" and abs(number) >= 1e3:
+    size = abs(number if like is None or not math.isfinite(like) else like)
+    if unit == "N/m" and size >= 1e3:
         return f"{_plain(number / 1e3, digits)} N/mm"
-    if unit in {"m", "m/s", "s", "Hz", "W", "rad", "rad/s"} and number != 0 and math.isfinite(number):
-        scale, prefix = next(((s, p) for s, p in _PREFIXES if abs(number) >= 0.9999999 * s), _PREFIXES[-1])
+    if unit in {"m", "m/s", "s", "Hz", "W", "rad", "rad/s"} and size != 0 and math.isfinite(size):
+        size = float(f"{size:.{digits}g}")  # 999.96 nm are 1 µm to three digits
+        scale, prefix = next(((s, p) for s, p in _PREFIXES if size >= 0.9999999 * s), _PREFIXES[-1])
         return f"{_plain(number / scale, digits)} {prefix}{unit}"
     return f"{_plain(number, digits)} {unit}"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -67,13 +66,8 @@ def tell(whole: Results) -> Report:
     question = (
         "Which deadbeat feedforward suits this machine, and does it meet the specification on the nonsmooth machine?"
     )
-    words = filters() | as_known.filters() | {"settles": _settles}
+    words = filters() | as_known.filters()
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), words, tables)
-
-
-def _settles(time: float | None) -> str:
-    """That a motion settles in a time [s], or never."""
-    return "never settles" if time is None or math.isinf(time) else f"settles in {show(time, 's')}"
 
 
 TABLES = {
