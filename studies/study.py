@@ -112,9 +112,9 @@ class Study:
         )
 
     def report(self, results: Mapping[str, Any]) -> Report:
-        """The report of the content of results.json."""
+        """The report of the content of results.json, in the units of its machine's axis."""
         report: Report = import_module(f"studies.{self.name}.report").tell(results)
-        return report
+        return dataclasses.replace(report, wording=turned) if results["machine"].get("axis") == "rotary" else report
 
 
 ENOUGH: Final = 0.2  # of the work that has to be done before the rest is estimated from it

@@ -19,6 +19,7 @@ from reports import text
 from reports.markup import for_figure
 from reports.report import Report, select
 from studies.catalogue import every
+from studies.review.compare import compare, tell
 
 _BEHIND_NUMBER: Final = r"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹$] )"
 LINEAR: Final = re.compile(
@@ -57,6 +58,16 @@ def test_no_unit_of_a_linear_axis_is_left_in_a_report(name: str, quick_run: Call
     report = every()[name].report(whole)
     assert linear_units(page(report, whole)) == []
     assert [found for one in figures(report, whole) for found in linear_units(one)] == []
+
+
+def test_a_report_that_a_review_makes_anew_is_in_the_axis_units_as_well(
+    quick_run: Callable[[str], tuple[Path, int]],
+) -> None:
+    whole = json.loads((quick_run("deadbeat_design")[0] / "results.json").read_text(encoding="utf-8"))
+    assert every()["deadbeat_design"].report(whole).wording is str
+    whole["machine"]["axis"] = "rotary"
+    assert every()["deadbeat_design"].report(whole).wording is turned
+    assert tell(compare(whole, whole)).wording is turned
 
 
 def test_the_units_of_a_linear_axis_are_found() -> None:
