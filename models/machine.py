@@ -45,7 +45,7 @@ from models.machines.plain import Parameter, left_out, plain_of, range_rows, row
 from models.machines.provenance import SOURCES, MachineError, MissingError, Provenance
 from models.machines.reading import read, read_table
 from models.plant import Plant
-from models.quantity import AXES, QuantityError, check, cut, declaration, rotary, show
+from models.quantity import AXES, QuantityError, check, cut, declaration, rotary, show, turned_but_quoted
 from models.records.columns import Columns
 
 __all__ = [
@@ -139,6 +139,10 @@ class Machine:
         """What this axis has in place of a linear one's unit: "rad" for "m" if it is rotary; no unit [-]."""
         return rotary(unit) if self.axis == "rotary" else unit
 
+    def wording(self, text: str) -> str:
+        """A message that is written for every axis, in this one's units, what it quotes left as it is; no unit [-]."""
+        return turned_but_quoted(text) if self.axis == "rotary" else text
+
     def feedback_only(self, reference_delay: int | None = None) -> Controller:
         """The feedback in place without a feedforward of its own: u_M is u_fb and what is given to the simulator.
 
@@ -223,7 +227,8 @@ def from_table(content: Mapping[str, Any], path: Path) -> Machine:
             machine = with_derived_presliding(machine)
         _check(machine)
     except ValueError as error:
-        raise MachineError(f"{path}: {error}") from error
+        said = turned_but_quoted(str(error)) if table.get("axis") == "rotary" else str(error)
+        raise MachineError(f"{path}: {said}") from error
     return machine
 
 
@@ -332,6 +337,6 @@ def _check(machine: Machine) -> None:
     """What no single value shows. Raises MachineError."""
     check_feedback(machine.control, machine.sources)
     check_times(machine.specification, machine.plant.dead_time, machine.sample_time)
-    check_modes(machine.plant, machine.effects, machine.sample_time)
+    check_modes(machine.plant, machine.effects, machine.sample_time, machine.axis)
     check_drive(machine.drive, machine.specification)
     check_friction(machine.friction, machine.presliding)

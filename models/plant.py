@@ -43,8 +43,8 @@ class Mode:
     gain: float = value(
         "1/kg",
         "modal gain k_t (negative: against the thrust)",
-        above=-1e12,
-        below=1e12,
+        above=-1e16,
+        below=1e16,
         because="no mass is that small",
     )
     frequency: float = value(

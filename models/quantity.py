@@ -41,14 +41,19 @@ _USUAL: Final[dict[str, tuple[int, ...]]] = {
     "rad": (0, 0, 0, 0, 1, 0),
 }  # fmt: skip
 _SPACE: Final = "[ \u00a0]"
-_FACTOR: Final = rf"(?:[GMkmµun]?(?:m|N|s|Hz|A|V|W|rad)|kg(?!{_SPACE}m))(?![\w²³^]|-\w)"
+_FACTOR: Final = rf"(?:[GMkmµun]?(?:m|N|s|Hz|A|V|W|rad)|kg(?!{_SPACE}m))(?![\w²³^]|\\\^|\\?-\w)"
 _FACTORS: Final = rf"{_FACTOR}(?:{_SPACE}{_FACTOR})*"
-_BELOW: Final = rf"/\u2060?(?:\({_FACTORS}\)|{_FACTOR})"
+# Markdown has a backslash before each sign that could be markup, and mathematics may end where a unit begins.
+_BELOW: Final = rf"\\?/\u2060?(?:\\?\({_FACTORS}\\?\)|{_FACTOR})"
 _WHOLE: Final = rf"{_FACTORS}(?:{_BELOW})?"
-# A unit behind a number, or in square brackets behind words, as at a figure's axis.
-_IN_TEXT: Final = re.compile(rf"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]{_SPACE})(?:{_WHOLE}|1{_BELOW})|(?<=\s\[){_WHOLE}(?=\])")
+# A unit behind a number, or in square brackets behind words, as at a figure's axis, or alone.
+_UNIT_IN_TEXT: Final = rf"(?:{_WHOLE}|1{_BELOW})"
+_IN_TEXT: Final = re.compile(
+    rf"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹$]{_SPACE}){_UNIT_IN_TEXT}|(?:(?<=\s\[)|(?<=\s\\\[)|(?<=^\[)){_UNIT_IN_TEXT}(?=\\?\])"
+)
+_WORD: Final = re.compile(r"(?<!newton )\b(nano|micro|milli)?metre(s?)\b|\bnewton(s?)\b(?! metre)")
 _UNIT_ALONE: Final = rf"{_WHOLE}|1{_BELOW}|1"
-_IN_CELL: Final = re.compile(rf"(?<=\| )(?:{_UNIT_ALONE})(?:[,;] (?:{_UNIT_ALONE}))*(?= \|$)", re.MULTILINE)
+_IN_CELL: Final = re.compile(rf"(?<=\| )(?:{_UNIT_ALONE})(?:\\?[,;] (?:{_UNIT_ALONE}))*(?= \|$)", re.MULTILINE)
 _PRODUCT: Final = r"[^\s/()]+(?: [^\s/()]+)*"
 _TORQUE: Final = re.compile(r"\b([GMkcmµun]?N)([cm]?m)\b")  # "Nm" and "mNm", as the tools of drives write them
 _UNIT: Final = re.compile(rf"({_PRODUCT})(?:/(?:\(({_PRODUCT})\)|([^\s/()]+)))?")
@@ -153,22 +158,39 @@ def _each_rotary(product: str) -> str:
 def turned(text: str) -> str:
     """The text with the units [-] of a rotary axis: turned("20 µm at 3 N") = "20 µrad at 3 N m".
 
-    For texts that are written for every axis, with tables in Markdown. A unit that only a rotary axis has stays:
+    For texts that are written for every axis, and for Markdown made of them. A unit that only a rotary axis has stays:
     torques are "N m" already, and no force is multiplied by a length anywhere else.
     """
     cells = _IN_CELL.sub(lambda cell: re.sub(_UNIT_ALONE, lambda found: _turned(found[0]), cell[0]), text)
-    return _IN_TEXT.sub(lambda found: _turned(found[0]), cells)
+    words = _WORD.sub(_turned_word, re.sub(r"\bpayload mass\b", "payload inertia", cells))
+    return _IN_TEXT.sub(lambda found: _turned(found[0]), words)
+
+
+def turned_but_quoted(text: str) -> str:
+    """`turned` of a message, but not what it quotes of somebody's files or command line, between apostrophes."""
+    parts = re.split(r"((?<!\w)'[^']*')", text)
+    return "".join(part if i % 2 else turned(part) for i, part in enumerate(parts))
+
+
+def _turned_word(found: re.Match[str]) -> str:
+    """The name of a unit in words as a rotary axis has it."""
+    if "metre" in found[0]:
+        return f"{found[1] or ''}radian{found[2]}"
+    return f"newton metre{found[3]}"
 
 
 def _turned(unit: str) -> str:
-    """A unit of a text as a rotary axis has it, its spaces, and what keeps a line from ending behind a slash, kept."""
+    """A unit of a text as a rotary axis has it; its spaces, what keeps a line from ending behind a slash, and the
+    backslashes of Markdown are kept."""
     above, slash, below = unit.partition("/")
     if "rad" in unit or re.search(rf"N{_SPACE}m\b", above):
         return unit
+    mark = "\\" * above.endswith("\\")
     space = "\u00a0" if "\u00a0" in unit or "\u2060" in unit else " "
-    parts = [_each_turned(part.strip("()\u2060"), space) for part in (above, below)]
+    parts = [_each_turned(part.strip("()\u2060\\"), space) for part in (above, below)]
     joiner = "\u2060" if "\u2060" in unit else ""
-    return parts[0] + slash + joiner * bool(slash) + (f"({parts[1]})" if space in parts[1] else parts[1])
+    behind = f"{mark}({parts[1]}{mark})" if space in parts[1] else parts[1]
+    return parts[0] + (mark + slash + joiner + behind) * bool(slash)
 
 
 def _each_turned(product: str, space: str) -> str:
@@ -227,17 +249,20 @@ def listed(words: Iterable[str], last: str = "and") -> str:
     return f"{', '.join(before)} {last} {end}" if before else end
 
 
-def show(number: float, unit: str, digits: int = 4) -> str:
+def show(number: float, unit: str, digits: int = 4, *, like: float | None = None) -> str:
     """`number` (SI, in `unit`) for a reader, with a prefix where the unit takes one: show(2e-5, "m") = "20 µm". An
-    infinite time is that of what never happens: show(math.inf, "s") = "never"."""
+    infinite time is that of what never happens: show(math.inf, "s") = "never". like: a number (SI) to which it is
+    compared, whose prefix it takes: show(9e-7, "m", like=2e-6) = "0.9 µm"."""
     if unit == "s" and number == math.inf:
         return "never"
     if unit == "1":
         return f"{number:.{digits}g}"
-    if unit == "N/m" and abs(number) >= 1e3:
+    size = abs(number if like is None or not math.isfinite(like) else like)
+    if unit == "N/m" and size >= 1e3:
         return f"{_plain(number / 1e3, digits)} N/mm"
-    if unit in {"m", "m/s", "s", "Hz", "W", "rad", "rad/s"} and number != 0 and math.isfinite(number):
-        scale, prefix = next(((s, p) for s, p in _PREFIXES if abs(number) >= 0.9999999 * s), _PREFIXES[-1])
+    if unit in {"m", "m/s", "s", "Hz", "W", "rad", "rad/s"} and size != 0 and math.isfinite(size):
+        size = float(f"{size:.{digits}g}")  # 999.96 nm are 1 µm to three digits
+        scale, prefix = next(((s, p) for s, p in _PREFIXES if size >= 0.9999999 * s), _PREFIXES[-1])
         return f"{_plain(number / scale, digits)} {prefix}{unit}"
     return f"{_plain(number, digits)} {unit}"
 

@@ -8,12 +8,10 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from models.quantity import turned
 from studies.interrupt import supervised
 from studies.study import Progress, Study
 
@@ -88,8 +86,6 @@ def render(study: Study, whole: Mapping[str, Any], folder: Path, progress: Progr
     from reports.report import render as write
 
     report = study.report(whole)
-    if whole["machine"].get("axis") == "rotary":
-        report = replace(report, wording=turned)
     write(report, whole, folder, progress=lambda text: progress(0.85, text))
     return (
         {figure.name: list(figure.keys) for figure in report.figures},

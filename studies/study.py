@@ -97,10 +97,14 @@ class Study:
         )
 
     def compute(self, machine: Machine, options: Options, progress: Callable[[float, str], None]) -> Answer:
-        """Answers the question for a machine. Raises BadInputError."""
-        answer: Answer = import_module(f"studies.{self.name}.compute").compute(machine, options, progress)
+        """Answers the question for a machine, in the units of its axis. Raises BadInputError."""
+        work: Callable[..., Answer] = import_module(f"studies.{self.name}.compute").compute
         if machine.axis != "rotary":
-            return answer
+            return work(machine, options, progress)
+        try:
+            answer = work(machine, options, lambda share, text: progress(share, machine.wording(text)))
+        except BadInputError as error:
+            raise BadInputError(machine.wording(str(error))) from error
         return dataclasses.replace(
             answer,
             checks=tuple(dataclasses.replace(check, unit=machine.unit(check.unit)) for check in answer.checks),
@@ -108,9 +112,9 @@ class Study:
         )
 
     def report(self, results: Mapping[str, Any]) -> Report:
-        """The report of the content of results.json."""
+        """The report of the content of results.json, in the units of its machine's axis."""
         report: Report = import_module(f"studies.{self.name}.report").tell(results)
-        return report
+        return dataclasses.replace(report, wording=turned) if results["machine"].get("axis") == "rotary" else report
 
 
 ENOUGH: Final = 0.2  # of the work that has to be done before the rest is estimated from it

@@ -34,6 +34,8 @@ def filters() -> dict[str, Callable[..., Any]]:
         "deviation": deviation,
         "amount": amount,
         "slowest": slowest,
+        "settles": settles,
+        "all_settle": all_settle,
         "length_or_dash": length_or_dash,
         "beyond_records": beyond_records,
         "from_to": from_to,
@@ -134,6 +136,18 @@ def slowest(times: Iterable[float | None]) -> float | None:
     """The largest of the times [s]; None, a motion that never settles, is larger than any."""
     every = list(times)
     return None if None in every else max(time for time in every if time is not None)
+
+
+def settles(time: float | None, digits: int = 4) -> str:
+    """That a motion settles in a time [s]; None and infinity are the time of one that never does."""
+    return "never settles" if time is None or math.isinf(time) else f"settles in {quantity(time, 's', digits)}"
+
+
+def all_settle(slowest: float | None, digits: int = 4) -> str:
+    """That motions settle in the time of the slowest [s], or that not all do (None)."""
+    if slowest is None or math.isinf(slowest):
+        return "some motions never settle"
+    return f"every motion settles in {quantity(slowest, 's', digits)}"
 
 
 def length_or_dash(length: float | None) -> str:

@@ -7,10 +7,11 @@ import io
 import uuid
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from design.deployment.templating import filled, hexadecimal
+from models.quantity import rotary
 
 NAMES: Final = uuid.UUID("0f0a7b52-2f0b-4d0c-9a55-0c5d2f2f6f11")
 LONGEST_AGO: Final = (1980, 1, 1, 0, 0, 0)  # so that equal inputs give equal bytes
@@ -143,11 +144,13 @@ def fmu(
     description: str,
     binaries: Mapping[str, bytes] | None = None,
     start_thrust: float = 0.0,
+    *,
+    turns: bool = False,
 ) -> bytes:
     """The archive of a "controller" or a "plant" made of these sources, for communication steps of sample_time [s].
 
     binaries: shared libraries by their path below binaries/, such as "x86_64-linux/axis_plant.so". start_thrust [N]:
-    the value with which the controller's parameter of that name starts.
+    the value with which the controller's parameter of that name starts. turns: whether the axis is rotary.
     """
     token = f"{{{uuid.uuid5(NAMES, hashlib.sha256(''.join(sources.values()).encode()).hexdigest())}}}"
     given = {
@@ -155,8 +158,13 @@ def fmu(
         "token": token,
         "description": description.replace("&", "and").replace("<", "").replace('"', "'"),
         "sample_time": sample_time,
+        "turns": turns,
         "variables": [
-            Variable(**{**vars(one), "start": start_thrust}) if one.name == "start_thrust" else one
+            replace(
+                one,
+                unit=rotary(one.unit) if turns else one.unit,
+                start=start_thrust if one.name == "start_thrust" else one.start,
+            )
             for one in VARIABLES[kind]
         ],
         "absent": absent(),

@@ -67,9 +67,9 @@ def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
         "modes.1.frequency": Provenance("derived", "the rigid body"),
         "modes.1.damping": Provenance("derived", "the rigid body"),
     }
-    for i in range(1, len(fit.plant.modes)):
+    for i in range(2, len(fit.plant.modes) + 1):
         for part in ("gain", "frequency", "damping"):
-            sources[f"modes.{i + 1}.{part}"] = found.by(e.deviation(f"mode {i} {part}"))
+            sources[f"modes.{i}.{part}"] = found.by(e.deviation(f"mode {i} {part}"))
     machine = machine.with_part("plant", fit.plant, sources)
     lag = (fit.lag, e.deviation(modes.LAG)) if fit.lag > 0 else None
     machine = with_lag(machine, lag, found)

@@ -206,7 +206,8 @@ def _estimate(best: Candidate, problem: Problem) -> Estimate:
         slopes[row, row], slopes[row, 0] = size, 0.0 if part == "lag" else -theta[row] * size
     for i, (k, f, zeta) in enumerate(theta[first:].reshape(-1, 3)):
         row = first + 3 * i
-        names += [f"mode {i + 1} gain", f"mode {i + 1} frequency", f"mode {i + 1} damping"]
+        mode = f"mode {i + 2}"  # as machine files count them, where the rigid body is the first
+        names += [f"{mode} gain", f"{mode} frequency", f"{mode} damping"]
         units += ["1/kg", "Hz", "1"]
         values += [rigid * k, math.exp(f), math.exp(zeta)]
         slopes[row, 0], slopes[row, row] = rigid * k, rigid

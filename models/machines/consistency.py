@@ -14,14 +14,16 @@ from models.friction import Friction
 from models.machines.parts import FROM_CASCADE, Control, Drive, Presliding, Specification
 from models.machines.provenance import MachineError
 from models.plant import Plant
-from models.quantity import show
+from models.quantity import ROTARY, show
 
 MODES: Final = 20  # Vibration modes and the rigid body; the time of the optimal controls grows with their cube.
 EFFECTS: Final = 50  # Each is asked for its force ten times a sample.
 SLOWEST: Final = 0.1  # Hz. What vibrates more slowly does not come back within any motion.
 PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.
 MODE_SHARES: Final = (1e-7, 1e4)  # of the size of a mode's gain in the rigid body's: others are neither seen nor its
-MASSES: Final = (1e-6, 1e9)  # kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons
+# kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons; in newtons 1 mg, and no stage is lighter. What turns
+# is counted in kg m^2 and may have far fewer: mirrors of scanners have 1e-9 to 1e-7, those of silicon 1e-12.
+MASSES: Final = {"linear": (1e-6, 1e9), "rotary": (1e-12, 1e9)}
 
 
 def check_feedback(control: Control, stated: Collection[str]) -> None:
@@ -72,8 +74,9 @@ def check_times(wanted: Specification, dead_time: float, ts: float) -> None:
         )
 
 
-def check_modes(plant: Plant, effects: Sequence[Effect], sample_time: float) -> None:
-    """That modes, effects' too, are of one axis: one rigid body, and what a controller sees every `sample_time` [s]."""
+def check_modes(plant: Plant, effects: Sequence[Effect], sample_time: float, axis: str) -> None:
+    """That modes, effects' too, are of one axis of this kind, a key of MASSES: one rigid body, and what a controller
+    sees every `sample_time` [s]."""
     nyquist = 0.5 / sample_time
     modes = {f"plant.modes.{i + 1}": mode for i, mode in enumerate(plant.modes)}
     for name, effect in catalogue.named(effects).items():
@@ -98,10 +101,12 @@ def check_modes(plant: Plant, effects: Sequence[Effect], sample_time: float) -> 
             f"plant.modes: {len(plant.modes)} are more than {MODES}, which would take designs hours; keep "
             "those that show in the frequency response up to a few times the loop's bandwidth"
         )
-    if not MASSES[0] <= plant.mass <= MASSES[1]:
+    least, most = MASSES[axis]
+    if not least <= plant.mass <= most:
+        what, unit = ("an inertia", ROTARY["kg"]) if axis == "rotary" else ("a mass", "kg")
         raise MachineError(
-            f"plant: a mass of {plant.mass:.3g} kg, 1 / (thrust_constant x gain of the rigid body), is not "
-            f"from {MASSES[0]:g} to {MASSES[1]:g} kg; give gains in 1/kg and K_t per unit of thrust reference"
+            f"plant: {what} of {plant.mass:.3g} {unit}, 1 / (thrust_constant x gain of the rigid body), is not from "
+            f"{least:g} to {most:g} {unit}; give gains in 1/({unit}) and K_t per unit of thrust reference"
         )
     for where, mode in modes.items():
         share = mode.gain * plant.mass * plant.thrust_constant

@@ -69,7 +69,9 @@ def load(
         if names["frequency"] in table.names and names["position"] not in table.names:
             response, used = _response(table, columns), {s: names[s] for s in ("frequency", "magnitude", "phase")}
             _check_units(table, columns, used, facts)
-            return Loaded(path.name, digest, response, (), (), recognised(table, columns, used, response))
+            return Loaded(
+                path.name, digest, response, (), (), recognised(table, columns, used, response, turns=facts.rotary)
+            )
         record, given, placed = _record(table, columns, facts.sample_time)
         _check_units(table, columns, given, facts)
         ran = _as_it_ran(record, columns, facts)
@@ -81,7 +83,9 @@ def load(
             raise DoubtfulError(one)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
-    return Loaded(path.name, digest, record, tuple(given), said, recognised(table, columns, given, record))
+    return Loaded(
+        path.name, digest, record, tuple(given), said, recognised(table, columns, given, record, turns=facts.rotary)
+    )
 
 
 def read_record(path: str | Path, columns: Columns | None = None, *, trusted: bool = False) -> Record:

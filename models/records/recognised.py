@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from models.identification.response import FrequencyResponse
-from models.quantity import show
+from models.quantity import rotary, show
 from models.records.columns import UNITS, Columns
 from models.records.record import Record
 from models.records.tables.table import Table
@@ -15,22 +15,31 @@ LONGEST = 40  # characters of a cell
 
 
 def recognised(
-    table: Table, columns: Columns, names: Mapping[str, str], content: Record | FrequencyResponse
+    table: Table,
+    columns: Columns,
+    names: Mapping[str, str],
+    content: Record | FrequencyResponse,
+    *,
+    turns: bool | None = None,
 ) -> tuple[str, ...]:
     """Lines of text: the file's layout, each signal's column with its unit and its value in SI, and the samples [-].
 
     names: the column of each signal that the file gave, which for the time may be one that the mapping doesn't name.
+    turns: whether the axis is rotary; None where nobody said, and the columns' own units tell.
     """
-    rows = [_row(table, columns, signal, name) for signal, name in names.items()]
+    if turns is None:
+        turns = any(columns.source(signal, table.units.get(name, "")).rotary for signal, name in names.items())
+    rows = [_row(table, columns, signal, name, turns=turns) for signal, name in names.items()]
     layout = [", ".join(table.recognised)] if table.recognised else []
     return (*layout, *_aligned([HEADINGS, *rows]), _samples(content))
 
 
-def _row(table: Table, columns: Columns, signal: str, name: str) -> tuple[str, ...]:
+def _row(table: Table, columns: Columns, signal: str, name: str, *, turns: bool) -> tuple[str, ...]:
     stated = table.units.get(name, "")
     source = columns.source(signal, stated)
     unit = source.unit or stated or ("none stated" if source.factor == 1 else "")
-    si = "" if UNITS[signal] == "1" else f" {UNITS[signal]}"
+    wanted = rotary(UNITS[signal]) if turns else UNITS[signal]
+    si = "" if wanted == "1" else f" {wanted}"
     return signal, _shown(name), _shown(unit), "20 log10" if source.decibels else f"{source.factor:.10g}{si}"
 
 

@@ -67,13 +67,8 @@ def tell(whole: Results) -> Report:
     question = (
         "Which deadbeat feedforward suits this machine, and does it meet the specification on the nonsmooth machine?"
     )
-    words = filters() | as_known.filters() | {"settles": _settles, "within": _within}
+    words = filters() | as_known.filters() | {"within": _within}
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), words, tables)
-
-
-def _settles(time: float | None) -> str:
-    """That a motion settles in a time [s], or never."""
-    return "never settles" if time is None or math.isinf(time) else f"settles in {show(time, 's')}"
 
 
 def _within(time: float | None, watched: float) -> str:

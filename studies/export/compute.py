@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from design.controller import assemble, design_deadbeat
 from design.deadbeat import DesignError
 from design.deployment.c_source import law_sources, loop_sources, selftest_sources
+from design.deployment.comments import turned_comments
 from design.deployment.drive_file import controller_to_json
 from design.deployment.drive_profile import Drive, cascade_of, on_the_drive, profiles
 from design.deployment.fmu import fmu
@@ -34,7 +35,7 @@ from models.deployment.running_law import RunningLaw
 from models.effects.base import Place
 from models.feedback.forms import described
 from models.machine import Machine
-from models.quantity import show
+from models.quantity import show, turned
 from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from studies.beforehand import require_designable
@@ -91,7 +92,8 @@ def compute(machine: Machine, options: ExportOptions, progress: Progress) -> Ans
         progress(0.5, "proving that the code is the same")
         simulated = _loop_as_in_c(machine, given)
         results["proof"] = {**prove(machine, known, sources, options, progress), "closed_loop_simulated": simulated}
-    files["README.md"] = readme(given.text, known, results, list(files))
+    page = readme(given.text, known, results, list(files))
+    files["README.md"] = turned(page) if machine.axis == "rotary" else page
     return Answer(results, _checks(known, results), files, _summary(results))
 
 
@@ -143,12 +145,13 @@ def _sources(machine: Machine, given: _Given, vectors: Vectors) -> dict[str, dic
         plant = plant_sources(machine)
     except HookError as error:
         raise BadInputError(f"--machine: {error}") from error
-    return {
+    sources = {
         "law": law_sources(given.known, _origin(machine, given)),
         "selftest": selftest_sources(given.known, vectors),
         "plant": plant,
         "loop": loop_sources(given.known),
     }
+    return {part: turned_comments(texts) for part, texts in sources.items()} if machine.axis == "rotary" else sources
 
 
 def _origin(machine: Machine, given: _Given) -> str:
@@ -166,18 +169,21 @@ def _files(
 ) -> dict[str, Any]:
     """What is written, by name."""
     asked, known, ts = options.target, given.known, machine.sample_time
+    turns = machine.axis == "rotary"
     files: dict[str, Any] = {"controller.json": given.text, "vectors.csv": vectors_csv(vectors)}
     if asked in {"all", "c"}:
         for part in sources.values():
             files |= {f"c/{name}": text for name, text in part.items()}
     if asked in {"all", "fmi3"}:
-        controller = fmu("controller", sources["law"], ts, "the positioning law", start_thrust=known.start)
-        files["fmi3/axis_controller.fmu"] = controller
-        files["fmi3/axis_plant.fmu"] = fmu("plant", sources["plant"], ts, "the nonsmooth axis")
+        law = fmu("controller", sources["law"], ts, "the positioning law", start_thrust=known.start, turns=turns)
+        files["fmi3/axis_controller.fmu"] = law
+        files["fmi3/axis_plant.fmu"] = fmu("plant", sources["plant"], ts, "the nonsmooth axis", turns=turns)
     if asked in {"all", "st"}:
         files |= {f"st/{name}": text for name, text in structured_text(known, vectors).items()}
     if asked in {"all", "matlab"}:
-        files |= {f"matlab/{name}": text for name, text in matlab_files(known, _origin(machine, given)).items()}
+        texts = matlab_files(known, _origin(machine, given))
+        texts = turned_comments(texts) if turns else texts
+        files |= {f"matlab/{name}": text for name, text in texts.items()}
     if asked in {"all", "cia402"}:
         files["cia402/profiles.csv"] = _profiles(machine, given, options)
     return files

@@ -54,7 +54,7 @@ def _rows(known: Coefficients, content: Mapping[str, Any], law: Mapping[str, Any
         ("thrust limit", show(known.thrust_limit, "N")),
         ("reference waits for the dead time", f"{known.delay} samples"),
         ("feedforward", f"{law['coefficients']} coefficients each of x_T\\*, u_ff and the compensator's path"),
-        ("friction compensator", f"{law['elements']} elements"),
+        ("friction compensator", f"{law['elements']} element{'' if law['elements'] == 1 else 's'}"),
         (
             "products a sample; memory",
             f"{law['products']}; {law['memory_double_bytes']} bytes ({law['memory_single_bytes']} in single precision)",

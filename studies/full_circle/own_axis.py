@@ -252,7 +252,7 @@ def _next(
     if experiment is not None:
         name, files[name], why = experiment
         asked.keep(folder, Path(name).stem, files[name])
-        runs.append(_run(name, files, machine, why + _more_samples(circle, files[name])))
+        runs.append(_run(name, files, machine, with_remark(why, _more_samples(circle, files[name]))))
     why_run = {
         "current": "what the design in place achieves is not in the records; the redesign is compared with it",
         "redesign": "the proof of the redesign"
@@ -328,7 +328,12 @@ def _more_samples(circle: Circle, text: str) -> str:
         return ""
     most = math.ceil(count / 1000) * 1000
     _, memory = diagnosing(circle.machine, most, len(circle.of("diagnose")) + 1)
-    return f"; with its record, give --most-samples {most}, which takes about {memory / 1e9:.2g} GB of memory"
+    return f"with its record, give --most-samples {most}, which takes about {memory / 1e9:.2g} GB of memory"
+
+
+def with_remark(why: str, remark: str) -> str:
+    """A reason, which may be a sentence, and a remark on it, which may be empty."""
+    return f"{why.removesuffix('.')}; {remark}" if remark else why
 
 
 def _run(name: str, files: Mapping[str, Any], machine: Machine, why: str) -> dict[str, Any]:

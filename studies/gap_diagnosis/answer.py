@@ -412,12 +412,15 @@ def _unexplained(results: Results) -> str:
 def _from_to(before: Results, after: Results) -> str:
     """The gap before and after; in settling times where the records have motions that settle."""
     parts = [
-        f"from {show(before['force_N'], 'N', 3)} to {show(after['force_N'], 'N', 3)} of unknown force",
-        f"from {show(before['position_m'], 'm', 3)} to {show(after['position_m'], 'm', 2)} of position",
+        ("force_N", "N", 3, "unknown force"),
+        ("position_m", "m", 3, "position"),
+        ("settling_s", "s", 2, "settling"),
     ]
-    if None not in (before["settling_s"], after["settling_s"]):
-        parts.append(f"from {show(before['settling_s'], 's', 2)} to {show(after['settling_s'], 's', 2)} of settling")
-    return ", ".join(parts)
+    return ", ".join(
+        f"from {show(before[key], unit, digits)} to {show(after[key], unit, digits, like=before[key])} of {what}"
+        for key, unit, digits, what in parts
+        if key != "settling_s" or None not in (before[key], after[key])
+    )
 
 
 def _gap(gap: Results) -> str:

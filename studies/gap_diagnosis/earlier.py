@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from models.machine import DEFAULT
-from models.quantity import show
+from models.quantity import show, turned
 from studies.manifest import ROOT, sha256
 from studies.options import BadInputError
 from studies.review.claims import Claim, GivenFile, read_claim, read_manifest
@@ -116,7 +116,8 @@ def since(earlier: Earlier, now: Mapping[str, Any]) -> str:
     """What the answer was, and what it is with the new records."""
     before, after = (_answered(one["results"]) for one in (earlier.results, now))
     count = len(now["results"]["records"]) - len(earlier.results["results"]["records"])
-    return f"before the {'new record' if count == 1 else f'{count} new records'}: {before}\nand with: {after}"
+    said = f"before the {'new record' if count == 1 else f'{count} new records'}: {before}\nand with: {after}"
+    return turned(said) if now["machine"].get("axis") == "rotary" else said
 
 
 def _answered(results: Mapping[str, Any]) -> str:

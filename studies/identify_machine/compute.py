@@ -10,6 +10,7 @@ import numpy as np
 
 from design.judging.known_range import with_covered
 from models.friction import branch
+from models.identification import motion
 from models.identification.force.fit import SURE
 from models.identification.modal.remarks import ResponseStep, on_turning
 from models.identification.pipeline import identify
@@ -85,7 +86,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     summary = [
         (
             f"{row['record']}: {row['name']}" if several else row["name"],
-            f"{show(row['number'], unit, 5)} ± {show(row['std'], unit, 2)}",
+            f"{show(row['number'], unit, 5)} ± {show(row['std'], unit, 2)}{relative_to(row['name'], row['unit'])}",
         )
         for row, unit in zip(shown["estimates"], units, strict=True)
     ]
@@ -96,6 +97,12 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
     )
+
+
+def relative_to(name: str, unit: str) -> str:
+    """What stands behind an identified value, by its name and unit, that is no quantity of its own; no unit [-]."""
+    relative = unit == "1" and (name, unit) in motion.PARTS
+    return " times the other records' or, without one, the machine file's" if relative else ""
 
 
 def _with_range(machine: Machine, given: Sequence[tuple[str, Loaded]], options: IdentificationOptions) -> Machine:

@@ -18,7 +18,7 @@ from models.identification.into_machine import WAYS, Holdable
 from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, half_of
 from models.identification.joint.steps import Difference, Identified, MotionStep, Step, record_of
 from models.identification.modal.order import SAME, Order
-from models.identification.modal.remarks import ResponseStep
+from models.identification.modal.remarks import ResponseStep, bent
 from models.records.record import Record
 from studies.study import Check
 
@@ -129,6 +129,8 @@ def _response(gave: ResponseStep) -> dict[str, Any]:
         **{name: values[some] for name, values in lines.items()},
         "lowest_Hz": float(measured.frequency[fit.used][0]),
         "rolling": measured.rolling,
+        "turned": measured.turned,
+        "bent": bent(measured),
         "criterion": fit.criterion,
         "chi_square": fit.chi_square if np.all(np.isfinite(measured.variance)) else None,
         "modes": len(fit.plant.modes) - 1,

@@ -84,11 +84,14 @@ def _axis(answers: Mapping[str, str]) -> str:
 
 def _require_reachable(machine: Machine) -> None:
     """Raises BadInputError where the answers ask for what the drive can't do, or the scale can't see."""
-    require_designable(machine, "the answers")
     try:
+        require_designable(machine, "the answers")
         design_deadbeat(machine)
+    except BadInputError as error:
+        raise BadInputError(machine.wording(str(error))) from error
     except DesignError as error:
-        raise BadInputError(f"--settling-time, --stroke, --rated-thrust: {error}") from error
+        said = machine.wording(str(error))
+        raise BadInputError(f"--settling-time, --stroke, --rated-thrust: {said}") from error
 
 
 def _reference_time(numbers: Mapping[str, float]) -> float:

@@ -17,6 +17,8 @@ from reports.report import Figure, Report
 from studies.wording import filters
 
 Results = Mapping[str, Any]
+PLAIN_POWER = 2
+"""Powers of ten up to this one, and down to its inverse, are written out: 117 for 1.17 times 100."""
 LOOPS = {"P_l": "$P_l$", "P_e1": "$P_{e1}$", "P_e2": "$P_{e2}$", "steepest": "steepest"}
 
 
@@ -82,10 +84,12 @@ BETWEEN = "Position after a step of friction of the reversal's size, chosen PID,
 
 
 def _gain(number: float | None) -> str:
-    """A gain with its power of ten as mathematics."""
+    """A gain; with its power of ten, as mathematics, where that is of three digits or more."""
     if not number:
         return "–" if number is None else "0"
     power = math.floor(math.log10(abs(number)))
+    if abs(power) <= PLAIN_POWER:
+        return f"{number:#.3g}".rstrip(".")
     return Markdown("$") + f"{number / 10**power:.2f}" + Markdown("\\cdot 10^{") + str(power) + Markdown("}$")
 
 

@@ -47,11 +47,13 @@ def tell(content: Mapping[str, Any]) -> Report:
     """The change as a report, with every figure that both results can be drawn to."""
     study = find(content["study"])
     assert study is not None
-    figures = tuple(_overlaid(figure) for figure in study.report(content["after"]).figures if _drawn(figure, content))
+    after = study.report(content["after"])
+    figures = tuple(_overlaid(figure) for figure in after.figures if _drawn(figure, content))
     title = f"Change: {study.name.replace('_', ' ')}"
     question = "What changes from one design to the other?"
     own: dict[str, Callable[..., Any]] = {"verdict_of": _verdict, "limits": _limits, "told": _told}
-    return Report(title, question, Path(__file__).parent / "report.md", figures, {**filters(), **own})
+    words = {**filters(), **own}
+    return Report(title, question, Path(__file__).parent / "report.md", figures, words, wording=after.wording)
 
 
 def _listed(one: Any) -> dict[str, Any]:

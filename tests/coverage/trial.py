@@ -86,7 +86,7 @@ def _pulls(axis: Axis, fit: modes.Fit) -> dict[str, float]:
     }
     for i in range(axis.gain.size):
         each = (("gain", axis.gain), ("frequency", axis.frequency), ("damping", axis.damping))
-        truth |= {f"mode {i + 1} {part}": float(values[i]) for part, values in each}
+        truth |= {f"mode {i + 2} {part}": float(values[i]) for part, values in each}
     e = fit.estimate
     return {name: (e.value(name) - truth[name]) / e.deviation(name) for name in e.names}
 

@@ -25,7 +25,9 @@ from models.quantity import (
     rotary,
     show,
     turned,
+    turned_but_quoted,
 )
+from reports.markup import escape
 
 
 @pytest.mark.parametrize(
@@ -117,6 +119,11 @@ def test_a_rotary_axis_has_units_of_its_own(text: str, unit: str, in_its_place: 
         ("800 N/mm, 0.022 1/kg of 45 kg", "800 N m/mrad, 0.022 1/(kg m²) of 45 kg m²"),
         ("| gain, dead time | 1; 1/kg, N/(m s), s |", "| gain, dead time | 1; 1/(kg m²), N m/(rad s), s |"),
         ("position [µm] over thrust [N/µm]", "position [µrad] over thrust [N m/µrad]"),
+        ("[mm]", "[mrad]"),
+        ("gain [1/kg]", "gain [1/(kg m²)]"),
+        ("$5$ N/m and $k_i$ = $3 \\cdot 10^3$ N/(m s)", "$5$ N m/rad and $k_i$ = $3 \\cdot 10^3$ N m/(rad s)"),
+        ("payload mass by 3 %", "payload inertia by 3 %"),
+        ("x in metres, 3 micrometres; u in newtons", "x in radians, 3 microradians; u in newton metres"),
         ("3 rad at 2 N m, 5 N m/rad, N = 5 in 10 modes, row[m] of a[N], 0.4 N²/Hz", None),
         ("7 min, 3 mA, 2 s, 30 Hz, 5 nodes, 4 m-files", None),
     ],
@@ -124,6 +131,20 @@ def test_a_rotary_axis_has_units_of_its_own(text: str, unit: str, in_its_place: 
 def test_a_text_has_the_units_of_a_rotary_axis(text: str, wanted: str | None) -> None:
     assert turned(text) == (text if wanted is None else wanted)
     assert turned(turned(text)) == turned(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["150000 N s/m", "1028\u00a0N/\u2060mm", "0.00011 1/kg of 9000 kg", "4 N/(m s)", "by 4.6 N/m, [1/kg]", "5 kg m^2"],
+)
+def test_markdown_has_the_units_of_a_rotary_axis_as_the_text_that_it_shows(text: str) -> None:
+    assert turned(escape(text)) == escape(turned(text))
+    assert turned(turned(escape(text))) == turned(escape(text))
+
+
+def test_what_a_message_quotes_keeps_its_units() -> None:
+    said = "--stroke: '2 mm' can't be reached within 3 N"
+    assert turned_but_quoted(said) == "--stroke: '2 mm' can't be reached within 3 N m"
 
 
 def test_most_units_are_the_same_for_a_rotary_axis() -> None:
@@ -170,8 +191,16 @@ def test_a_reader_sees_prefixes() -> None:
         show(150.0, "N"),
         show(999.99999e-6, "s"),
         show(math.inf, "s"),
+        show(9.996e-7, "m", 3),
     ]
-    assert shown == ["20 µm", "0 m", "800 N/mm", "1 ms", "150 N", "1 ms", "never"]
+    assert shown == ["20 µm", "0 m", "800 N/mm", "1 ms", "150 N", "1 ms", "never", "1 µm"]
+
+
+def test_what_is_compared_is_in_the_same_unit() -> None:
+    assert [show(one, "m", 2, like=1.45e-6) for one in (1.4e-6, 9.1e-7, 2e-9, 0.0)] == [
+        *("1.4 µm", "0.91 µm", "0.002 µm", "0 µm")
+    ]
+    assert show(20.0, "N/m", like=8e5) == "0.02 N/mm"
 
 
 def test_names_in_json_carry_the_unit() -> None:

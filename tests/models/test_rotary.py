@@ -91,6 +91,9 @@ def test_columns_in_degrees_and_newton_metres_are_those_of_a_rotary_axis(tmp_pat
     assert isinstance(record, Record)
     np.testing.assert_allclose(record.position, np.deg2rad(angle), rtol=1e-6)
     np.testing.assert_allclose(record.command, 0.1 * rows[:, 1], rtol=1e-6)
+    for table in (load_record(path, columns, rotary=True).recognised, load_record(path, columns).recognised):
+        assert any(line.endswith("0.01745329252 rad") for line in table)
+        assert any(line.endswith("0.1 N m") for line in table)
     with pytest.raises(RecordError, match="is in angles or N m, and the machine's axis is linear"):
         load_record(path, columns, rotary=False)
     with pytest.raises(RecordError, match="is in metres or newtons, and the machine's axis is rotary"):
@@ -108,3 +111,35 @@ def test_gravity_is_held_at_rest(machine: Machine) -> None:
     held = size * np.sin(run.position[-1] + phase)
     assert abs(run.position[-1] - 0.03) < 1e-4
     assert abs(run.command[-1] - held) <= machine.friction.coulomb_force < 0.5 * held
+
+
+def test_a_refusal_is_in_its_units(machine: Machine, file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(BadInputError, match=r"a stroke of 34\.91 mrad .* within [\d.]+ N m \(it takes [\d.]+ N m\)"):
+        STUDY(machine, settling_time=1e-3 + 3 * machine.sample_time)
+    weak = dict(zip(TEN, ANSWERS, strict=True)) | {"rated_thrust": "0.25 N m"}
+    assert main(command(file.with_name("weak.toml"), weak)) == 2
+    said = capsys.readouterr().err
+    assert "a stroke of 34.91 mrad" in said
+    assert " N m" in said
+    with pytest.raises(MachineError, match=r"motions of 34\.91 mrad"):
+        from_table({**tomllib.loads(to_toml(machine)), "drive": {**_drive(machine), "travel": "1 mrad"}}, file)
+
+
+def _drive(machine: Machine) -> dict[str, object]:
+    """The drive's table in the machine's file."""
+    drive: dict[str, object] = tomllib.loads(to_toml(machine))["drive"]
+    return drive
+
+
+def test_the_mirror_of_a_scanner_may_be_light(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mirror = (
+        "3e-9 kg m^2", "0.01 N m", "100 rad/s", "20 us", "0.2 urad", "0.2 mrad", "10 urad", "1 ms", "1e-5 N m",
+        "0.2 mrad",
+    )  # fmt: skip
+    path = file.with_name("mirror.toml")
+    assert main(command(path, dict(zip(TEN, mirror, strict=True)))) == 0
+    assert load(path).plant.mass == pytest.approx(3e-9, rel=1e-5)
+    feather = dict(zip(TEN, ("3e-13 kg m^2", *mirror[1:]), strict=True))
+    assert main(command(path.with_name("feather.toml"), feather)) == 2
+    assert "an inertia of 3e-13 kg m^2" in capsys.readouterr().err
+    assert all(check.holds for check in STUDY(path, quick=True).checks)

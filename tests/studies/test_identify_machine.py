@@ -27,10 +27,12 @@ from models.machine import DEFAULT, Machine, load, parameters, with_derived_pres
 from models.machine_file import to_toml
 from models.records.files import Loaded
 from models.records.record import Record
+from reports import text
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DESIGN
 from studies.identify_machine import own_records
 from studies.identify_machine.__main__ import STUDY
+from studies.identify_machine.compute import relative_to
 from studies.identify_machine.round_trip import errors_of_motion, true_modes
 from studies.identify_machine.shown import checks_of
 
@@ -211,6 +213,33 @@ def test_the_report_is_written(folder: Path) -> None:
     assert "identified.toml" in page
     assert "<math" in page
     assert {file.stem for file in (folder / "figures").iterdir()} == {"bode", "stabilisation", "hysteresis", "motion"}
+
+
+@pytest.mark.parametrize(
+    ("turned", "says", "not_said"), [(0.0061, "0.61 % of the samples", "throughout"), (0.0, "throughout", "backwards")]
+)
+def test_an_axis_that_moved_backwards_did_not_roll_throughout(
+    turned: float, says: str, not_said: str, folder: Path
+) -> None:
+    whole = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    whole["results"]["response"] |= {"rolling": True, "turned": turned, "bent": turned > 0}
+    report = STUDY.report(whole)
+    captions = {figure.name: figure.caption for figure in report.figures}
+    page = text.fill(report.template, whole, captions, report.filters)
+    (told,) = (paragraph for paragraph in page.split("\n\n") if "The axis rolled in one direction" in paragraph)
+    assert says in told
+    assert not_said not in told
+
+
+def test_what_is_relative_says_to_what_and_modes_are_those_of_the_machine_file(folder: Path) -> None:
+    assert relative_to("presliding length", "1").startswith(" times")
+    assert relative_to("mass", "kg") == relative_to("dead time", "s") == relative_to("mode 2 damping", "1") == ""
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
+    written = load(folder / "identified.toml").plant.modes
+    found = {row["name"]: row["number"] for row in results["estimates"]}
+    shown = [found[f"mode {i} frequency"] for i in range(2, len(written) + 1)]
+    assert shown == pytest.approx([mode.frequency for mode in written[1:]])
+    assert "mode 1 frequency" not in found
 
 
 def test_a_measured_frequency_response_alone(tmp_path: Path, table: Machine) -> None:

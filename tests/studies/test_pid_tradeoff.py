@@ -25,6 +25,7 @@ from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
 from studies.pid_tradeoff.compute import _keeps_present, _wanted
 from studies.pid_tradeoff.options import TradeoffOptions
 from studies.pid_tradeoff.refusal import refusal
+from studies.pid_tradeoff.report import _gain
 from tests.design.machines import far_side
 
 TS = 5e-4
@@ -146,3 +147,11 @@ def test_a_mode_through_which_the_friction_does_work_is_the_reason_why_there_is_
     late = refusal(replace(table, plant=replace(table.plant, dead_time=8e-3)), error, 3.0)
     assert late.startswith(str(error))
     assert late.endswith("shorten the dead time")
+
+
+@pytest.mark.parametrize(
+    ("gain", "shown"),
+    [(5.174, "5.17"), (117.2, "117"), (0.05, "0.0500"), (3412.0, "$3.41\\cdot 10^{3}$"), (0.0, "0"), (None, "–")],
+)
+def test_a_gain_of_few_digits_is_written_out(gain: float | None, shown: str) -> None:
+    assert _gain(gain) == shown

@@ -38,6 +38,14 @@ def test_two_digits_of_a_large_number_are_written_out() -> None:
     assert wording.scientific(0.0) == "0"
 
 
+def test_a_motion_settles_in_a_time_or_never_settles() -> None:
+    assert [plain(wording.settles(time, 3)) for time in (4.924e-3, math.inf, None)] == [
+        *("settles in 4.92 ms", "never settles", "never settles")
+    ]
+    assert plain(wording.all_settle(2e-3)) == "every motion settles in 2 ms"
+    assert wording.all_settle(None) == "some motions never settle"
+
+
 def test_a_rotary_axis_has_its_units_behind_a_power_of_ten() -> None:
     assert plain(turned(wording.quantity(9.2e-5, "N", 2))) == "9.2 · 10⁻⁵ N m"
 

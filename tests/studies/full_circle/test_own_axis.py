@@ -165,6 +165,11 @@ def test_a_table_whose_record_is_too_long_comes_with_the_option_that_takes_it(be
     assert most >= len((base / "out" / "suite.csv").read_text(encoding="utf-8").splitlines()) - 1
 
 
+def test_no_stop_is_left_before_the_remark_on_a_reason() -> None:
+    assert own_axis.with_remark("It is the same every time.", "give more") == "It is the same every time; give more"
+    assert own_axis.with_remark("It is the same every time.", "") == "It is the same every time."
+
+
 def test_a_record_of_an_experiment_that_was_asked_for_is_diagnosed(begun: Path) -> None:
     """Whatever its kind, and known by its table, so that it is not asked for again."""
     text = (begun / "strokes.csv").read_text(encoding="utf-8")

@@ -129,7 +129,7 @@ def test_how_far_a_part_of_an_explanation_goes_is_said(results: dict[str, Any]) 
     }
     told = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
     assert "which is not the whole answer and not in improved.toml. Over all motions the gap goes from 2 N to" in told
-    assert "1.23 N of unknown force, from 1 µm to 300 nm of position" in told
+    assert "1.23 N of unknown force, from 1 µm to 0.3 µm of position" in told
 
 
 def test_a_curve_of_more_friction_elements_than_the_file_has_is_said(results: dict[str, Any]) -> None:

@@ -40,7 +40,7 @@ def test_lag_and_drag_are_not_explained_by_modes() -> None:
     assert len(fit.plant.modes) == 2
     truth = {
         "rigid body gain": 1 / 12.0, "dead time": 325e-6, modes.LAG: AXIS.lag, modes.DRAG: 12.0,
-        "mode 1 gain": 0.011, "mode 1 frequency": 140.0, "mode 1 damping": 0.018,
+        "mode 2 gain": 0.011, "mode 2 frequency": 140.0, "mode 2 damping": 0.018,
     }  # fmt: skip
     assert set(fit.estimate.names) == set(truth)
     for name, value in truth.items():
@@ -132,7 +132,7 @@ def test_responses_that_disagree_are_named_with_parameter_and_cause() -> None:
         for one, level in zip((measured(AXIS, 1), measured(lower, 2)), levels, strict=True)
     ]
     said = list(on_disagreement(["a", "b"], steps))
-    assert [text.split(",")[0] for text in said] == ["a and b disagree in the mode 1 frequency"]
+    assert [text.split(",")[0] for text in said] == ["a and b disagree in the mode 2 frequency"]
     assert "depends on the amplitude" in said[0]
 
 
