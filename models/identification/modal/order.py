@@ -45,6 +45,7 @@ NEAR: Final = 1.05  # factor from a bound of the search within which a value sta
 SURELY: Final = 400.0  # squared deviations from none from which on no trial without a part is needed
 FAR: Final = 10.0  # times the stated variance: what is left is no scatter, and another start is tried
 THIRD: Final = 2 ** (1 / 3)  # by which a band grows; by a whole octave a large mode may come too suddenly to be found
+LEAST: Final = 12  # lines that such a band has at least
 EDGE: Final = 1.1  # times the lowest line: a mode below stands for friction where the axis did not roll
 SAME: Final = 0.02  # relative distance of two frequencies that count as the same mode in another order
 
@@ -264,7 +265,8 @@ def _grown(problem: Problem, structure: Structure, most: int) -> Candidate:
     hardly more than a rigid body; fitted to the whole band at last. Without a lag, which a dead time stands in for, and
     without what is not a mode: in a narrow band either would pass for the slopes of a mode above it."""
     low, high = problem.band
-    top, plain = 4 * low, replace(structure, lag=False)
+    every = np.sort(np.concatenate([one.f for one in problem.lines]))
+    top, plain = max(4 * low, float(every[min(LEAST, every.size) - 1])), replace(structure, lag=False)
     part = problem.up_to(top)
     one = fitted(part, plain, trend(plain, part))
     while top < high:

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import chirp
+from scipy.signal import chirp, lfilter
 
+from design.loop import controller_model
 from models.effects.motor import Cogging
 from models.identification import modes, response
 from models.identification.estimate import Estimate, combined, left_out, newey_west, not_identifiable, wider
@@ -215,6 +216,33 @@ def test_a_tone_on_a_line_of_a_multisine_is_left_out_and_told() -> None:
     assert list(found.frequency[~fit.used]) == [11.0]
     assert np.all(np.abs(fit.estimate.values - true_modes(MACHINE)) < 4 * fit.estimate.deviations)
     assert any("stands on the excitation's line at 11 Hz" in said for said in on_response(fit, found))
+
+
+def test_lines_at_which_feedback_of_a_disturbance_leads_the_command_are_left_out() -> None:
+    """As under wind: there X / U tends to minus the inverse of the feedback, however many periods are averaged."""
+    ts, periods, draw = MACHINE.sample_time, 6, np.random.default_rng(1)
+    plant, law = sampled(MACHINE.plant, ts), controller_model(MACHINE.control.pid, ts)
+    t: Array = np.arange(round(2.0 / ts)) * ts
+    lines = np.arange(2, 400) / 2.0
+    wave = 0.3 * np.sum(np.sin(2 * np.pi * np.outer(lines, t) + draw.uniform(0, 7, (lines.size, 1))), axis=0)
+    excitation = np.tile(wave, periods + 1)
+    keep = np.exp(-ts / 0.3)
+    wind = lfilter([8.0 * np.sqrt(1 - keep**2)], [1, -keep], draw.standard_normal(excitation.size))
+    state, memory = np.zeros(plant.nstates), np.zeros(law.nstates)
+    position, command = np.zeros(excitation.size), np.zeros(excitation.size)
+    for k, extra in enumerate(excitation):
+        position[k] = plant.C[0] @ state
+        command[k] = law.C[0] @ memory - law.D[0, 0] * position[k] + extra
+        memory = law.A @ memory - law.B[:, 0] * position[k]
+        state = plant.A @ state + plant.B[:, 0] * (command[k] + wind[k])
+    way = own_records.SPEED * ts * np.arange(excitation.size)
+    found = response.measured(Record(ts, way, way, excitation, command, position + way))
+    assert 1.0 < found.frequency[0] < 40.0  # the wind's share falls with the frequency
+    assert found.frequency[-1] == lines[-1]
+    fit = modes.fit(found)
+    assert fit.chi_square == pytest.approx(1.0, abs=0.3)
+    assert fit.estimate.values.size == true_modes(MACHINE).size
+    assert np.all(np.abs(fit.estimate.values - true_modes(MACHINE)) < 4 * fit.estimate.deviations)
 
 
 def _record(loaded: Loaded) -> Record:
