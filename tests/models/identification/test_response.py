@@ -222,7 +222,7 @@ def test_lines_at_which_feedback_of_a_disturbance_leads_the_command_are_left_out
     """As under wind: there X / U tends to minus the inverse of the feedback, however many periods are averaged."""
     ts, periods, draw = MACHINE.sample_time, 6, np.random.default_rng(1)
     plant, law = sampled(MACHINE.plant, ts), controller_model(MACHINE.control.pid, ts)
-    t: Array = np.arange(round(2.0 / ts)) * ts
+    t = np.arange(round(2.0 / ts)) * float(ts)
     lines = np.arange(2, 400) / 2.0
     wave = 0.3 * np.sum(np.sin(2 * np.pi * np.outer(lines, t) + draw.uniform(0, 7, (lines.size, 1))), axis=0)
     excitation = np.tile(wave, periods + 1)
@@ -235,7 +235,7 @@ def test_lines_at_which_feedback_of_a_disturbance_leads_the_command_are_left_out
         command[k] = law.C[0] @ memory - law.D[0, 0] * position[k] + extra
         memory = law.A @ memory - law.B[:, 0] * position[k]
         state = plant.A @ state + plant.B[:, 0] * (command[k] + wind[k])
-    way = own_records.SPEED * ts * np.arange(excitation.size)
+    way = np.asarray(own_records.SPEED * ts * np.arange(excitation.size), float)
     found = response.measured(Record(ts, way, way, excitation, command, position + way))
     assert 1.0 < found.frequency[0] < 40.0  # the wind's share falls with the frequency
     assert found.frequency[-1] == lines[-1]
