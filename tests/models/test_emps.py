@@ -91,8 +91,7 @@ def test_the_study_writes_a_machine_file_of_it_that_is_as_good_as_the_fit(tmp_pa
     rows = {row["name"]: row for row in content["parameters"]}
     assert rows["drive.offset"]["record"].endswith("DATA_EMPS.mat")
     assert rows["drive.offset"]["std"] == pytest.approx(0.455, abs=0.01)
-    assert machine.tolerance.offset == pytest.approx(0.455, abs=0.01)
-    assert machine.sources["tolerance.offset"].kind == "identified"
+    assert machine.tolerances.offset == pytest.approx(351.5 / 750)  # the usual one: the record's is no larger
     assert len(rows["friction.limit"]["std"]) == len(rows["friction.limit"]["number"]) == 2
     fit, written = ladder[3]["held_out"], ladder[-1]["held_out"]
     assert fit < written < 1.01 * fit

@@ -45,7 +45,8 @@ def test_an_integral_is_found_for_it(designed: Callable[[str], Path]) -> None:
     """The PID in place has none: the size of the gains is then that of a rule."""
     results = json.loads((designed("pid_tradeoff") / "results.json").read_text(encoding="utf-8"))["results"]
     assert results["present"]["ki_N_per_ms"] == 0
-    assert results["present"]["ms"] == pytest.approx(1.78, abs=0.02)  # and it counts as the stable loop that it is
+    ms = results["present"]["ms"]
+    assert ms == pytest.approx(1.74, abs=0.02)  # it counts as the stable loop that it is, with the drag: 1.78 without
     assert results["chosen"]["ki_N_per_ms"] > 1e6
     assert results["costs"][0]["name"] == "as it is"
     assert all(cost["ki_N_per_ms"] > 1e6 for cost in results["costs"])
