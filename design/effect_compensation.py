@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Final, TypeVar
 
 from design.deadbeat import DesignError
+from design.family import linear
 from models.controller import Controller
 from models.effect_feedforward import EffectFeedforward
 from models.effects.base import Effect, Place
@@ -38,9 +39,7 @@ def left_out(machine: Machine) -> Mapping[str, str]:
 
 def designed_for(machine: Machine) -> Plant:
     """The plant with the modes and delays that the effects add: the one to design the feedforward for."""
-    modes = sum((effect.modes() for effect in machine.effects), machine.plant.modes)
-    late = sum(effect.input_delay() for effect in machine.effects)
-    return replace(machine.plant, modes=modes, dead_time=machine.plant.dead_time + late)
+    return linear(machine).late
 
 
 def designed_with_effects(machine: Machine, synthesise: Callable[[Machine], Made]) -> tuple[Machine, Made, str]:

@@ -31,9 +31,7 @@ Array = NDArray[np.float64]
 RESERVE: Final = 0.9  # of the thrust that friction leaves: the rest is the feedback's
 LONGEST: Final = 20_000  # samples that a profile may take
 RESTS: Final = 8  # settling times of rest behind each profile, 2 where they take very many samples
-LONGER: Final = (
-    8  # times as long a rest where a move does not settle: presliding loops may be slow against their motions
-)
+LONGER: Final = 8  # times as long a rest where a move does not settle: presliding loops may be slow for their motions
 REPEATS: Final = 2  # there and back so often; the last counts, so that the friction's past is that of such moves
 FASTER: Final = 5.0  # sample times of anti-windup, where none is stated: the integral follows in a few samples
 
