@@ -267,6 +267,11 @@ def show(number: float, unit: str, digits: int = 4, *, like: float | None = None
     return f"{_plain(number, digits)} {unit}"
 
 
+def span(low: str, high: str) -> str:
+    """The ends of a range as they are told, once where they read alike: "1 s to 2 s", "1 s"; no unit [-]."""
+    return low if low == high else f"{low} to {high}"
+
+
 def json_name(name: str, unit: str) -> str:
     """The field's name in results.json, with its unit: json_name("kp", "N/m") = "kp_N_per_m"."""
     suffix = unit.replace(" ", "").replace("(", "").replace(")", "")

@@ -13,7 +13,7 @@ from design.redesign.stated import machines_as_stated
 from design.validation import PERIODS, Validation, respond, sequence
 from models.controller import Controller
 from models.machine import Machine
-from models.quantity import show
+from models.quantity import show, span
 from models.records.settling import settling_time
 from models.variation import Known, known
 from studies.options import Options
@@ -78,8 +78,8 @@ def spread(told: Mapping[str, Any]) -> str:
     """A value's standard deviation in words: a share of it, or in its unit where the value is 0."""
     share = told.get("share") or (told["std"] if told["unit"] == "1" else None)
     if share is None:
-        return " to ".join(dict.fromkeys(show(one, told["unit"], 2) for one in told["std"]))
-    return " to ".join(dict.fromkeys(f"{100 * one:.2g}" for one in share)) + " %"
+        return span(*(show(one, told["unit"], 2) for one in told["std"]))
+    return span(*(f"{100 * one:.2g}" for one in share)) + " %"
 
 
 def origin(told: Mapping[str, Any]) -> str:

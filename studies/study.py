@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from models.quantity import turned
+from models.quantity import span, turned
 from studies.options import BadInputError, Options
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def between(least: float, most: float) -> str:
         size, unit = next(((size, unit) for size, unit in ((3600, "h"), (60, "min")) if time >= 2 * size), (1, "s"))
         return f"{float(f'{time / size:.1g}'):g} {unit}"
 
-    return " to ".join(dict.fromkeys((told(least), told(most))))
+    return span(told(least), told(most))
 
 
 def machine_for(options: Options) -> tuple[Machine, Path | None]:

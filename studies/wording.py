@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from models.machine import Machine
 from models.machines.provenance import Provenance
-from models.quantity import show
+from models.quantity import show, span
 from reports.style import RAISED, length_unit
 
 EXPONENT: Final = re.compile(r"(?P<digits>\d(?:\.\d+)?)e(?P<sign>[+-]?)0*(?P<power>\d+)")
@@ -210,7 +210,7 @@ def _deviation(std: float | list[float], unit: str) -> str:
     if not isinstance(std, list):
         return quantity(std, unit, 2)
     low, high = quantity(min(std), unit, 2), quantity(max(std), unit, 2)
-    return low if low == high else f"{low} to {high}"
+    return span(low, high)
 
 
 def words(name: str) -> str:

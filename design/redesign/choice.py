@@ -12,7 +12,7 @@ from design.redesign.designs import Design
 from design.redesign.outcome import Outcome
 from design.redesign.prediction import LEVEL, Interval, Prediction, interval_of
 from models.machine import Machine
-from models.quantity import show
+from models.quantity import show, span
 
 WORSE: Final = 0.05  # relative, from which on a design counts as worse
 SATURATED: Final = 0.1  # share of the runs in which a new design may ask for more than the rated thrust
@@ -68,7 +68,7 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
     if any(gain.low > 0 for gain in gains.values()):
         return ""
     told = " and ".join(
-        f"{show(gain.low, UNITS[name], 2)} to {show(gain.high, UNITS[name], 2)} of {CALLED[name]}"
+        f"{span(show(gain.low, UNITS[name], 2), show(gain.high, UNITS[name], 2))} of {CALLED[name]}"
         for name, gain in gains.items()
     )
     return f"its gain is not sure: {told}"

@@ -25,7 +25,7 @@ from diagnosis.handover.posterior import machines_allowed, unexplained_force
 from models.identification.pipeline import identify
 from models.machine import Machine, MachineError, from_table
 from models.machine_file import to_toml
-from models.quantity import show
+from models.quantity import show, span
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable
@@ -378,7 +378,7 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     for row in shown["designs"]:
         settling, spread = row["settling"], row["dispersion"]
         told = verification.expected_to_settle(settling["low"], settling["high"], verified["interval_s"])
-        told = f"{told}, 3 sigma {show(spread['low'], 'm', 2)} to {show(spread['high'], 'm', 2)}"
+        told = f"{told}, 3 sigma {span(*(show(spread[end], 'm', 2) for end in ('low', 'high')))}"
         rows.append((f"  expected of the {row['name']}", told))
     if shown["left"] is not None:
         rows.append(("  with a force in these runs", left_told(shown["left"])))

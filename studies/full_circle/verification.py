@@ -14,7 +14,7 @@ from design.redesign.choice import UNITS, WORSE, least, worse
 from design.redesign.designs import in_place
 from design.redesign.outcome import Outcome, judged_motions, outcome, tolerance_reached
 from models.machine import Machine
-from models.quantity import show
+from models.quantity import show, span
 from models.records.record import Record
 from studies.full_circle import asked, redesigning
 from studies.full_circle.folder_of_records import Given
@@ -133,7 +133,7 @@ def contradicting(before: Outcome, expected: Mapping[str, Any], machine: Machine
                 settles({"never": before.never, "settling_s": value, "motions": before.motions}),
             ]
         else:
-            told = [f"3 sigma {show(low, unit, 2)} to {show(high, unit, 2)}", show(value, unit, 2)]
+            told = [f"3 sigma {span(show(low, unit, 2), show(high, unit, 2))}", show(value, unit, 2)]
         found.append(f"predicted: {told[0]}; measured: {told[1]}")
     return found
 
@@ -155,7 +155,7 @@ def expected_to_settle(low: float, high: float, interval: float) -> str:
     first, final = time_to_settle(low, interval), time_to_settle(high, interval)
     if first == "never":
         return "has motions that never settle"
-    return f"settles in {first} or never" if final == "never" else f"settles in {first} to {final}"
+    return f"settles in {first} or never" if final == "never" else f"settles in {span(first, final)}"
 
 
 def sentence(one: Mapping[str, Any], specified: float) -> str:

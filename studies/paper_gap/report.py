@@ -14,7 +14,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
-from models.quantity import listed, show
+from models.quantity import listed, show, span
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
@@ -168,13 +168,13 @@ def _sizes(ends: Sequence[float] | None, unit: str) -> str:
     if ends is None:
         return "–"
     low, high = (quantity(end, unit, 2) for end in ends)
-    return low if low == high else f"{low} to {high}"
+    return span(low, high)
 
 
 def _steps(values: Sequence[float]) -> str:
     """The range of some values, rounded."""
     low, high = (f"{round(end, 1) + 0.0:g}" for end in (min(values), max(values)))
-    return low if low == high else f"{low} to {high}"
+    return span(low, high)
 
 
 def _together(names: Sequence[str]) -> str:

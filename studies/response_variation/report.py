@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from models.quantity import listed, show
+from models.quantity import listed, show, span
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
@@ -144,7 +144,7 @@ def _from_to(values: Sequence[float] | None, unit: str) -> str:
     """The ends of a range, whose middle stands between them; None for the range of nothing."""
     if values is None:
         return "–"
-    return f"{quantity(values[0], unit, 3)} to {quantity(values[-1], unit, 3)}"
+    return span(quantity(values[0], unit, 3), quantity(values[-1], unit, 3))
 
 
 def _range(parameter: Results, unit: str) -> str:
@@ -158,7 +158,7 @@ def _ends(quantiles: Sequence[float] | None) -> str:
 def _shares(ends: Results) -> str:
     """The ends of a range of shares [%], or the one number that both are."""
     low, high = (f"{100 * ends[end]:.0f}" for end in ("low", "high"))
-    return low if low == high else f"{low} to {high}"
+    return span(low, high)
 
 
 FILTERS: dict[str, Callable[..., Any]] = {

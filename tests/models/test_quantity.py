@@ -24,6 +24,7 @@ from models.quantity import (
     parse,
     rotary,
     show,
+    span,
     turned,
     turned_but_quoted,
 )
@@ -215,3 +216,8 @@ def test_names_in_json_carry_the_unit() -> None:
 def test_words_are_joined_as_one_reads_them_out(words: list[str], text: str) -> None:
     assert listed(words) == text
     assert listed(iter(words), "or") == text.replace(" and ", " or ")
+
+
+def test_a_range_whose_ends_read_alike_is_told_once() -> None:
+    assert span(show(3.401e-4, "s", 2), show(3.404e-4, "s", 2)) == "340 µs"
+    assert span("1 s", "never") == "1 s to never"

@@ -44,6 +44,13 @@ def test_every_report_shows_one_table_of_symbols(name: str, quick_run: Callable[
 
 
 @pytest.mark.parametrize("name", sorted(every()))
+def test_no_report_has_a_range_of_one_number(name: str, quick_run: Callable[[str], tuple[Path, int]]) -> None:
+    page = (quick_run(name)[0] / "report.html").read_text(encoding="utf-8")
+    words = re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]*>", "", page)))
+    assert not [found[0] for found in re.finditer(r"(?<![\w.])(\d[\d.,]* [^\W\d]+|never|\d+ %?) to \1(?![\w.])", words)]
+
+
+@pytest.mark.parametrize("name", sorted(every()))
 def test_every_report_lists_each_parameter_with_its_source(
     name: str, quick_run: Callable[[str], tuple[Path, int]]
 ) -> None:
