@@ -40,6 +40,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "beyond_records": beyond_records,
         "from_to": from_to,
         "words": words,
+        "span": lambda ends: span(*ends),
         "effect": effect,
         "source": source,
     }

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from models.quantity import span
 from reports.report import Figure, Report
 from studies.full_circle import figures, figures_withheld, scoring
 from studies.full_circle.verification import closing, settles, time_to_settle
 from studies.gap_diagnosis import course
-from studies.wording import effect, filters, quantity
+from studies.wording import effect, filters
 
 Results = Mapping[str, Any]
 
@@ -73,7 +72,7 @@ def _withheld(whole: Results) -> Report:
         "ways": ways,
         "way": scoring.WAYS.__getitem__,
         "part": _part,
-        "ends": _between,
+        "ends": _ends,
         "told": lambda rates: [(key, said) for key, said in TOLD if rates[key]["tries"]],
         "has_shares": has_shares,
         "singles": singles,
@@ -162,23 +161,11 @@ def _own_axis(whole: Results) -> Report:
         "headline": headline,
         "role": ROLES.__getitem__,
         "time_to_settle": time_to_settle,
-        "times": _times,
-        "ends": _between,
         "in_its_interval": in_its_interval,
         "closing": closing,
     }
     title = f"Full circle: {whole['machine']['name']}"
     return Report(title, question, HERE / "own_axis.md", shown, {**filters(), **extra}, tables)
-
-
-def _times(interval: Results, never: float) -> str:
-    """Between which times [s] motions settle; never: the time that stands for none [s]."""
-    return span(*(time_to_settle(interval[end], never) for end in ("low", "high")))
-
-
-def _between(interval: Results, unit: str) -> str:
-    """The ends of an interval, in SI, with the unit."""
-    return span(*(quantity(interval[end], unit, 2) for end in ("low", "high")))
 
 
 def headline(redesign: Results, verified: Results) -> str:
