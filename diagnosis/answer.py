@@ -12,9 +12,10 @@ from typing import Final
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import force_left, force_share
+from diagnosis.how_far import force_share
 from diagnosis.learned.learn import Learned
 from diagnosis.model.fit import Fit, at_bounds, largest
+from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import shifted
 from diagnosis.verdict import Explanation, Outcome, verdict
 from diagnosis.which.kinds import Form, forms, of_kind, periods_shown, repeats
@@ -66,6 +67,7 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
             at_bound=strongest_at_bound(some),
             rough=fitted.candidate.rough,
             by_force=closure.by_force,
+            force_excess=closure.force_excess,
             largest_innovation=largest(fitted).deviations,
             spike=baseline.spike,
             parameter_shift=shifted(some[0].fitted),

@@ -15,6 +15,7 @@ which has the records' own noise in both terms: G / (G + R), with R what is left
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -26,11 +27,12 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import Gap, errors_of, unknown_less_mean
+from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights, without
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.residual import Candidate, Residual, evaluate, smooth
 from diagnosis.model.units import noise
+from diagnosis.model.unknown_force import unknown_less_mean
 from diagnosis.null import simulated_with_starts
 from diagnosis.where.energy import bootstrap_counts
 from diagnosis.which.random_force import with_sines
@@ -88,14 +90,17 @@ class NoiseFloor:
 
 @dataclass(frozen=True)
 class Closure:
-    """The closure on motions left out, its 95 % interval [1], by how much what is left exceeds the floor, in deviations
-    of their noise [1], and that floor. by_force: whether it is that of the unknown force, not that of innovations."""
+    """The closure on motions left out, its 95 % interval [1], by how much the innovations left exceed the floor, in
+    deviations of their noise [1], and that floor. by_force: whether it is that of the unknown force, not that of
+    innovations; force_excess: by how much the force left exceeds its floor then, in deviations of its logarithm over
+    complete models [1]."""
 
     closure: float
     interval: tuple[float, float]
     excess: float
     floor: NoiseFloor
     by_force: bool = False
+    force_excess: float = math.inf
 
 
 def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> Closure:
@@ -119,14 +124,16 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     least, random = [one[known] for one in floor.innovations], floor.random
     share, interval = gap_closure(before[known], left[known], least, segment, random)
     more = np.mean([one.energy(floor) for one, floor in zip(random, least, strict=True)]) if random else 0.0
-    deviation = float(np.sqrt(2 / np.count_nonzero(weight[known]) * floor.variance_ratio))  # of a ratio of white noises
+    white = 2 / np.count_nonzero(weight[known])  # the relative variance of a mean square of white noise
+    least_known = baseline.null.scatter(records) ** 2 if floor.source == SIMULATION else 0.0
+    deviation = float(np.sqrt(max(white, least_known) * floor.variance_ratio))
     energy = np.mean([one @ one for one in least]) + more
     began, excess = (float((one[known] @ one[known] / energy - 1) / deviation) for one in (before, fitted))
     if began >= baseline.criteria.shown_by:
         return Closure(share, interval, excess, floor)
     by_force = _closure_of_force(first, final, floor, baseline)
     if by_force and not _left_open(by_force[1], baseline.criteria):
-        return Closure(*by_force, excess, floor, by_force=True)
+        return Closure(*by_force[:2], excess, floor, by_force=True, force_excess=by_force[2])
     if not random and not final.candidate.rough:  # whose weights leave one per sample whatever is missing
         whitened = [(one / size)[known] for one in (before, left, fitted, *floor.innovations)]
         gained = np.asarray(np.bincount(segment, whitened[0] ** 2 - whitened[1] ** 2), float)
@@ -134,7 +141,9 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
             chance = float(np.mean([one @ one for one in whitened[3:]]))
             rest = float(whitened[2] @ whitened[2]) - chance
             return Closure(*gain_closure(gained, rest, deviation * chance), excess, floor)
-    return Closure(*by_force, excess, floor, by_force=True) if by_force else Closure(share, interval, excess, floor)
+    if by_force:
+        return Closure(*by_force[:2], excess, floor, by_force=True, force_excess=by_force[2])
+    return Closure(share, interval, excess, floor)
 
 
 def _left_open(interval: tuple[float, float], criteria: Criteria) -> bool:
@@ -144,9 +153,10 @@ def _left_open(interval: tuple[float, float], criteria: Criteria) -> bool:
 
 def _closure_of_force(
     first: Fit, final: Fit, floor: NoiseFloor, baseline: Baseline
-) -> tuple[float, tuple[float, float]] | None:
-    """The closure of the unknown force and its 95 % interval [1]; None where the first fit leaves no force that stands
-    out of the floor's, where effects act at random, or where the floor is not simulated."""
+) -> tuple[float, tuple[float, float], float] | None:
+    """The closure of the unknown force, its 95 % interval, and by how much what is left exceeds the floor [1], see
+    `Closure.force_excess`; None where the first fit leaves no force that stands out of the floor's, where effects act
+    at random, or where the floor is not simulated."""
     if floor.random or floor.source != SIMULATION or first.candidate.roughness != final.candidate.roughness:
         return None
     records, motion = baseline.records, baseline.segment
@@ -159,8 +169,13 @@ def _closure_of_force(
         apart = replace(final, candidate=without(final, records, fold == number))
         left += np.where(fold == number, unknown_less_mean(apart, records)[0], 0.0)
     sums = np.stack([np.bincount(motion, one) for one in (begun**2, left**2, least**2 * used)])
-    low, high = np.quantile(_closed(sums @ bootstrap_counts(sums.shape[1], 0).T), [0.025, 0.975])
-    return float(_closed(sums.sum(axis=1))), (float(low), float(high))
+    drawn = sums @ bootstrap_counts(sums.shape[1], 0).T
+    chance = baseline.null.force_scatter(drawn.shape[1])
+    drawn[2] *= chance**2  # the floor of these records is another draw than the simulation's
+    low, high = np.quantile(_closed(drawn), [0.025, 0.975])
+    over, scatter = 0.5 * float(np.log(sums[1].sum() / sums[2].sum())), float(np.std(np.log(chance)))
+    excess = over / scatter if scatter > 0 else math.copysign(math.inf, over)
+    return float(_closed(sums.sum(axis=1))), (float(low), float(high)), excess
 
 
 def _repeated_floor(stage: Stage, baseline: Baseline) -> NoiseFloor | None:

@@ -9,19 +9,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.fit import Fit, weights
-from diagnosis.model.kalman import STARTING, begun, smoothed
+from diagnosis.model.kalman import STARTING
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import (
-    Candidate,
-    Residual,
-    SmoothedPath,
-    evaluate,
-    unweighted_predictor,
-    vibration,
-)
-from diagnosis.model.units import units
+from diagnosis.model.residual import Candidate, SmoothedPath, evaluate, vibration
+from diagnosis.model.unknown_force import unknown_force
 from diagnosis.null import simulated
 from diagnosis.which.random_force import with_sines
 from models.machine import Machine
@@ -32,7 +24,6 @@ from models.simulation.effect_kernel import touched
 Array = NDArray[np.float64]
 
 EXACT: Final = 1e-15  # m of noise, far below any reading's; a scale without noise would be given some
-SEEN_BY: Final = 2.5e-3  # of the friction a sample: walk with which the unknown force is told in newtons
 
 
 @dataclass(frozen=True)
@@ -101,34 +92,6 @@ def _seen(
         for one, record in zip(made, records, strict=True)
     ]
     return [one.force for one in made], moved
-
-
-def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> tuple[Array, ...]:
-    """The smoothed force (n,) [N] that a candidate lacks, by record, NaN before the state has settled."""
-    walk = SEEN_BY * units(candidate.nominal).force / candidate.usual_white_force
-    model = unweighted_predictor(candidate, records[0].sample_time, walk)
-    state = 2 * len(candidate.machine.plant.modes)
-
-    def force(record: Record, residual: Residual) -> Array:
-        reading = record.position - residual.acts.reading
-        states = smoothed(model, residual.force, reading, begun(model, residual.force, reading))
-        states[:STARTING, state] = np.nan
-        return np.asarray(states[:, state])
-
-    return tuple(parallel_map(force, records, evaluate(candidate, records, paths)))
-
-
-def unknown_less_mean(fitted: Fit, records: Sequence[Record]) -> tuple[Array, NDArray[np.bool_]]:
-    """The smoothed unknown force (n,) [N] of all records, less its mean, and where it is known; elsewhere it is 0."""
-    force = np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
-    used = (weights(records) > 0) & ~np.isnan(force)
-    return np.where(used, force - np.mean(force[used]), 0.0), used
-
-
-def force_left(fitted: Fit, records: Sequence[Record]) -> float:
-    """The deviation [N] of the unknown force that a fit leaves: a search leaves a constant force open."""
-    left = unknown_force(fitted.candidate, records, fitted.paths)
-    return rms([force - np.nanmean(force) for force in left])
 
 
 def force_share(before: float, after: float) -> float:

@@ -32,6 +32,7 @@ from diagnosis.model.parameters import Parameters, bounded, initial_state, param
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import WhiteForce, variance_by_record
 from diagnosis.model.units import loop_time, slow_walk
+from diagnosis.model.unknown_force import force_left
 from diagnosis.which.command_jitter import gained_by_chance
 from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
@@ -43,7 +44,7 @@ from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 Drawn = tuple[Fit, list[Record], NuisanceProjection]
-Chance = tuple[dict[str, float], tuple[float, ...], float]
+Chance = tuple[dict[str, float], tuple[float, ...], float, float]
 
 DRAWS: Final = 8
 LARGEST_CACHE: Final = 1 << 22  # bytes of a kept null, which has a few kB
@@ -53,12 +54,13 @@ SETTLING: Final = 138.0  # loop times at rest before the record
 
 @dataclass(frozen=True)
 class Null:
-    """Where nothing is missing: gains by effect, one a draw, the innovations' variance by draw and record [1], and the
-    largest innovation of each draw in deviations [1]."""
+    """Where nothing is missing: gains by effect, one a draw, the innovations' variance by draw and record [1], the
+    largest innovation of each draw in deviations [1], and its unknown force [N] (root mean square)."""
 
     gains: Mapping[str, tuple[float, ...]]
     variance: tuple[tuple[float, ...], ...]
     largest: tuple[float, ...]
+    force: tuple[float, ...] = ()
 
     def thresholds(self, criteria: Criteria) -> dict[str, float]:
         """By effect, the chi-square [1] that it has to gain on held-out motions to be more than chance."""
@@ -76,6 +78,21 @@ class Null:
     def floors(self, records: Sequence[Record]) -> Array:
         """Chi-square (draws,) [1] that a complete model leaves of these records."""
         return np.asarray(np.array(self.variance) @ [record.position.size - STARTING for record in records], float)
+
+    def scatter(self, records: Sequence[Record]) -> float:
+        """By how much the chi-square that a complete model leaves of these records differs from draw to draw, over its
+        mean [1]: more than white noise makes it, where contacts slip within less than the scale can tell."""
+        floors = self.floors(records)
+        return float(np.std(floors, ddof=1) / np.mean(floors)) if floors.size > 1 and np.all(floors > 0) else 0.0
+
+    def force_scatter(self, count: int) -> Array:
+        """Unknown forces of complete models over those of others (count,) [1], drawn with a fixed seed: how far the
+        noise floor of a record may be from that of a simulation."""
+        if len(self.force) < 2 or not all(self.force):
+            return np.ones(count)
+        rng, force = np.random.default_rng(1), np.array(self.force)
+        one = rng.integers(0, force.size, count)
+        return np.asarray(force[one] / force[(one + rng.integers(1, force.size, count)) % force.size])
 
 
 def simulated(candidate: Candidate, record: Record, index: int, seed: int) -> Record:
@@ -164,13 +181,11 @@ def null(
         results.append(result)
         say(f"simulating the null, {min(len(results) + 1, draws)} of {draws}")
     gains: dict[str, list[float]] = {}
-    for found, _, _ in results:
+    for found, *_ in results:
         for name, gain in found.items():
             gains.setdefault(name, []).append(gain)
-    variance = tuple(spread for _, spread, _ in results)
-    made = Null(
-        {name: tuple(row) for name, row in sorted(gains.items())}, variance, tuple(size for _, _, size in results)
-    )
+    _, variance, largest_ones, forces = zip(*results, strict=True)
+    made = Null({name: tuple(row) for name, row in sorted(gains.items())}, variance, largest_ones, forces)
     if place:
         _keep(made, place)
     return made
@@ -205,6 +220,7 @@ def _kept(place: Path, kinds: Collection[str], draws: int, records: int) -> Null
             {name: _numbers(row, draws) for name, row in content.pop("gains").items()},
             tuple(_numbers(row, records) for row in content.pop("variance")),
             _numbers(content.pop("largest"), draws),
+            _numbers(content.pop("force"), draws),
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
@@ -246,11 +262,12 @@ def _drawn(layout: Parameters, records: Sequence[Record], roughness: tuple[float
 
 
 def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
-    """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation."""
+    """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation, and
+    the unknown force [N]."""
     fitted, made, _ = drawn
     gains = {finding.effect.name: finding.held_out for finding in findings}
     gains |= gained_by_chance(fitted, made)
-    return gains, tuple(variance_by_record(fitted).tolist()), largest(fitted).deviations
+    return gains, tuple(variance_by_record(fitted).tolist()), largest(fitted).deviations, force_left(fitted, made)
 
 
 def _draw(drawn: Drawn, known: Columns) -> Chance:

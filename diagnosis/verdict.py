@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
@@ -32,7 +33,8 @@ class Explanation:
     series expansion of another law; at_bound: whether the strongest had to leave its prior range. closure and its 95 %
     interval [1]; excess: of what is left over the noise floor, in standard deviations [1]; largest_innovation, in
     standard deviations, and spike, from which on it stands out [1]; rough: the drive is rougher than its model;
-    by_force: the closure is that of the unknown force, as innovations hardly exceed the floor at all;
+    by_force: the closure is that of the unknown force, as innovations hardly exceed the floor at all, and force_excess
+    is of what is left of it over its own floor, in deviations [1];
     parameter_shift: chi-square of the nominal parameters' shifts [1].
     """
 
@@ -45,6 +47,7 @@ class Explanation:
     at_bound: bool = False
     rough: bool = False
     by_force: bool = False
+    force_excess: float = math.inf
     largest_innovation: float = 0.0
     spike: float = float("inf")
     parameter_shift: float = 0.0
@@ -72,7 +75,8 @@ def _closes_enough(given: Explanation, criteria: Criteria) -> bool:
     looser = (len(given.names) < 2) + bool(set(given.random).intersection(given.names))
     if bounds[looser] >= criteria.min_closure:
         return True
-    # The floor of a rough drive is as rough as what is left, and where innovations never exceeded it, they do not then:
-    # a small excess says nothing there.
-    at_floor = given.excess < criteria.max_excess_at_floor and not given.rough and not given.by_force
+    # The floor of a rough drive is as rough as what is left: a small excess says nothing there. Where innovations never
+    # exceeded it, they do not then, and the force's excess counts.
+    excess = given.force_excess if given.by_force else given.excess
+    at_floor = excess < criteria.max_excess_at_floor and not given.rough
     return len(given.names) < 2 and at_floor and high >= criteria.min_closure_at_floor

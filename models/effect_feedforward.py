@@ -61,11 +61,15 @@ def effect_thrust(
 
 
 def _path(position: Array, sample_time: float, delay: float) -> Path:
-    """The intervals of the thrust along x_T*, BEFORE at rest before them; between samples a cubic without overshoot."""
-    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415  # slow to import, and few designs meet effects
+    """The intervals of the thrust along x_T*, BEFORE at rest before them.
+
+    Between samples stand Akima's cubics: their speed has no jumps, which an effect of the acceleration would not bear,
+    and they do not overshoot where the path comes to rest.
+    """
+    from scipy.interpolate import Akima1DInterpolator  # noqa: PLC0415  # slow to import, and few designs meet effects
 
     n, after = position.size, np.full(2, position[-1])
-    course = PchipInterpolator(np.arange(-BEFORE, n + 2), np.concatenate([np.zeros(BEFORE), position, after]))
+    course = Akima1DInterpolator(np.arange(-BEFORE, n + 2), np.concatenate([np.zeros(BEFORE), position, after]))
     samples = np.arange(-BEFORE, n) + delay / sample_time
     middles = samples[:, None] + (np.arange(PARTS) + 0.5) / PARTS
     return Path(sample_time, course(middles), course(middles, 1) / sample_time, course(samples), np.zeros(samples.size))

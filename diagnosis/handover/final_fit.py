@@ -16,10 +16,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.how_far import unknown_force
 from diagnosis.model.fit import Fit, bounds_of, fit
 from diagnosis.model.parameters import Parameters, moved
 from diagnosis.model.residual import Candidate, SmoothedPath
+from diagnosis.model.unknown_force import unknown_force
 from models.effects.base import POSITIVE
 from models.effects.base import parameters as parameters_of
 from models.effects.priors import Priors

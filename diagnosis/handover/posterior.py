@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, Spread, machine_of
-from diagnosis.how_far import unknown_force
 from diagnosis.model.fit import Fit, bounds_of, coordinates, with_coordinates
 from diagnosis.model.parameters import TOLERANCES, bounded
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.roughness import variance_by_record
+from diagnosis.model.unknown_force import unknown_force
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.table import covariance_of, slopes_of_parameters
 from models.effects.base import POSITIVE

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import unknown_less_mean
 from diagnosis.learned.curves_tried import Curve, shortlisted
 from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_force, judgement, solved, summed
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.units import noise
+from diagnosis.model.unknown_force import unknown_less_mean
 from diagnosis.where.energy import INTERVAL, bootstrap_counts
 from diagnosis.where.law_curve import LawCurve
 from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out

@@ -144,7 +144,8 @@ def _findings(
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
         found.append(judged(effect, products[:, begin:end], slopes[:, begin:end], projection))
-        if products[:, begin:end, 0].sum() > MIN_ORTHOGONAL_FRACTION * np.sum(given**2):
+        shown = products[:, begin:end, 0].sum() > MIN_ORTHOGONAL_FRACTION * np.sum(given**2)
+        if shown and not effect.differentiates:
             kept[effect] = given.astype(np.float32, copy=effect not in known)
         begin = end
     return found, kept

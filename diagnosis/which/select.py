@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.how_far import force_left, force_share
+from diagnosis.how_far import force_share
 from diagnosis.model.fit import Fit, amplitudes, at_bounds, fit
 from diagnosis.model.parallel import parallel_map
+from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import started, weighed
 from diagnosis.which.detectors import detect, view
 from diagnosis.which.kinds import beside_free_forms

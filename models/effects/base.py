@@ -58,6 +58,7 @@ BY_UNIT: Final[Mapping[str, Powers]] = {
     "s": (("loop", 1),),
     "Hz": (("loop", -1),),
     "1/s": (("loop", -1),),
+    "s^2": (("loop", 2),),
     "1/m": (("contact", -1),),
     "1/N": (("force", -1),),
     "m/s": (("contact", 1), ("loop", -1)),
@@ -263,10 +264,11 @@ class Effect(ABC):
     axes, "linear" or "rotary", any of which may have it; in others it is considered only where the machine's file
     states its sizes. shows_in: where it shows in a record of position and command: as a "force", in the scale's
     "reading", only in the "log" of what the controller did and when, or in "nothing"; left empty where the hooks tell,
-    see `shown_in`. coordinate,
-    parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its own. delayed_by: the
-    parameter [s] by which a thrust acts later than its command in all but fast changes, if there is one. tabulated: its
-    fields are measured values of one machine: a file may hold it, but nothing looks for it, and it has no `parameters`.
+    see `shown_in`. coordinate, parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its
+    own. delayed_by: the parameter [s] by which a thrust acts later than its command in all but fast changes, if there is
+    one. differentiates: its law follows the acceleration, in which the reading's noise is large, so that records of one
+    way differ. tabulated: its fields are measured values of one machine: a file may hold it, but nothing looks for it,
+    and it has no `parameters`.
     """
 
     name: ClassVar[str]
@@ -281,6 +283,7 @@ class Effect(ABC):
     parity: ClassVar[str] = ""
     remembers: ClassVar[bool] = False
     delayed_by: ClassVar[str] = ""
+    differentiates: ClassVar[bool] = False
     tabulated: ClassVar[bool] = False
 
     @classmethod

@@ -333,3 +333,38 @@ class Play(Effect):
     def memory(self, elements: int) -> int:
         """By how much the contacts are off the table."""
         return 1
+
+
+@hook
+def _swinging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    gained = (now[V] - memory[0]) * memory[1]
+    memory[0] = now[V]
+    memory[1] = 1.0
+    return value + p[0] * gained / now[H]
+
+
+@dataclass(frozen=True)
+class NoncollocatedFriction(Effect):
+    """The friction acts on another part of the structure than the one where the scale reads, with a spring between.
+
+    Exact where one inertia J is between them, on a spring k: the scale's on the side of the friction, such as a mirror
+    or a load with the encoder on it and the bearing at the motor, c = J/k = 1/w^2, w its frequency [rad/s] while the
+    friction's side is held. A negative c is the first term of the reverse: the scale at the motor, friction beyond.
+    The acceleration is that of the substep before, so that simulation is of first order in its length.
+    """
+
+    name: ClassVar = "noncollocated_friction"
+    family: ClassVar = "friction"
+    coordinate: ClassVar = "acceleration"
+    parity: ClassVar = "odd"
+    equation: ClassVar = r"x_c=x+c\,\ddot x"
+    source: ClassVar = "Newton's second law of the inertia between; sizes assumed: held, it swings at 160 Hz to 1.6 kHz"
+    hooks: ClassVar = {Place.PATH: _swinging}
+    differentiates: ClassVar = True
+    advance: float = parameter(
+        "s^2", "advance c of the contacts per acceleration", 1e-8, 1e-6, "amplitude", signed=True
+    )
+
+    def memory(self, elements: int) -> int:
+        """The speed at the last call, and whether there was one."""
+        return 2

@@ -140,6 +140,9 @@ def test_the_floor_is_what_a_complete_model_leaves_however_finely_its_scale_reso
     assert floor.gap().force < 1e-3 * float(np.dot(machine.friction.stiffness, limit))
 
 
+ALIKE = Null({}, ((1.0,),), (4.0,))
+
+
 @pytest.mark.slow
 def test_an_effect_that_chi_square_hardly_shows_is_judged_by_the_unknown_force() -> None:
     """The filter's own random force follows a slow spring, and what innovations are above the floor is chance."""
@@ -147,11 +150,11 @@ def test_an_effect_that_chi_square_hardly_shows_is_judged_by_the_unknown_force()
     plan = together("far", [strokes(machine, 30e-3, (speed,)) for speed in (0.03, 0.1, 0.2)])
     spring = CableSpring(15.0)
 
-    def judged(acting: Sequence[Effect], tried: Effect) -> Closure:
+    def judged(acting: Sequence[Effect], tried: Effect, chance: Null = ALIKE) -> Closure:
         records = recorded(machine, (plan,), acting, seed=5)
         units = with_units(machine, records)
         nominal = refit_within(units, records)
-        baseline = Baseline(nominal, records, pieces(records, loop_time(units)), Null({}, ((1.0,),), (4.0,)))
+        baseline = Baseline(nominal, records, pieces(records, loop_time(units)), chance)
         candidate = replace(nominal.candidate, effects=(tried,))
         with_it = fit(candidate, records, paths=nominal.paths, iterations=4, walk=nominal.walk)
         return held_out_closure([Stage(nominal), Stage(with_it, added=tried.name)], baseline, 0)
@@ -166,3 +169,8 @@ def test_an_effect_that_chi_square_hardly_shows_is_judged_by_the_unknown_force()
     assert wrong.closure < 0.2
     assert not judged([], spring).by_force
     assert not judged([replace(spring, stiffness=600.0)], spring).by_force
+    vague = judged([spring], spring, Null({}, ((0.8,), (1.0,), (1.2,)), (4.0,) * 3, (0.1, 0.2, 0.4)))
+    assert vague.closure == found.closure
+    assert abs(vague.excess) < 0.1 * abs(found.excess)  # floors differ by 20 %, and not as white noise does
+    assert vague.interval[1] - vague.interval[0] > found.interval[1] - found.interval[0]
+    assert abs(vague.force_excess) < 1

@@ -93,7 +93,21 @@ def test_a_threshold_is_beyond_the_largest_gain_by_chance() -> None:
     assert found.spike(CRITERIA) == CRITERIA.spike_safety * 7.0
 
 
-KEPT = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0, 2.0), (1.5, 1.0)), (4.0, 7.0))
+def test_complete_models_tell_how_well_a_floor_is_known() -> None:
+    """Where contacts slip within less than the scale can tell, one simulation leaves more than another."""
+    alike = Null({}, ((0.9, 1.0), (0.9, 1.0)), (4.0, 4.0), (0.1, 0.1))
+    assert alike.scatter(RECORDS) == 0.0
+    assert np.all(alike.force_scatter(100) == 1.0)
+    apart = Null({}, tuple((one,) * len(RECORDS) for one in (0.9, 1.0, 1.1)), (4.0,) * 3, (0.1, 0.1, 0.3))
+    assert apart.scatter(RECORDS) == pytest.approx(0.1)
+    assert set(apart.force_scatter(1000).round(12)) == {round(1 / 3, 12), 1.0, 3.0}
+    assert np.mean(np.log(apart.force_scatter(1000))) == pytest.approx(0.0, abs=0.1)
+    unknown = Null({}, ((1.0,) * len(RECORDS),), (4.0,))
+    assert unknown.scatter(RECORDS) == 0.0
+    assert np.all(unknown.force_scatter(3) == 1.0)
+
+
+KEPT = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0, 2.0), (1.5, 1.0)), (4.0, 7.0), (0.1, 0.2))
 
 
 @pytest.fixture

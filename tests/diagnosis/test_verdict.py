@@ -76,6 +76,8 @@ GOOD = Explanation(("play",), 0.9, (0.8, 1.0), 0.0)
         (replace(GOOD, series={"cogging"}), Outcome.ATTRIBUTED),  # of an effect that is not among the names
         (replace(GOOD, closure=0.3, interval=(0.2, 0.4)), Outcome.ATTRIBUTED),  # nothing else is left
         (replace(GOOD, closure=0.3, interval=(0.2, 0.4), rough=True), Outcome.NONE),  # the floor says nothing of that
+        (replace(GOOD, closure=0.3, interval=(0.2, 0.4), by_force=True), Outcome.NONE),  # a force is surely left
+        (replace(GOOD, closure=0.3, interval=(0.2, 0.4), by_force=True, force_excess=1.9), Outcome.ATTRIBUTED),
     ],
 )
 def test_a_name_needs_a_law_that_holds(given: Explanation, outcome: Outcome) -> None:

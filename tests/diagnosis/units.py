@@ -13,7 +13,15 @@ from models.machine import Machine
 from models.quantity import declaration
 from models.records.record import Record
 
-POWERS = {"kg": (1, -1, 2), "m": (0, 1, 0), "s": (0, 0, 1), "Hz": (0, 0, -1), "N": (1, 0, 0), "W": (1, 1, -1)}
+POWERS = {
+    "kg": (1, -1, 2),
+    "m": (0, 1, 0),
+    "s": (0, 0, 1),
+    "Hz": (0, 0, -1),
+    "N": (1, 0, 0),
+    "W": (1, 1, -1),
+    "s^2": (0, 0, 2),
+}
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from tests.models.simulation.test_simulator import TARGET, controlled
 
 AGREED = {
     "friction": "friction_relaxation dwell_breakaway viscous_friction stribeck directional_friction "
-    "position_dependent_friction frictional_lag friction_drift play",
+    "position_dependent_friction frictional_lag friction_drift play noncollocated_friction",
     "motor": "cogging thrust_ripple gain_asymmetry thrust_saturation current_loop_lag timing_jitter "
     "amplifier_deadband dac_quantisation",
     "structure": "additional_mode floor_vibration cable_spring",

@@ -48,6 +48,8 @@ FAINT: Final[Mapping[str, float]] = {
     "cable_spring": 2e-3,
     "scale_drift": 2e-3,
 }
+# In the length of a substep, where it is less: the acceleration is known a substep late.
+ORDER: Final[Mapping[str, float]] = {"noncollocated_friction": 1.0}
 
 
 def with_effects(machine: Machine, *effects: Effect) -> Machine:
@@ -95,7 +97,7 @@ def test_every_effect_is_second_order(name: str) -> None:
     )
     assert fine < 1e-8  # a tenth of the scale's resolution
     if LAWS[name].name != "dac_quantisation":  # a command beside the edge of a step falls to this side or to that
-        assert fine < coarse / 8**1.6
+        assert fine < coarse / 8 ** ORDER.get(LAWS[name].name, 1.6)
 
 
 def test_a_run_that_begins_elsewhere_meets_the_forces_and_the_scale_of_that_place() -> None:

@@ -1,0 +1,49 @@
+"""The force that a model lacks, as a smoother sees it behind the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.model.fit import Fit, weights
+from diagnosis.model.kalman import STARTING, begun, smoothed
+from diagnosis.model.motions import rms
+from diagnosis.model.parallel import parallel_map
+from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor
+from diagnosis.model.units import units
+from models.records.record import Record
+
+Array = NDArray[np.float64]
+
+SEEN_BY: Final = 2.5e-3  # of the friction a sample: walk with which the unknown force is told in newtons
+
+
+def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> tuple[Array, ...]:
+    """The smoothed force (n,) [N] that a candidate lacks, by record, NaN before the state has settled."""
+    walk = SEEN_BY * units(candidate.nominal).force / candidate.usual_white_force
+    model = unweighted_predictor(candidate, records[0].sample_time, walk)
+    state = 2 * len(candidate.machine.plant.modes)
+
+    def force(record: Record, residual: Residual) -> Array:
+        reading = record.position - residual.acts.reading
+        states = smoothed(model, residual.force, reading, begun(model, residual.force, reading))
+        states[:STARTING, state] = np.nan
+        return np.asarray(states[:, state])
+
+    return tuple(parallel_map(force, records, evaluate(candidate, records, paths)))
+
+
+def unknown_less_mean(fitted: Fit, records: Sequence[Record]) -> tuple[Array, NDArray[np.bool_]]:
+    """The smoothed unknown force (n,) [N] of all records, less its mean, and where it is known; elsewhere it is 0."""
+    force = np.concatenate(unknown_force(fitted.candidate, records, fitted.paths))
+    used = (weights(records) > 0) & ~np.isnan(force)
+    return np.where(used, force - np.mean(force[used]), 0.0), used
+
+
+def force_left(fitted: Fit, records: Sequence[Record]) -> float:
+    """The deviation [N] of the unknown force that a fit leaves: a search leaves a constant force open."""
+    left = unknown_force(fitted.candidate, records, fitted.paths)
+    return rms([force - np.nanmean(force) for force in left])
