@@ -260,15 +260,15 @@ class Effect(ABC):
     """One effect and the values of its parameters (SI). A subclass is a frozen dataclass whose fields are `parameter`s.
 
     equation: LaTeX. source: where the law and its typical sizes come from. hooks: by the Place where they act.
-    depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common_on: the
-    axes, "linear" or "rotary", any of which may have it; in others it is considered only where the machine's file
-    states its sizes. shows_in: where it shows in a record of position and command: as a "force", in the scale's
-    "reading", only in the "log" of what the controller did and when, or in "nothing"; left empty where the hooks tell,
-    see `shown_in`. coordinate, parity, remembers: what kind of law it is, see `kind`; left empty, it is of a kind of its
-    own. delayed_by: the parameter [s] by which a thrust acts later than its command in all but fast changes, if there is
-    one. differentiates: its law follows the acceleration, in which the reading's noise is large, so that records of one
-    way differ. tabulated: its fields are measured values of one machine: a file may hold it, but nothing looks for it,
-    and it has no `parameters`.
+    depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common_on:
+    the axes, "linear" or "rotary", any of which may have it; in others it is considered only where the machine's
+    file states its sizes. shows_in: where it shows in a record of position and command: as a "force", in the
+    scale's "reading", only in the "log" of what the controller did and when, or in "nothing"; left empty where the
+    hooks tell, see `shown_in`. coordinate, parity, remembers: what kind of law it is, see `kind`; left empty, it is
+    of a kind of its own. delayed_by: the parameter [s] by which a thrust acts later than its command in all but
+    fast changes, if there is one. differentiates: its law follows the acceleration, in which the reading's noise is
+    large, so that records of one way differ. tabulated: its fields are measured values of one machine: a file may
+    hold it, but nothing looks for it, and it has no `parameters`.
     """
 
     name: ClassVar[str]
