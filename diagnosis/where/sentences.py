@@ -14,7 +14,7 @@ from diagnosis.where.coordinates import Explained
 from diagnosis.where.energy import Shares
 from diagnosis.where.locate import Where
 from diagnosis.where.side import Side, force_or_reading
-from models.quantity import show
+from models.quantity import show, span
 
 SLOW_CLOCK: Final = 0.5  # weight of the time since the record began, which correlates with whatever changes slowly
 COORDINATES: Final = {
@@ -85,7 +85,7 @@ def percent(share: float) -> str:
 
 
 def _interval(low: float, high: float) -> str:
-    return f"{percent(low)} to {percent(high)}"
+    return span(percent(low), percent(high))
 
 
 def _controller(where: Where) -> Iterator[Statement]:
