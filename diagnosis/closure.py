@@ -32,7 +32,7 @@ from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights, wit
 from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.residual import Candidate, Residual, evaluate, smooth
 from diagnosis.model.units import noise
-from diagnosis.model.unknown_force import unknown_less_mean
+from diagnosis.model.unknown_force import unknown_less_means
 from diagnosis.null import simulated_with_starts
 from diagnosis.where.energy import bootstrap_counts
 from diagnosis.which.random_force import with_sines
@@ -160,14 +160,14 @@ def _closure_of_force(
     if floor.random or floor.source != SIMULATION or first.candidate.roughness != final.candidate.roughness:
         return None
     records, motion = baseline.records, baseline.segment
-    begun, used = unknown_less_mean(first, records)
+    begun, used = unknown_less_means(first, records)
     least, count = floor.gap().force, np.count_nonzero(used)
     if begun @ begun < baseline.criteria.min_force_ratio * least**2 * count:
         return None
     fold, left = partial_out(final, motion).fold[motion], np.zeros(begun.size)
     for number in range(FOLDS):
         apart = replace(final, candidate=without(final, records, fold == number))
-        left += np.where(fold == number, unknown_less_mean(apart, records)[0], 0.0)
+        left += np.where(fold == number, unknown_less_means(apart, records)[0], 0.0)
     sums = np.stack([np.bincount(motion, one) for one in (begun**2, left**2, least**2 * used)])
     drawn = sums @ bootstrap_counts(sums.shape[1], 0).T
     chance = baseline.null.force_scatter(drawn.shape[1])

@@ -43,7 +43,19 @@ def unknown_less_mean(fitted: Fit, records: Sequence[Record]) -> tuple[Array, ND
     return np.where(used, force - np.mean(force[used]), 0.0), used
 
 
+def unknown_less_means(fitted: Fit, records: Sequence[Record]) -> tuple[Array, NDArray[np.bool_]]:
+    """The same, less the mean of each record: a search leaves a constant force of each open, that of contacts that
+    never slip in it."""
+    force, used = unknown_less_mean(fitted, records)
+    start = 0
+    for record in records:
+        part = slice(start, start + record.position.size)
+        force[part] -= np.where(used[part], np.mean(force[part][used[part]]), 0.0)
+        start = part.stop
+    return force, used
+
+
 def force_left(fitted: Fit, records: Sequence[Record]) -> float:
-    """The deviation [N] of the unknown force that a fit leaves: a search leaves a constant force open."""
-    left = unknown_force(fitted.candidate, records, fitted.paths)
-    return rms([force - np.nanmean(force) for force in left])
+    """The deviation [N] of the unknown force that a fit leaves, about its mean in each record."""
+    force, used = unknown_less_means(fitted, records)
+    return rms([force[used]])

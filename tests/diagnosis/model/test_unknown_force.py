@@ -1,0 +1,40 @@
+"""The unknown force that a fit leaves, and what a search leaves open: the start of a contact that never slips."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.experiments.schedules import amplitude_ladder
+from diagnosis.model.fit import fit
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from diagnosis.model.unknown_force import force_left, unknown_less_mean, unknown_less_means
+from tests.diagnosis.tables import recorded, table
+
+
+def test_a_constant_force_of_each_record_is_left_out() -> None:
+    machine = table()
+    plan = [amplitude_ladder(machine, (5e-6, 20e-6))] * 2
+    records = recorded(machine, plan, seed=3, wrong=0.0)
+    fitted = fit(Candidate(parameters(machine, 2), np.zeros(parameters(machine, 2).count)), records)
+    theta, layout = fitted.candidate.theta.copy(), fitted.candidate.layout
+    stiffness, limit = (np.array(one) for one in (machine.friction.stiffness, machine.friction.limit))
+    longest = int(np.argmax(limit))
+    assert limit[longest] > 4 * 20e-6  # it holds both ways, from where the records began
+    starts = layout.of("initial_friction_state").reshape(2, -1)[:, longest]
+    theta[starts[0]] -= 0.2 * limit[longest] * np.sign(theta[starts[0]])  # away from its limit
+    moved = replace(fitted, candidate=replace(fitted.candidate, theta=theta))
+
+    apart = 0.2 * stiffness[longest] * limit[longest]
+    assert apart > 10 * force_left(fitted, records)
+    one, used = unknown_less_mean(moved, records)
+    assert np.sqrt(np.mean(one[used] ** 2)) > 0.4 * apart
+    one, used = unknown_less_means(moved, records)
+    start = 0
+    for record in records:
+        part = slice(start, start + record.position.size)
+        assert abs(np.mean(one[part][used[part]])) < 1e-9 * apart
+        start = part.stop
+    assert force_left(moved, records) < 1.05 * force_left(fitted, records)
