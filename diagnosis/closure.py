@@ -27,6 +27,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
+from diagnosis.handover.final_fit import still_fit
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights, without
 from diagnosis.model.motions import Piece, repeated, rms, scatter
@@ -156,17 +157,23 @@ def _closure_of_force(
 ) -> tuple[float, tuple[float, float], float] | None:
     """The closure of the unknown force, its 95 % interval, and by how much what is left exceeds the floor [1], see
     `Closure.force_excess`; None where the first fit leaves no force that stands out of the floor's, where effects act
-    at random, or where the floor is not simulated."""
+    at random, or where the floor is not simulated.
+
+    Both are fitted once more beside a force that does not walk: the search's walk follows the very force that this is
+    about, so that the sizes of what makes it hang on little else than their priors.
+    """
     if floor.random or floor.source != SIMULATION or first.candidate.roughness != final.candidate.roughness:
         return None
     records, motion = baseline.records, baseline.segment
-    begun, used = unknown_less_means(first, records)
+    before = still_fit(first.candidate, records, first.paths)
+    begun, used = unknown_less_means(before, records)
     least, count = floor.gap().force, np.count_nonzero(used)
     if begun @ begun < baseline.criteria.min_force_ratio * least**2 * count:
         return None
+    after = before if final is first else still_fit(final.candidate, records, final.paths)
     fold, left = partial_out(final, motion).fold[motion], np.zeros(begun.size)
     for number in range(FOLDS):
-        apart = replace(final, candidate=without(final, records, fold == number))
+        apart = replace(after, candidate=without(after, records, fold == number))
         left += np.where(fold == number, unknown_less_means(apart, records)[0], 0.0)
     sums = np.stack([np.bincount(motion, one) for one in (begun**2, left**2, least**2 * used)])
     drawn = sums @ bootstrap_counts(sums.shape[1], 0).T
