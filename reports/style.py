@@ -20,7 +20,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import LogFormatterSciNotation
+from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation
 
 TEXT_WIDTH = 160.0
 """Width of the text on paper, mm: figures are drawn at the size at which they are printed."""
@@ -100,6 +100,7 @@ def save(
         for axes in figure.axes:
             for axis in (axes.xaxis, axes.yaxis):
                 _write_powers(axis)
+                _prefix(axis)
         if wording is not str:
             for said in figure.findobj(Text):
                 assert isinstance(said, Text)
@@ -110,6 +111,16 @@ def save(
             layout.execute(figure)
             figure.set_layout_engine("none")
         figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+
+
+def _prefix(axis: Axis) -> None:
+    """Gives an axis of small forces [N] a prefix: matplotlib would write their common power of ten over the label."""
+    label = axis.get_label_text()
+    if label.endswith("[N]") and axis.get_scale() == "linear":
+        factor, unit = force_unit(float(np.max(np.abs(axis.get_view_interval()))))
+        if factor != 1.0:
+            axis.set_major_formatter(FuncFormatter(lambda number, _: f"{factor * number:.6g}"))
+            axis.set_label_text(f"{label[: -len('[N]')]}[{unit}]")
 
 
 def warm_up() -> None:
@@ -161,6 +172,13 @@ def subplots(
     figure = Figure(figsize=(TEXT_WIDTH / 25.4, height_mm / 25.4), layout="constrained")
     axes = figure.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False, **grid)
     return figure, axes
+
+
+def force_unit(largest: float) -> tuple[float, str]:
+    """How many of a unit are in 1 N, and the unit [-], for an axis of forces up to `largest` [N]."""
+    if largest == 0 or largest >= 1e-3:
+        return 1.0, "N"
+    return (1e6, "µN") if largest >= 1e-6 else (1e9, "nN")
 
 
 def length_unit(largest: float) -> tuple[float, str]:

@@ -44,7 +44,7 @@ def unknown_less_mean(fitted: Fit, records: Sequence[Record]) -> tuple[Array, ND
 
 
 def unknown_less_means(fitted: Fit, records: Sequence[Record]) -> tuple[Array, NDArray[np.bool_]]:
-    """The same, less the mean of each record: a search leaves a constant force of each open, that of contacts that
+    """The same [N], less the mean of each record: a search leaves a constant force of each open, that of contacts that
     never slip in it."""
     force, used = unknown_less_mean(fitted, records)
     start = 0

@@ -10,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
 
 from diagnosis.model.kalman import STARTING
+from models.quantity import show
 from reports import style
 from studies.wording import effect
 
@@ -18,9 +19,9 @@ Results = Mapping[str, Any]
 MOST = 12  # effects in a bar chart at most
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
 GAPS = (
-    ("force_N", 1.0, "unknown force [N]"),
-    ("position_m", 1e6, "position [µm]"),
-    ("settling_s", 1e3, "settling [ms]"),
+    ("force_N", style.force_unit, "unknown force"),
+    ("position_m", lambda _: (1e6, "µm"), "position"),
+    ("settling_s", lambda _: (1e3, "ms"), "settling"),
 )
 
 
@@ -32,7 +33,8 @@ def waterfall(whole: Results) -> Drawing:
     known = [part for part in GAPS if any(stage[part[0]] is not None for stage in stages)]
     figure, axes = style.subplots(1, len(known), 34 + 7 * len(stages), sharey=True)
     rows = np.arange(len(stages))[::-1]
-    for ax, (key, factor, label) in zip(axes[0], known, strict=True):
+    for ax, (key, in_unit, label) in zip(axes[0], known, strict=True):
+        factor, unit = in_unit(max(stage[key] or 0.0 for stage in stages))
         values = [np.nan if stage[key] is None else factor * stage[key] for stage in stages]
         ax.barh(rows, np.nan_to_num(values), height=0.6, facecolor=LIGHT, edgecolor=style.BLUE)
         for row, value in zip(rows, values, strict=True):
@@ -46,10 +48,11 @@ def waterfall(whole: Results) -> Drawing:
             )
         largest = float(np.nanmax([*values, 0.0]))
         ax.set_xlim(0, 1.25 * largest if largest > 0 else 1.0)
-        ax.set_xlabel(label)
+        ax.set_xlabel(f"{label} [{unit}]")
         ax.grid(axis="y", visible=False)
-    ceiling = where["ceiling"]["force_N"]
-    axes[0, 0].axvline(ceiling, color=style.VERMILION, linestyle=(0, (1, 1.2)), linewidth=1.2, label="flexible curves")
+        if key == "force_N":
+            ceiling = factor * where["ceiling"]["force_N"]
+            ax.axvline(ceiling, color=style.VERMILION, linestyle=(0, (1, 1.2)), linewidth=1.2, label="flexible curves")
     axes[0, 0].set_yticks(rows, names)
     axes[0, 0].legend(loc="lower left", bbox_to_anchor=(-0.02, 0.98), ncols=2, fontsize=6.5)
     return figure
@@ -72,7 +75,7 @@ def force(whole: Results) -> Drawing:
         time, slow, band = np.array(one["time_s"]), np.array(one["slow_N"]), 1.96 * one["slow_deviation_N"]
         ax.fill_between(
             time, one["fast_low_N"], one["fast_high_N"], facecolor="#dddddd", edgecolor="none",
-            label=f"fast, its extremes (band ± {1.96 * one['fast_deviation_N']:.2g} N)",
+            label=f"fast, its extremes (band ± {show(1.96 * one['fast_deviation_N'], 'N', 2)})",
         )  # fmt: skip
         ax.fill_between(time, slow - band, slow + band, facecolor="#7fb2d6", edgecolor="none", label="slow, 95 % band")
         ax.plot(time, slow, color=style.BLUE, linewidth=0.8, linestyle="-", label="slow")

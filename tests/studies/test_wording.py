@@ -23,7 +23,9 @@ def plain(text: str) -> str:
         (2.535e-12, "1", "2.535 · 10⁻¹²"),
         (1e-9, "1", "10⁻⁹"),
         (7.3305e7, "N/(m s)", "7.3305 · 10⁷ N/(m s)"),
-        (9.2e-5, "N", "9.2 · 10⁻⁵ N"),
+        (9.2e-5, "N s/m", "9.2 · 10⁻⁵ N s/m"),
+        (9.2e-5, "N", "92 µN"),
+        (6.42e-10, "s^2", "6.42 · 10⁻¹⁰ s²"),
         (220.0, "1", "220"),
         (2e-5, "m", "20 µm"),
     ],
@@ -47,7 +49,8 @@ def test_a_motion_settles_in_a_time_or_never_settles() -> None:
 
 
 def test_a_rotary_axis_has_its_units_behind_a_power_of_ten() -> None:
-    assert plain(turned(wording.quantity(9.2e-5, "N", 2))) == "9.2 · 10⁻⁵ N m"
+    assert plain(turned(wording.quantity(9.2e-5, "N s/m", 2))) == "9.2 · 10⁻⁵ N m s/rad"
+    assert plain(turned(wording.quantity(9.2e-5, "N", 2))) == "92 µN m"
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ def on_slip(steps: Sequence[Step], kept: str) -> Iterator[str]:
     for step, slip in zip(steps[:-1], forces[:-1], strict=True):
         apart = combined([slip, forces[-1]])[2]
         if apart > SIGMAS:
-            said = [f"{value:.4g} ± {std:.2g} N" for value, std in (slip, forces[-1])]
+            said = [f"{show(value, 'N')} ± {show(std, 'N', 2)}" for value, std in (slip, forces[-1])]
             yield (
                 f"{step.loaded.name} and {steps[-1].loaded.name} disagree in the slip force, {said[0]} and {said[1]}, "
                 f"by {apart:.1f} standard deviations (temperature, lubrication, preload or another place of the "

@@ -130,12 +130,12 @@ def half_of(record: Record) -> float:
 
 def _on_offset(held: Holdable) -> str:
     """What a fast record says of a constant force."""
-    value, std = held.offset
+    value, std = show(held.offset[0], "N", 3), show(held.offset[1], "N", 2)
     if held.asymmetry is None:
-        return f"A constant force of {value:.3g} N is held beside friction, with a standard deviation of {std:.2g} N."
+        return f"A constant force of {value} is held beside friction, with a standard deviation of {std}."
     share, way = 100 * abs(held.asymmetry[0]), "larger" if held.asymmetry[0] > 0 else "smaller"
     return (
         f"The machine file has friction by direction as a share of the force, {share:.2g} % {way} forwards than the "
-        f"mean, and beside it an offset of {value:.3g} N with a standard deviation of {std:.2g} N; the offset above is "
+        f"mean, and beside it an offset of {value} with a standard deviation of {std}; the offset above is "
         "what goes with viscous friction of its own for each direction."
     )

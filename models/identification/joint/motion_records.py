@@ -22,6 +22,7 @@ from models.identification.into_machine import (
 from models.identification.joint.agreement import SIGMAS
 from models.identification.joint.steps import Difference, Identified, MotionStep, Settings, record_of, with_step
 from models.identification.unusable import UnusableError
+from models.quantity import show
 from models.records.checks import replay
 from models.records.files import Loaded
 from models.records.record import Record
@@ -117,6 +118,6 @@ def _on_motion(fit: motion.MotionFit) -> Iterator[str]:
     if count:
         yield (
             f"{count} of the elements {'is' if count == 1 else 'are'} longer than half the motion record's first way: "
-            f"a force from before, {size:.2g} N at most, may stay in {'it' if count == 1 else 'them'} throughout and "
-            "then counts as part of the offset."
+            f"a force from before, {show(size, 'N', 2)} at most, may stay in {'it' if count == 1 else 'them'} "
+            "throughout and then counts as part of the offset."
         )

@@ -61,7 +61,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     steps = [*steps_of(found, "hysteresis"), Step(kind, loaded, ForceStep(fit))]
     fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
     remarks = (
-        f"At full slip the friction is {slip:.4g} N with a standard deviation of {spread:.2g} N.",
+        f"At full slip the friction is {show(slip, 'N')} with a standard deviation of {show(spread, 'N', 2)}.",
         on_damping(fit),
         _on_drag(dragged, taken=fit is dragged) if dragged and not terms.drag else _off_drag(terms.drag),
         *on_agreement(steps, ("offset",)),
@@ -191,6 +191,6 @@ def _on_memory(fit: ForceFit) -> Iterator[str]:
         )
     if fit.remembered > 0:
         yield (
-            f"Friction may carry up to {fit.remembered:.2g} N from before the record, on the mean over its samples, as "
-            "part of the offset; the offset's standard deviation covers it."
+            f"Friction may carry up to {show(fit.remembered, 'N', 2)} from before the record, on the mean over its "
+            "samples, as part of the offset; the offset's standard deviation covers it."
         )

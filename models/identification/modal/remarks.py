@@ -123,7 +123,7 @@ def on_disagreement(names: Sequence[str], steps: Sequence[ResponseStep]) -> Iter
             yield f"{one} alone shows {counts[0]} vibration modes, {other} alone {counts[1]}."
         why = ""
         if first.level and second.level and not 1 / OTHER_LEVEL < first.level / second.level < OTHER_LEVEL:
-            levels = f"{first.level:.3g} and {second.level:.3g} N"
+            levels = f"{show(first.level, 'N', 3)} and {show(second.level, 'N', 3)}"
             why = f"excited with {levels} rms: the response depends on the amplitude"
         for name, values, apart in _apart(first.fit.estimate, second.fit.estimate):
             cause = why or next(cause for begin, cause in CAUSES if name.startswith(begin))

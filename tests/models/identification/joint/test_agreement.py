@@ -52,4 +52,4 @@ def test_slow_records_of_one_machine_give_one_estimate_and_their_disagreement(mo
     assert std[0] == pytest.approx(0.3e6, rel=0.15)
     said = " ".join(found.remarks)
     assert "a and b disagree in the offset, 0 N ± 0.1 N and 1 N ± 0.1 N, by 7.1 standard deviations" in said
-    assert re.search("a and b disagree in the slip force, 10 ± [0-9.]+ N and 20 ± [0-9.]+ N, by", said)
+    assert re.search("a and b disagree in the slip force, 10 N ± [0-9.]+ N and 20 N ± [0-9.]+ N, by", said)

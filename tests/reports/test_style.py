@@ -1,0 +1,42 @@
+"""The style that every figure has."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from models.quantity import turned
+from reports import style
+
+
+@pytest.mark.parametrize(
+    ("largest", "label", "tick"),
+    [(20.0, "$d$ [N m]", ""), (2e-5, "$d$ [µN m]", "10"), (2e-8, "$d$ [nN m]", "10")],
+)
+def test_an_axis_of_small_forces_has_a_prefix(largest: float, label: str, tick: str) -> None:
+    drawn: list[Figure] = []
+
+    def draw(_: object) -> Figure:
+        figure, axes = style.subplots()
+        axes[0, 0].plot([0.0, 1.0], [0.0, largest])
+        axes[0, 0].set_ylim(0.0, largest)
+        axes[0, 0].set_ylabel("$d$ [N]")
+        axes[0, 0].set_xlabel("position [mm]")
+        drawn.append(figure)
+        return figure
+
+    style.save(draw, {}, io.BytesIO(), turned)
+    ax = drawn[0].axes[0]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("position [mrad]", label)
+    assert not tick or ax.yaxis.get_major_formatter()(0.5 * largest, 0) == tick
+
+
+def test_the_unit_of_forces_leaves_one_to_three_digits_before_the_point() -> None:
+    assert style.force_unit(0.0) == style.force_unit(0.02) == (1.0, "N")
+    for largest in np.geomspace(1.1e-9, 0.99e-3, 60):
+        factor, unit = style.force_unit(largest)
+        assert {"µN": 1e6, "nN": 1e9}[unit] == factor
+        assert 1 <= factor * largest < 1000
