@@ -46,7 +46,9 @@ class MotionKind:
 
     def __str__(self) -> str:
         if self.stroke > 0:
-            return f"moves of about {show(self.stroke, 'm', 1)} at about {float(f'{1e3 * self.speed:.1g}'):g} mm/s"
+            speed = float(f"{self.speed:.1g}")
+            said = show(speed, "m/s") if speed >= 1 else f"{1e3 * speed:g} mm/s"
+            return f"moves of about {show(self.stroke, 'm', 1)} at about {said}"
         return "the excitation at rest" if self.excited else "rest"
 
 

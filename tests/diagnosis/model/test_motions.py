@@ -29,6 +29,8 @@ def record(*targets: float, excited: bool = False) -> Record:
     [
         (MotionKind(10**-4.5, 1e-3), "moves of about 30 µm at about 1 mm/s"),
         (MotionKind(1e-2, 10**-0.5), "moves of about 10 mm at about 300 mm/s"),
+        (MotionKind(1e-1, 10.0), "moves of about 100 mm at about 10 m/s"),
+        (MotionKind(1e-1, 0.96), "moves of about 100 mm at about 1 m/s"),
         (MotionKind(), "rest"),
         (MotionKind(excited=True), "the excitation at rest"),
     ],
