@@ -251,9 +251,9 @@ def listed(words: Iterable[str], last: str = "and") -> str:
 
 def show(number: float, unit: str, digits: int = 4, *, like: float | None = None) -> str:
     """`number` (SI, in `unit`) for a reader, with a prefix where the unit takes one: show(2e-5, "m") = "20 µm". An
-    infinite time is that of what never happens: show(math.inf, "s") = "never". A force has a prefix where it is below
-    1 mN: show(2.1e-5, "N") = "21 µN". like: a number (SI) to which it is
-    compared, whose prefix it takes: show(9e-7, "m", like=2e-6) = "0.9 µm"."""
+    infinite time is that of what never happens: show(math.inf, "s") = "never". A force or a torque has a prefix
+    where it is below a thousandth: show(2.1e-5, "N") = "21 µN". like: a number (SI) to which it is compared, whose
+    prefix it takes: show(9e-7, "m", like=2e-6) = "0.9 µm"."""
     if unit == "s" and number == math.inf:
         return "never"
     if unit == "1":
@@ -261,7 +261,7 @@ def show(number: float, unit: str, digits: int = 4, *, like: float | None = None
     size = abs(number if like is None or not math.isfinite(like) else like)
     if unit == "N/m" and size >= 1e3:
         return f"{_plain(number / 1e3, digits)} N/mm"
-    prefixed = unit in {"m", "m/s", "s", "Hz", "W", "rad", "rad/s"} or (unit == "N" and size < 1e-3)
+    prefixed = unit in {"m", "m/s", "s", "Hz", "W", "rad", "rad/s"} or (unit in {"N", "N m"} and size < 1e-3)
     if prefixed and size != 0 and math.isfinite(size):
         size = float(f"{size:.{digits}g}")  # 999.96 nm are 1 µm to three digits
         scale, prefix = next(((s, p) for s, p in _PREFIXES if size >= 0.9999999 * s), _PREFIXES[-1])

@@ -20,7 +20,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation
+from matplotlib.ticker import FixedFormatter, FuncFormatter, LogFormatterSciNotation
 
 TEXT_WIDTH = 160.0
 """Width of the text on paper, mm: figures are drawn at the size at which they are printed."""
@@ -101,6 +101,8 @@ def save(
             for axis in (axes.xaxis, axes.yaxis):
                 _write_powers(axis)
                 _prefix(axis)
+                if wording is not str:
+                    _word(axis, wording)
         if wording is not str:
             for said in figure.findobj(Text):
                 assert isinstance(said, Text)
@@ -121,6 +123,13 @@ def _prefix(axis: Axis) -> None:
         if factor != 1.0:
             axis.set_major_formatter(FuncFormatter(lambda number, _: f"{factor * number:.6g}"))
             axis.set_label_text(f"{label[: -len('[N]')]}[{unit}]")
+
+
+def _word(axis: Axis, wording: Callable[[str], str]) -> None:
+    """Does the wording to what stands at the ticks in words, which the drawing asks its formatter for."""
+    formatter = axis.get_major_formatter()
+    if isinstance(formatter, FixedFormatter | FuncFormatter):
+        axis.set_major_formatter(FuncFormatter(lambda number, place: wording(formatter(number, place))))
 
 
 def warm_up() -> None:

@@ -40,3 +40,18 @@ def test_the_unit_of_forces_leaves_one_to_three_digits_before_the_point() -> Non
         factor, unit = style.force_unit(largest)
         assert {"µN": 1e6, "nN": 1e9}[unit] == factor
         assert 1 <= factor * largest < 1000
+
+
+def test_words_at_ticks_have_the_units_of_the_axis() -> None:
+    drawn: list[Figure] = []
+
+    def draw(_: object) -> Figure:
+        figure, axes = style.subplots()
+        axes[0, 0].plot([0.0, 1.0], [0.0, 1.0])
+        axes[0, 0].set_yticks([0.0, 1.0], ["rest", "moves of about 3 µm at about 30 mm/s"])
+        drawn.append(figure)
+        return figure
+
+    style.save(draw, {}, io.BytesIO(), turned)
+    said = [label.get_text() for label in drawn[0].axes[0].get_yticklabels()]
+    assert said == ["rest", "moves of about 3 µrad at about 30 mrad/s"]
