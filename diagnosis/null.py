@@ -36,6 +36,8 @@ from diagnosis.model.unknown_force import force_left
 from diagnosis.which.command_jitter import gained_by_chance
 from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
+from models.effects.base import Effect
+from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
 from models.friction import deflections
 from models.machine import Machine, to_json
@@ -174,7 +176,8 @@ def null(
     say(f"simulating the null, 1 of {draws}")
     drawn = partial(_drawn, layout, records, roughness)
     first = drawn(0)
-    findings, known = scan(*first)  # its columns are those of the tables that follow, too
+    findings, columns = scan(*first)  # most of them are those of the tables that follow, too
+    known = {effect: column for effect, column in columns.items() if _is_of_path(effect)}
     results = [_gains(first, findings)]
     say(f"simulating the null, {min(2, draws)} of {draws}")
     for result in parallel_map(lambda seed: _draw(drawn(seed), known), range(1, draws)):
@@ -272,6 +275,12 @@ def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
 
 def _draw(drawn: Drawn, known: Columns) -> Chance:
     return _gains(drawn, scan(*drawn, known=known)[0])
+
+
+def _is_of_path(effect: Effect) -> bool:
+    """Whether tables on nearly the same path have the same columns of it; a mode rings with what feedback makes of the
+    noise, too, of which each table has its own."""
+    return not any(item.role == "shape" and item.unit == "Hz" for item in parameters_of(type(effect)))
 
 
 def _key(machine: Machine, records: Sequence[Record], draws: int, roughness: Sequence[float]) -> str:

@@ -23,9 +23,11 @@ from diagnosis.model.fit import ROOM, Fit, effects_prior_std, weights
 from diagnosis.model.kalman import adjoint
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns
+from diagnosis.which.resonances import resonances
 from models.compiled import compiled
 from models.effects.base import POSITIVE, SHOWN, Effect, Parameter, Place, parameters
 from models.effects.catalogue import in_order
+from models.plant import Mode
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -270,9 +272,25 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
             found = []
             if item.widest[0] < item.low / ROOM:
                 found = _from_spectrum(item, (item.widest[0], item.low), kind, fitted, records, projection)
+            if item.unit == "Hz" and item.widest[1] > ROOM * item.high:
+                found += _ringing(item, kind, fitted, records, projection)
             shown = _points(item) if item.unit != "Hz" else _points(item)[_points(item) <= HIGHEST * nyquist]
             axes.append([(item.name, point) for point in (*shown, *np.array(found))])
     return [replace(kind.typical(priors), **dict(point)) for point in itertools.product(*axes)]
+
+
+def _ringing(
+    item: Parameter, kind: type[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
+) -> list[float]:
+    """Frequencies [Hz] of a mode beyond those of its usual range, where the records ring most as it would."""
+    typical = kind.typical(fitted.candidate.nominal.priors)
+    forces = (one.force.mean(axis=1) for one in fitted.residuals)
+    parts = ((force, left) for force, (_, _, left) in zip(forces, adjoints(fitted, records, projection), strict=True))
+
+    def mode(frequency: float) -> Mode:
+        return replace(typical, **{item.name: frequency}).modes()[0]
+
+    return resonances(parts, records[0].sample_time, item.high, item.widest[1], mode, PEAKS)
 
 
 def _points(item: Parameter) -> Array:

@@ -112,7 +112,8 @@ class Parameter:
     size as there are very many periods in a record; 0: some per cent. stated: a machine states the range in place of
     the usual one. counted_in: the machine's quantities that the usual range is in proportion to; else by BY_UNIT.
     Of several, the one that makes the least counts for its lower end and the one that makes the most for its upper.
-    sought: of a period along the way or the scale that no machine states, where it is looked for.
+    sought: of a period along the way or the scale, or of the frequency of a mode, that no machine states, where it is
+    looked for.
     """
 
     name: str
@@ -378,13 +379,19 @@ def _counted(item: Parameter, units: Units) -> Parameter:
         return replace(item, low=low, high=high, typical=item.typical * factors[0])
     if item.unit == "Hz":
         low, high = _below_nyquist(low, high, units)
-    return replace(item, low=low, high=high, typical=math.sqrt(low * high))
+    return replace(item, low=low, high=high, typical=math.sqrt(low * high), sought=_rings(item, low, high, units))
 
 
 def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]:
     """A range of frequencies [Hz], moved to where a record shows them."""
     most = MOST_OF_NYQUIST / 2 / units.sample
     return min(low, most * low / high), min(high, most)
+
+
+def _rings(item: Parameter, low: float, high: float, units: Units) -> Range:
+    """Where a mode is looked for, whose usual range is low .. high [Hz]: a structure rings wherever its records show
+    it, however slow its loop is."""
+    return (low, max(high, MOST_OF_NYQUIST / 2 / units.sample)) if item.unit == "Hz" and item.role == "shape" else ()
 
 
 def _along(item: Parameter, units: Units) -> Parameter:
@@ -434,5 +441,7 @@ def _usual(kind: type[Effect]) -> tuple[Parameter, ...]:
             raise TypeError(f"{kind.__name__}.{field.name}: declare it with models.effects.base.parameter")
         if prior.role == "period" and prior.periodic_in in {"position", "reading"}:
             prior = replace(prior, sought=_sought(prior, prior.low, prior.high, REFERENCE.travel))
+        elif prior.unit == "Hz":
+            prior = replace(prior, sought=_rings(prior, prior.low, prior.high, REFERENCE))
         found.append(replace(prior, name=field.name))
     return tuple(found)

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import at_bounds
+from diagnosis.model.fit import at_bounds, bounds_of
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.refit import refit_within
 from diagnosis.which.scan import partial_out, peaks, scan
-from models.effects.base import Effect
+from models.effects.base import Effect, parameters
 from models.effects.friction_laws import PositionDependentFriction, Stribeck
 from models.effects.motor import Cogging, ThrustRipple
 from models.effects.priors import Priors
+from models.effects.structure import AdditionalMode
 from tests.diagnosis.tables import fitted_with, recorded, schedules, short, table
 
 MACHINE = table()
@@ -73,6 +74,27 @@ def test_a_period_far_below_the_usual_ones_is_found_where_a_machine_states_it(la
     assert adopted.values()[:2] == pytest.approx(law.values()[:2], rel=0.1)
     assert adopted.values()[1] == pytest.approx(law.values()[1], rel=1e-3)
     assert not at_bounds(adopted, stated.priors)
+
+
+@pytest.mark.parametrize("law", [AdditionalMode(-7e-3, 635.0, 0.01), AdditionalMode(7e-3, 590.0, 0.01)])
+def test_a_mode_faster_than_the_usual_ones_is_found_with_the_sign_of_its_gain(law: AdditionalMode) -> None:
+    (usual,) = (item for item in parameters(AdditionalMode, MACHINE.priors) if item.name == "frequency")
+    assert law.frequency > 1.3 * usual.high
+    records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
+    nominal = refit_within(MACHINE, records)
+    found, _ = scan(nominal, records, partial_out(nominal, numbered(pieces(records), records)))
+    assert found[0].effect.name == law.name
+    (adopted,) = fitted_with(nominal, found[0].effect, records).candidate.effects
+    gain, frequency, damping = adopted.values()
+    assert frequency == pytest.approx(law.frequency, rel=law.damping)
+    assert gain == pytest.approx(law.gain, rel=0.25)
+    assert damping == pytest.approx(law.damping, rel=0.5)
+    assert not at_bounds(adopted, MACHINE.priors)
+
+
+def test_no_mode_is_sought_where_samples_do_not_tell_it() -> None:
+    (usual,) = (item for item in parameters(AdditionalMode, MACHINE.priors) if item.name == "frequency")
+    assert bounds_of(usual)[1] == pytest.approx(0.8 * 0.5 / MACHINE.sample_time)
 
 
 def test_what_is_known_of_a_scan_tells_the_next_stage_what_its_own_columns_would() -> None:
