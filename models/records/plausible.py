@@ -89,12 +89,15 @@ def _roughness(signal: Array) -> float:
 
 
 def _swapped(record: Record, given: set[str]) -> Iterator[str]:
+    if np.ptp(record.position) == 0 or np.ptp(record.command) == 0:
+        return
+    rougher = _roughness(record.position) / _roughness(record.command)
     moved = "reference" in given and np.ptp(record.reference) > 0
-    if moved:
+    if moved:  # a loop that stiff contacts hold by half a stroke commands what it is asked for, but not as smoothly
         position, command = (abs(_correlation(s, record.reference)) for s in (record.position, record.command))
-        swapped = command > 0.9 and command > position + 0.2
+        swapped = command > 0.9 and command > position + 0.2 and rougher > 1
     else:
-        swapped = _roughness(record.position) > 30 * _roughness(record.command)
+        swapped = rougher > 30
     if swapped:
         yield (
             "position and command look swapped: the command is what follows the reference, or is the smoother one; "

@@ -13,6 +13,7 @@ from models.machine import load
 from models.records.checks import Facts
 from models.records.plausible import doubts
 from models.records.record import Record
+from models.simulation.simulator import simulate
 from studies.identify_machine import own_records
 
 MACHINE = load()
@@ -55,6 +56,19 @@ def test_a_position_that_a_loop_can_not_have_kept_so_far_from_its_reference_is_d
 ) -> None:
     wrong = replace(records[kind], **{signal: factor * getattr(records[kind], signal)})
     assert any("times as far as the reference" in doubt for doubt in doubts(wrong, GIVEN, OF_THE_LOOP))
+
+
+def test_a_loop_that_its_contacts_hold_has_no_swapped_columns() -> None:
+    """Half the motion stays behind, creeping, so it is the command that goes with the reference; but it is rougher."""
+    pid = PID(kp=0.3 * sum(MACHINE.friction.stiffness), ki=0.0, kd=200.0, derivative_filter=1e-3)
+    soft = replace(MACHINE, control=replace(MACHINE.control, pid=pid))
+    t = MACHINE.sample_time * np.arange(6000)
+    record = simulate(soft, soft.feedback_only(), 5e-6 * np.sign(np.sin(2 * np.pi * 2 * t)), seed=1).record
+    creep = np.cumsum(record.position) * 4.0 * MACHINE.sample_time  # as contacts give way in time
+    record = replace(record, position=0.3 * record.position + creep - creep.mean())
+    command, position = (np.corrcoef(record.reference, one)[0, 1] for one in (record.command, record.position))
+    assert command > 0.9 and command > position + 0.2
+    assert not any("swapped" in doubt for doubt in doubts(record, GIVEN, FACTS))
 
 
 def test_a_loop_that_is_too_soft_to_follow_is_not_doubted() -> None:
