@@ -5,7 +5,8 @@
     n, M, m     number of samples, of substeps in a sample interval, of the plant's modes
     x (S,)      state (q_1, q_1', ..., q_m, q_m', d): modal positions [m] and speeds [m/s], and the unknown force d [N];
                 behind d two states for each random force (`Resonance`). S = 2 m + 1 without those
-    f (M,)      known force [N] in the substeps of the interval after sample k: thrust less friction
+    f (M,)      known force [N], thrust less friction, at the middles of the substeps of the interval after sample k; it
+                is linear in there, as a fine scale would see friction held over each
     w           process noise, covariance Q: d walks randomly by `walk` [N] per sample, and a white force of standard
                 deviation `white_force` [N] acts beside it
     y, v        reading of the scale [m] and its measurement noise, standard deviation `noise` [m], rounding included
@@ -32,14 +33,14 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are
 
 from models.compiled import compiled
-from models.plant import Plant, matrices, transition
+from models.plant import Plant, matrices
 
 Array = NDArray[np.float64]
 
-SUBSTEPS: Final = 2  # substeps of a sample interval, within each of which the force is constant
+SUBSTEPS: Final = 2  # of a sample interval, the force of which is a straight line through their middles
 BLOCK: Final = 8  # samples that `responses` filters at once
 STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
 FORGOTTEN: Final = 1e-4  # of a wrong start, below which it is not felt any more
@@ -108,16 +109,15 @@ def discretised(plant: Plant, sample_time: float) -> tuple[Array, Array, Array]:
     """(A (S, S), B (S, M), C (S,)) of the module's head; the plant's dead time is left to the force; SI."""
     slope, force, position = matrices(plant)
     n = len(slope)
-    phi, gamma = transition(slope, force, sample_time / SUBSTEPS)
-    inputs = np.empty((n, SUBSTEPS))
-    held = gamma[:, 0]
-    for s in reversed(range(SUBSTEPS)):
-        inputs[:, s] = held
-        held = phi @ held
+    exponent = np.zeros((n + 2, n + 2))  # of the plant's state, the force, and its rate in a sample interval
+    exponent[:n, :n], exponent[:n, n] = slope * sample_time, force[:, 0] * sample_time
+    exponent[n, n + 1] = 1.0
+    phi = expm(exponent)
+    begins, rises = phi[:n, n], phi[:n, n + 1]
     a = np.eye(n + 1)
-    a[:n, :n] = np.linalg.matrix_power(phi, SUBSTEPS)
-    a[:n, n] = inputs.sum(axis=1)
-    b = np.vstack([inputs, np.zeros((1, SUBSTEPS))])
+    a[:n, :n], a[:n, n] = phi[:n, :n], begins
+    b = np.zeros((n + 1, SUBSTEPS))  # by what the line through the two middles is at the start, and by how it rises
+    b[:n] = np.column_stack([1.5 * begins - 2.0 * rises, 2.0 * rises - 0.5 * begins])
     return a, b, np.append(position[0], 0.0)
 
 

@@ -49,7 +49,8 @@ class Path(NamedTuple):
 
 @dataclass(frozen=True)
 class Replayed:
-    """What acts along a path: thrust, friction, force (n, M) [N] over each substep; reading (n,) [m] less the position.
+    """What acts along a path: thrust, friction, force (n, M) [N] at the middle of each substep, linear between these;
+    reading (n,) [m] less the position.
 
     sent: the commands as the drive takes them in, after the dead time and the limit (n, M) [N]; thrust: what all that
     acts on it makes of them. force: the external one. state: the elements' displacements (N,) [m] at the end.
@@ -76,9 +77,10 @@ def replay(
 ) -> Replayed:
     """Friction and effects along a path, without plant and controller; effects in the catalogue's order.
 
-    dead_time [s], of which a substep in which the thrust changes takes its share. state: the elements' displacements
-    (N,) [m] before the path, default 0. thrust_limit [N]. start [N]: the command before the first, default that one.
-    known: what is to be taken from an earlier answer for the same path, see `kept`; only the rest is computed.
+    dead_time [s]; of the thrust in a sample interval in which it changes, see `_shares`. state: the elements'
+    displacements (N,) [m] before the path, default 0. thrust_limit [N]. start [N]: the command before the first,
+    default that one. known: what is to be taken from an earlier answer for the same path, see `kept`; only the rest is
+    computed.
     """
     anew = ACTING.keys() - known.keys()
     course = Path(path.sample_time, *(np.ascontiguousarray(signal, float) for signal in path[1:]))
@@ -147,15 +149,26 @@ def _sent(taken: Array, course: Path, dead_time: float, thrust_limit: float, bef
     n, parts = course.position.shape
     delay, rest = delay_split(dead_time, course.sample_time)
     late = np.clip(np.concatenate([np.full(delay + 1, before), taken])[: n + 1], -thrust_limit, thrust_limit)
-    share = np.clip(rest * parts / course.sample_time - np.arange(parts), 0.0, 1.0)  # of a substep before the change
     sent = np.empty((n, parts))
-    _mixed(late, share, sent)
+    _mixed(late, _shares(rest / course.sample_time, parts), sent)
     return sent
+
+
+def _shares(switched: float, parts: int) -> Array:
+    """What share (M,) [1] the earlier of two thrusts has at each substep's middle, where the later follows it after a
+    part `switched` [1] of the sample interval: such that a force that is linear between the middles has the thrust's
+    impulse, and moves a mass as far in the interval."""
+    share: Array = np.clip(switched * parts - np.arange(parts), 0.0, 1.0)  # of each substep: the impulse
+    if parts == 1 or not 0.0 < switched < 1.0:
+        return np.asarray(share)
+    place = (np.arange(parts) + 0.5) / parts - 0.5
+    moment = -switched * (1.0 - switched) / 2  # of the earlier thrust about the interval's middle
+    return np.asarray(share + 12.0 * (moment - np.mean(place * share) / (1.0 - 1.0 / parts**2)) * place)
 
 
 @compiled
 def _mixed(late: Array, share: Array, sent: Array) -> None:
-    """sent (n, M): of each signal in `late` (n + 1,) the share (M,) [1] of its substep, and of the next the rest."""
+    """sent (n, M): of each thrust in `late` (n + 1,) the share (M,) [1] at a substep's middle, of the next the rest."""
     for k in range(sent.shape[0]):
         for j in range(sent.shape[1]):
             sent[k, j] = share[j] * late[k] + (1.0 - share[j]) * late[k + 1]

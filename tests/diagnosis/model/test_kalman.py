@@ -51,6 +51,25 @@ def test_the_discrete_plant_is_the_exact_one() -> None:
     assert np.allclose(x, reference, rtol=1e-9, atol=1e-9 * np.max(np.abs(reference)))
 
 
+def test_a_force_that_is_linear_in_every_sample_moves_the_plant_exactly() -> None:
+    """By the plant's response to lines in continuous time, of which a force has its own in each sample."""
+    plant = replace(MACHINE.plant, dead_time=0.0)
+    rng = np.random.default_rng(1)
+    begins, ends = rng.standard_normal((2, 200))
+    middles = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
+    force = begins[:, None] + (ends - begins)[:, None] * middles
+    a, b, c = discretised(plant, TS)
+    state, x = np.zeros(c.size), []
+    for f in force:
+        x.append(c @ state)
+        state = a @ state + b @ f
+    fine = 400
+    t = (np.arange(fine) + 0.5) / fine
+    held = (begins[:, None] + (ends - begins)[:, None] * t).ravel()
+    reference = forced_response(sampled(plant, TS / fine), U=held).outputs[::fine]
+    assert np.allclose(x, reference, rtol=0, atol=1e-5 * np.max(np.abs(reference)))
+
+
 @given(seed=st.integers(0, 1000))
 def test_the_adjoint_gives_every_inner_product(seed: int) -> None:
     rng, model = np.random.default_rng(seed), _model()

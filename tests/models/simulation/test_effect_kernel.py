@@ -156,6 +156,23 @@ def test_a_replay_along_the_simulated_path_gives_the_simulated_friction(
     assert np.max(np.abs(moved(plant, net, fine) - response.position)) < 1e-3 * np.ptp(response.position)
 
 
+@pytest.mark.parametrize("parts", [2, 3, 5])
+@pytest.mark.parametrize("late", [0.0, 0.2, 0.5, 0.77, 1.0])
+def test_a_thrust_that_changes_within_a_sample_keeps_its_impulse_and_its_moment(parts: int, late: float) -> None:
+    """The line between the middles of substeps has both, whatever part of the sample the change comes after."""
+    before, after, ts = 3.0, -5.0, 1e-3
+    command = np.array([before, before, after, after])
+    path = Path(ts, np.zeros((4, parts)), np.zeros((4, parts)), np.zeros(4), command)
+    sent = replay(TABLE.friction, [], path, late * ts, start=before).sent
+    changing = sent[2]
+    place = (np.arange(parts) + 0.5) / parts - 0.5
+    moment = late * before * (late - 1) / 2 + (1 - late) * after * late / 2  # of the thrust, about the sample's middle
+    assert np.mean(changing) == pytest.approx(late * before + (1 - late) * after)
+    slope = np.sum(place * changing) / np.sum(place**2)
+    assert slope / 12 == pytest.approx(moment, abs=1e-12)
+    assert sent[:2] == pytest.approx(np.full((2, parts), before))
+
+
 def moved(plant: Plant, net: Array, sample_time: float) -> Array:
     """Where the plant's modes are at each sample (n,) [m], from rest, under forces (n, M) [N] held over substeps."""
     phi, gamma = transition(*matrices(plant)[:2], sample_time / net.shape[1])
