@@ -188,8 +188,9 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
 
 def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar, criteria: Criteria) -> bool:
     """Whether the file with the named effects closes too little for them to stand. Where the search left nothing above
-    the floor, or effects are not in the file as their phases belong to single records, it does not tell."""
-    at_floor = closure.excess < criteria.max_excess_at_floor and not closure.by_force
+    the floor, unless that is as rough as what is left, or where effects are not in the file as their phases belong to
+    single records, it does not tell."""
+    at_floor = closure.excess < criteria.max_excess_at_floor and not closure.by_force and not fitted.candidate.rough
     return not at_floor and not far.left_out and closes_too_little(names, fitted, far.interval, criteria)
 
 

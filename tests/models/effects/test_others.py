@@ -30,15 +30,15 @@ def driven(*effects: Effect, dead_time: float = 0.0, parts: int = 4) -> Replayed
 
 
 def test_the_dead_time_keeps_the_impulse_of_a_command() -> None:
-    """A command of one sample arrives with its area, L later, whatever part of a substep that is."""
+    """A command of one sample arrives with its area in each sample, L later, whatever part of a substep that is."""
     pulse = np.zeros(10)
     pulse[3] = 2.0
     for dead_time in (0.0, 5e-4, 7e-4, 1.03e-3):
         path = through(np.zeros(10), command=pulse)
-        thrust = replay(FRICTION, (), path, dead_time).thrust.ravel()
-        edges = np.arange(41) * TS / 4
-        arrived = np.diff(np.clip(edges - 3 * TS - dead_time, 0, TS)) * 2.0 / (TS / 4)
-        assert thrust == pytest.approx(arrived, abs=1e-9)
+        thrust = replay(FRICTION, (), path, dead_time).thrust
+        edges = np.arange(11) * TS
+        arrived = np.diff(np.clip(edges - 3 * TS - dead_time, 0, TS)) * 2.0 / TS
+        assert thrust.mean(axis=1) == pytest.approx(arrived, abs=1e-9)
 
 
 def test_before_the_first_command_stands_the_start_and_the_limit_holds() -> None:
