@@ -280,7 +280,7 @@ def _draw(drawn: Drawn, known: Columns) -> Chance:
 def _is_of_path(effect: Effect) -> bool:
     """Whether tables on nearly the same path have the same columns of it; a mode rings with what feedback makes of the
     noise, too, of which each table has its own."""
-    return not any(item.role == "shape" and item.unit == "Hz" for item in parameters_of(type(effect)))
+    return not any(item.is_resonance for item in parameters_of(type(effect)))
 
 
 def _key(machine: Machine, records: Sequence[Record], draws: int, roughness: Sequence[float]) -> str:

@@ -152,7 +152,7 @@ def with_coordinates(effect: Effect, where: Array, priors: Priors) -> Effect:
 def bounds_of(item: Parameter) -> tuple[float, float]:
     """The least and the greatest value [SI] that a fit may give to a shape, a period or a width."""
     low, high = item.widest
-    is_sampled = item.unit == "Hz" and bool(item.sought)  # it ends where the samples do
+    is_sampled = item.is_resonance and bool(item.sought)  # it ends where the samples do
     return low / (SMALL if item.role == "width" else ROOM), high * (1.0 if is_sampled else ROOM)
 
 

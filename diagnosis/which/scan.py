@@ -272,7 +272,7 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
             found = []
             if item.widest[0] < item.low / ROOM:
                 found = _from_spectrum(item, (item.widest[0], item.low), kind, fitted, records, projection)
-            if item.unit == "Hz" and item.widest[1] > ROOM * item.high:
+            if item.is_resonance and item.widest[1] > ROOM * item.high:
                 found += _ringing(item, kind, fitted, records, projection)
             shown = _points(item) if item.unit != "Hz" else _points(item)[_points(item) <= HIGHEST * nyquist]
             axes.append([(item.name, point) for point in (*shown, *np.array(found))])

@@ -132,6 +132,11 @@ class Parameter:
     sought: Range = ()
 
     @property
+    def is_resonance(self) -> bool:
+        """Whether it is the natural frequency of a mode."""
+        return self.role == "shape" and self.unit == "Hz"
+
+    @property
     def widest(self) -> Range:
         """The least and the greatest size [SI] that is looked for."""
         return self.sought or (self.low, self.high)
@@ -391,7 +396,7 @@ def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]
 def _rings(item: Parameter, low: float, high: float, units: Units) -> Range:
     """Where a mode is looked for, whose usual range is low .. high [Hz]: a structure rings wherever its records show
     it, however slow its loop is."""
-    return (low, max(high, MOST_OF_NYQUIST / 2 / units.sample)) if item.unit == "Hz" and item.role == "shape" else ()
+    return (low, max(high, MOST_OF_NYQUIST / 2 / units.sample)) if item.is_resonance else ()
 
 
 def _along(item: Parameter, units: Units) -> Parameter:
