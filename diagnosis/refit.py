@@ -14,8 +14,8 @@ from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.roughness import unmodelled_variance, variance_by_record
-from diagnosis.model.start_states import search, static_equilibrium_start
-from diagnosis.model.units import friction_force, slow_walk, white_force
+from diagnosis.model.start_states import fine, search, static_equilibrium_start
+from diagnosis.model.units import slow_walk
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, Provenance
@@ -27,7 +27,6 @@ FORGIVING: Final = (0.375, 0.125)  # walks [usual white forces a sample] of the 
 FIRST_ITERATIONS, LAST_ITERATIONS = 3, 6  # of each of them, and of the last step
 RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
-FINE: Final = 1e-3  # of the friction: the white force that the reading's noise makes of it
 MORE: Final = 2.8  # times the slow walk, under which the starts are searched once more on a fine scale
 AGAIN: Final = 2  # times that the starts are searched once more
 FURTHER: Final = 6  # times that a fit which has not converged is continued
@@ -56,8 +55,9 @@ def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, 
 
 def _starts_may_be_missed(fitted: Fit, records: Sequence[Record]) -> bool:
     """Whether more than noise is left where the scale resolves the friction finely."""
-    fine = white_force(fitted.candidate.nominal) < FINE * friction_force(fitted.candidate.nominal)
-    return fine and float(fitted.innovations @ fitted.innovations) > float(np.sum(weights(records)))
+    return fine(fitted.candidate.nominal) and float(fitted.innovations @ fitted.innovations) > float(
+        np.sum(weights(records))
+    )
 
 
 def _begun(candidate: Candidate, records: Sequence[Record], iterations: int) -> Fit:
