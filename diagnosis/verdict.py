@@ -68,11 +68,12 @@ def verdict(given: Explanation, criteria: Criteria = Criteria()) -> Outcome:
 
 
 def _closes_enough(given: Explanation, criteria: Criteria) -> bool:
-    """Several effects surely, as two wrong names close more than one; a single one perhaps. What acts at random loosens
-    this by one bound, as a simulation does not know when it acted."""
+    """Several effects surely, as two wrong names close more than one, and a single one where the drive is rougher than
+    its model, whose floor hides what else is left; elsewhere a single one by its best estimate. What acts at random
+    loosens this by one bound, as a simulation does not know when it acted."""
     low, high = given.interval
     bounds = (low, given.closure, high)
-    looser = (len(given.names) < 2) + bool(set(given.random).intersection(given.names))
+    looser = (len(given.names) < 2 and not given.rough) + bool(set(given.random).intersection(given.names))
     if bounds[looser] >= criteria.min_closure:
         return True
     # The floor of a rough drive is as rough as what is left: a small excess says nothing there. Where innovations never

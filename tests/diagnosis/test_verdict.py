@@ -64,6 +64,13 @@ def test_several_names_need_half_of_the_gap_for_sure(
     assert verdict(Explanation(names, closure, interval, 5.0, random=["late"])) is outcome
 
 
+@pytest.mark.parametrize(("low", "outcome"), [(0.51, Outcome.ATTRIBUTED), (0.49, Outcome.NONE)])
+def test_on_a_rough_drive_one_name_needs_half_of_the_gap_for_sure(low: float, outcome: Outcome) -> None:
+    given = Explanation(("play",), 0.6, (low, 0.8), 0.0, rough=True)
+    assert verdict(given) is outcome
+    assert verdict(replace(given, rough=False)) is Outcome.ATTRIBUTED
+
+
 GOOD = Explanation(("play",), 0.9, (0.8, 1.0), 0.0)
 
 
