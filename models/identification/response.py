@@ -48,7 +48,7 @@ LOCAL: Final = 8  # lines on each side over which the local model of one sweep h
 DEGREE: Final = 2  # of that model's polynomials
 FEWEST: Final = 4 * (2 * LOCAL + 1)  # lines of one sweep
 OCTAVES: Final = 2.0  # that one sweep covers at least
-SKIRT: Final = 0.02  # of the sweep's power below its lowest line and above its highest: what its start and stop leak
+SKIRT: Final = 0.02  # of the sweep's time below its lowest line and above its highest, where its start and stop leak
 LED: Final = 0.9  # coherence of command and sweep: below, feedback of the noise leads the command
 SEEN: Final = 0.5  # coherence of position and sweep: below, the position moves by less than the scale resolves
 
@@ -214,16 +214,15 @@ def _swept(record: Record) -> FrequencyResponse:
     n = part.position.size
     level = _level(part.position)
     r, u, x = (np.fft.rfft(signal) / n for signal in (part.feedforward, part.command, level))
-    frequency, passed = np.fft.rfftfreq(n, ts), np.cumsum(np.abs(r[1:]) ** 2)
-    passed = np.concatenate([[0.0], passed / passed[-1]])
-    swept = (passed > SKIRT) & (passed < 1 - SKIRT) & (frequency < 0.45 / ts)
+    frequency, (low, high) = np.fft.rfftfreq(n, ts), _band(part.feedforward, ts)
+    swept = (frequency > low) & (frequency < min(high, 0.45 / ts))
     if np.sum(swept) < FEWEST:
         raise ValueError(
             f"the sweep of {n * ts:.3g} s has {np.sum(swept)} lines; {FEWEST} are needed, sweep for longer"
         )
     of_x, of_u, beside, plant = _local(r, u, x)
     coherence, commanded = _smoothed(of_x), _smoothed(of_u)
-    used = swept & (commanded > LED) & (coherence > SEEN)
+    used = _begun(swept & (commanded > LED) & (coherence > SEEN))
     if np.sum(used) < FEWEST:
         raise ValueError("the sweep is too weak: position or command is noise at most lines; sweep with more force")
     z = np.exp(2j * np.pi * frequency * ts)
@@ -245,6 +244,33 @@ def _swept(record: Record) -> FrequencyResponse:
     return FrequencyResponse(
         f, x[used] / u, variance, coherence[used], ts, rolling, u, turned=turned, slope=_slope(part.position)
     )
+
+
+def _band(sweep: Array, sample_time: float) -> tuple[float, float]:
+    """The frequencies [Hz] between which a sweep (n,) [any unit] is for all but SKIRT of its time at either end, from
+    its half-waves. By its power, one whose force grows with the frequency would end far above its lowest."""
+    s = sweep - np.mean(sweep)
+    crossed = np.flatnonzero(s[:-1] * s[1:] < 0)
+    times = crossed + s[crossed] / (s[crossed] - s[crossed + 1])
+    if times.size < FEWEST:
+        raise ValueError(f"the sweep has {times.size} half-waves; {FEWEST} are needed, sweep for longer")
+    spans = np.diff(times)
+    order = np.argsort(-spans, kind="stable")
+    passed = np.cumsum(spans[order]) / np.sum(spans)
+    low, high = spans[order][np.searchsorted(passed, (SKIRT, 1 - SKIRT))]
+    return 0.5 / (low * sample_time), 0.5 / (high * sample_time)
+
+
+def _begun(used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The lines (n,) in use less the lowest ones that stand apart, by more lines than they are and than the local model
+    reaches: there the sweep is lost in what else the ends of the record leak, which is as smooth as its start."""
+    lines = np.flatnonzero(used)
+    away = np.diff(lines)
+    apart = (away > 2 * LOCAL + 1) & (away > np.arange(1, lines.size))
+    found = used.copy()
+    if apart.any():
+        found[: lines[np.flatnonzero(apart)[-1] + 1]] = False
+    return found
 
 
 def _local(r: Complex, u: Complex, x: Complex) -> tuple[Array, Array, Array, Array]:

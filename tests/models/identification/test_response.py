@@ -117,10 +117,13 @@ def _swept(
     force: float = 12,
     begin: float = 4,
     top: float = 400,
+    grows: float = 0,
 ) -> Record:
-    """A sweep over `length` [s] from `begin` to `top` [Hz] with `force` [N], `times` in a row, while the axis rolls."""
+    """A sweep over `length` [s] from `begin` to `top` [Hz] with `force` [N], `times` in a row, while the axis rolls;
+    grows: the power of the frequency with which the force grows up to that."""
     ts = table.sample_time
-    sweep = force * chirp(np.arange(round(length / ts)) * ts, begin, length, top, method=method, phi=-90)
+    time = np.arange(round(length / ts)) * ts
+    sweep = force * (begin / top) ** (grows * (1 - time / length)) * chirp(time, begin, length, top, method, -90)
     force_ = np.concatenate([np.zeros(round(1 / ts)), np.tile(sweep, times)])
     speed = 1.013 * own_records.SPEED  # no whole number of the scale's steps in a sample, which no axis keeps to
     return own_records.run(table, speed * ts * np.arange(force_.size, dtype=float), force_, 1)
@@ -149,6 +152,28 @@ def test_one_sweep_shows_the_plant_within_its_deviations() -> None:
     assert np.max(np.abs(errors)) < 4
     assert np.mean(np.abs(errors) < WITHIN) >= 0.85
     assert np.sqrt(np.mean(np.square(errors))) > 0.5  # nor are the deviations stated too large
+
+
+@pytest.mark.parametrize("grows", [0.0, 1.0])
+def test_a_sweep_shows_the_plant_from_its_lowest_lines_on_however_its_force_grows(grows: float) -> None:
+    """Nearly all power of one whose force grows with the frequency lies near its end."""
+    found = response.measured(_swept(MACHINE, 12, force=60 if grows else 12, begin=8, grows=grows))
+    low, high = 8 * (400 / 8) ** 0.02, 8 * (400 / 8) ** 0.98  # of the time, on either side
+    assert 0.95 * low < found.frequency[0] < 1.3 * low
+    assert found.frequency[-1] == pytest.approx(high, rel=0.02)
+    fit, truth = modes.fit(found), true_modes(MACHINE)
+    assert fit.estimate.values.size == truth.size
+    assert np.all(np.abs(fit.estimate.values - truth) < 4 * fit.estimate.deviations)
+
+
+def test_lines_below_a_gap_that_are_fewer_than_it_is_wide_are_left_out() -> None:
+    used = np.zeros(200, bool)
+    used[[10, 11, 12]], used[50:80], used[90:] = True, True, True
+    found = response._begun(used)
+    assert not found[:50].any()
+    assert np.array_equal(found[50:], used[50:])
+    used[10:50] = True
+    assert np.array_equal(response._begun(used), used)
 
 
 @pytest.mark.parametrize(
