@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 ORIGINS: Final = {
     "value": "stated beside the value",
     "tolerance": "the file's [tolerance]",
-    "usual": "usual tolerance, as the file states none",
+    "usual": "usual tolerance, as the file states no wider one",
 }
 
 

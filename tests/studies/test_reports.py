@@ -7,6 +7,7 @@ import importlib
 import json
 import re
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -87,3 +88,12 @@ def letters(text: str) -> str:
 def test_a_parameter_s_source_names_its_record_and_deviation(provenance: Provenance, text: str) -> None:
     row = json.loads(json.dumps({"unit": "N", "provenance": vars(provenance)}))
     assert source(row).replace("\u00a0", " ") == text
+
+
+@pytest.mark.parametrize("template", sorted(HERE.glob("**/*.md")), ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_a_heading_follows_an_empty_line_whichever_parts_a_report_has(template: Path) -> None:
+    """Behind a paragraph it would be one more line of it. Lines of instructions leave nothing, not even an empty line."""
+    lines = template.read_text(encoding="utf-8").splitlines()
+    words = [line for line in lines if not re.fullmatch(r"(\{%[^%]*%\})+", line.strip())]
+    bare = [line for before, line in pairwise(["", *words]) if re.match("#+ ", line) and before.strip()]
+    assert not bare
