@@ -20,7 +20,7 @@ from design.controller import usable_thrust
 from design.deadbeat import DesignError
 from design.wiping import FASTEST
 from models.controller import Controller, references
-from models.deployment.coefficients import STEEPEST
+from models.deployment.coefficients import STEEPEST, planned
 from models.machine import Machine
 from models.quantity import show
 from models.records.settling import overshoot, settling_time
@@ -176,9 +176,20 @@ def _outcome(machine: Machine, controller: Controller, response: Response, way: 
 
 
 def moves_to_json(machine: Machine, controller: Controller, moves: Sequence[LongMove]) -> dict[str, Any]:
-    """The moves as controller.json holds them, and the longest step that needs none."""
+    """The moves as controller.json holds them, and the longest step that needs none; where effects are compensated with
+    the thrust that they ask for on each, there and back from rest at 0, up to a settling time behind either profile."""
+
+    def content(move: LongMove) -> dict[str, Any]:
+        told = {"stroke_m": move.stroke, "duration_s": move.duration}
+        if controller.effect_compensation is None:
+            return told
+        settling = machine.specification.settling_time / machine.sample_time
+        way = move.target(machine.sample_time, len(controller.n_ff) + math.ceil(settling))
+        target = np.append(way, move.stroke - way)
+        return {**told, "plan": {"target_m": target.tolist(), "thrust_N": planned(controller, target)}}
+
     return {
         "largest_step_m": largest_step(machine, controller),
         "profile": "10 s^3 - 15 s^4 + 6 s^5",
-        "moves": [{"stroke_m": one.stroke, "duration_s": one.duration} for one in moves],
+        "moves": [content(one) for one in moves],
     }

@@ -139,7 +139,10 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("machines that the file allows on which all motions settle in time", in_short(results["as_known"])),
         *told_remedies(results),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
-        *((f"{show(one['stroke_m'], 'm')} along a profile", _told(one)) for one in results["long_moves"]["rows"]),
+        *(
+            (f"{show(one['stroke_m'], 'm')} along a profile", _told(one, machine))
+            for one in results["long_moves"]["rows"]
+        ),
         *reproduction(results["paper"]),
     ]
     if machine.control.law is not None:
@@ -182,10 +185,13 @@ def _is_longer(machine: Machine, options: DeadbeatOptions) -> bool:
     return options.stroke is not None and options.stroke > machine.specification.stroke
 
 
-def _told(row: Mapping[str, Any]) -> str:
+def _told(row: Mapping[str, Any], machine: Machine) -> str:
+    """What a long move takes, and whether it is later than specified: no check says so of moves not asked for."""
     watched = f"does not settle within {show(row['watched_s'], 's')} after it"
     settled = watched if math.isinf(row["settling_s"]) else f"settles {show(row['settling_s'], 's')} after it"
-    return f"{show(row['profile_s'], 's')}, {settled}"
+    specified = machine.specification.settling_time
+    late = f", later than {show(specified, 's')}" if specified < row["settling_s"] < math.inf else ""
+    return f"{show(row['profile_s'], 's')}, {settled}{late}"
 
 
 def _settling(

@@ -92,7 +92,7 @@ def test_a_parameter_s_source_names_its_record_and_deviation(provenance: Provena
 
 @pytest.mark.parametrize("template", sorted(HERE.glob("**/*.md")), ids=lambda path: f"{path.parent.name}/{path.name}")
 def test_a_heading_follows_an_empty_line_whichever_parts_a_report_has(template: Path) -> None:
-    """Behind a paragraph it would be one more line of it. Lines of instructions leave nothing, not even an empty line."""
+    """Behind a paragraph it would be a line of it. Lines of instructions leave nothing, not even an empty line."""
     lines = template.read_text(encoding="utf-8").splitlines()
     words = [line for line in lines if not re.fullmatch(r"(\{%[^%]*%\})+", line.strip())]
     bare = [line for before, line in pairwise(["", *words]) if re.match("#+ ", line) and before.strip()]

@@ -10,9 +10,12 @@ import pytest
 
 from design.controller import default_controller, usable_thrust
 from design.deadbeat import DesignError
-from design.judging.long_moves import RESERVE, largest_step, plan, run, step, with_anti_windup
+from design.effect_compensation import with_effects
+from design.judging.long_moves import RESERVE, largest_step, moves_to_json, plan, run, step, with_anti_windup
 from design.linear_response import linear_response
 from models.controller import Controller, references
+from models.effects.friction_laws import ViscousFriction
+from models.effects.structure import CableSpring
 from models.machine import Machine, load
 from models.plant import delay_split
 
@@ -88,3 +91,24 @@ def test_the_largest_step_takes_what_friction_leaves(machine: Machine, controlle
 def test_a_move_of_hours_is_refused(machine: Machine, controller: Controller) -> None:
     with pytest.raises(DesignError, match="more than 20000 samples"):
         plan(machine, controller, 1e3)
+
+
+def test_the_file_holds_what_the_effects_ask_for_on_each_long_move(machine: Machine) -> None:
+    """A drag and a spring ask for c v + k x along x_T*; a design without effects needs no plan."""
+    drag, spring = 40.0, 300.0
+    other = replace(machine, effects=(ViscousFriction(drag), CableSpring(spring)))
+    designed = with_effects(default_controller(other), other)
+    move = plan(other, designed, 5e-3)
+    (told,) = moves_to_json(other, designed, [move])["moves"]
+    thrust, target = np.array(told["plan"]["thrust_N"]), np.array(told["plan"]["target_m"])
+    assert target[0] > 0
+    assert target.max() == pytest.approx(move.stroke)
+    assert target[-1] == pytest.approx(0, abs=1e-12)
+    position = references(designed.without_compensation(), target).position
+    speed = np.gradient(position, other.sample_time)
+    asked = drag * speed + spring * position
+    ahead = range(5)  # samples: the dead time, and half of one
+    errors = [np.max(np.abs(thrust[: thrust.size - early] - asked[early:])) for early in ahead]
+    assert min(errors) < 0.05 * np.max(np.abs(asked))
+    (bare,) = moves_to_json(machine, default_controller(machine), [move])["moves"]
+    assert "plan" not in bare
