@@ -12,6 +12,7 @@ from typing import Final
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
 from diagnosis.criteria import Criteria
+from diagnosis.handover.final_fit import with_room
 from diagnosis.how_far import force_share
 from diagnosis.learned.learn import Learned
 from diagnosis.model.fit import Fit, at_bounds, largest
@@ -51,31 +52,52 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
     answers = []
     random, series = stages[-1].carried_by(Carrier.FLOOR), overfitting_series(stages, baseline.criteria)
     series |= drawn_curves(stages[-1].fitted.candidate.added_effects, baseline.records, baseline.criteria)
+    acting = tuple(proposal.name for proposal in random)
     for count in range(len(stages), min(len(stages), 2) - 1, -1):
-        some = stages[:count]
-        closure = held_out_closure(some, baseline, seed)
-        parts = form_parts(some, baseline)
-        names = (*(n for n in strongest_first(some) if n not in parts), *(proposal.name for proposal in random))
-        fitted = some[-1].fitted
-        explains = Explanation(
-            names,
-            closure.closure,
-            closure.interval,
-            closure.excess,
-            random=[proposal.name for proposal in random],
-            series=series,
-            at_bound=strongest_at_bound(some),
-            rough=fitted.candidate.rough,
-            by_force=closure.by_force,
-            force_excess=closure.force_excess,
-            largest_innovation=largest(fitted).deviations,
-            spike=baseline.spike,
-            parameter_shift=shifted(some[0].fitted),
-        )
-        answers.append(Answer(some, names, closure, verdict(explains, baseline.criteria)))
-        if answers[-1].outcome is not Outcome.NONE:
-            return answers[-1]
+        answer = _with_room(stages[:count], acting, series, baseline, seed)
+        if answer.outcome is not Outcome.NONE:
+            return answer
+        answers.append(answer)
     return answers[0]
+
+
+def _with_room(
+    stages: tuple[Stage, ...], random: tuple[str, ...], series: Collection[str], baseline: Baseline, seed: int
+) -> Answer:
+    """The answer of some stages. Where nothing but the bound of a value of the strongest stands against it, that gets
+    more room, once: usual sizes are those of usual machines. A law that is distorted to stand for another one runs to
+    the next bound."""
+    given, closure = _explained(stages, random, series, baseline, seed)
+    if given.at_bound and verdict(replace(given, at_bound=False), baseline.criteria) is Outcome.ATTRIBUTED:
+        roomy = (*stages[:-1], replace(stages[-1], fitted=with_room(stages[-1].fitted, baseline.records)))
+        if not strongest_at_bound(roomy):
+            stages = roomy
+            given, closure = _explained(stages, random, series, baseline, seed)
+    return Answer(stages, given.names, closure, verdict(given, baseline.criteria))
+
+
+def _explained(
+    stages: tuple[Stage, ...], random: tuple[str, ...], series: Collection[str], baseline: Baseline, seed: int
+) -> tuple[Explanation, Closure]:
+    """What some stages of the search explain, and their closure; random: names of what acts at random beside them."""
+    closure, fitted = held_out_closure(stages, baseline, seed), stages[-1].fitted
+    parts = form_parts(stages, baseline)
+    explains = Explanation(
+        (*(name for name in strongest_first(stages) if name not in parts), *random),
+        closure.closure,
+        closure.interval,
+        closure.excess,
+        random=random,
+        series=series,
+        at_bound=strongest_at_bound(stages),
+        rough=fitted.candidate.rough,
+        by_force=closure.by_force,
+        force_excess=closure.force_excess,
+        largest_innovation=largest(fitted).deviations,
+        spike=baseline.spike,
+        parameter_shift=shifted(stages[0].fitted),
+    )
+    return explains, closure
 
 
 def with_forms(answer: Answer, pruned: Pruned, baseline: Baseline, seed: int) -> Answer:

@@ -80,6 +80,13 @@ def finished(given: Fit, records: Sequence[Record], iterations: int = ITERATIONS
     return Finished(fitted, tuple(widened), at_bounds(fitted.candidate))
 
 
+def with_room(given: Fit, records: Sequence[Record]) -> Fit:
+    """A fit of the search, fitted again under its own weights with more room for effects' values at their bounds; none
+    for periods: a sine that is longer than the travel draws any curve."""
+    hit = [one for one in at_bounds(given.candidate) if one.part != "nominal" and not _is_period(given.candidate, one)]
+    return fit(_widened(given.candidate, hit), records, paths=given.paths, walk=given.walk)
+
+
 def still_fit(
     candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath], iterations: int = ITERATIONS
 ) -> Fit:
@@ -106,6 +113,11 @@ def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
                 if not low * 1.02 < size < high / 1.02:
                     found.append(AtBound(effect.name, item.name, size, item.unit, number))
     return tuple(found)
+
+
+def _is_period(candidate: Candidate, one: AtBound) -> bool:
+    kind = type(candidate.effects[one.number])
+    return any(item.name == one.name and item.role == "period" for item in parameters_of(kind))
 
 
 def _hit(layout: Parameters, theta: Array) -> list[int]:

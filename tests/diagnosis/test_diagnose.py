@@ -25,7 +25,7 @@ from diagnosis.verdict import Outcome
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import Topic, statements
 from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook, parameter
-from models.effects.friction_laws import FrictionRelaxation, ViscousFriction
+from models.effects.friction_laws import FrictionRelaxation, Stribeck, ViscousFriction
 from models.effects.motor import Cogging
 from models.machine import load
 from models.machine_file import to_toml
@@ -80,6 +80,15 @@ def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> Non
     assert terms["random"] == 0
     assert told["closure"] == told["closure_of"]["refitted"] == pytest.approx(min((r - e) / (r - f), 1.0))
     assert told["closure_of"]["delivered"] == pytest.approx(min((d - e) / (d - f), 1.0))
+
+
+def test_a_size_beyond_the_usual_ones_is_found_where_nothing_else_is_missing(null_cache: Path) -> None:
+    """The range that is searched ends at 7.5 mm/s; up to there the law is fitted as one of 0.20 at that speed."""
+    found = _found(null_cache, [Stribeck(0.25, 0.011)], 11)
+    assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("stribeck",))
+    (stribeck,) = found.final.candidate.added_effects
+    assert isinstance(stribeck, Stribeck)
+    assert (stribeck.rise, stribeck.speed) == pytest.approx((0.25, 0.011), rel=0.03)
 
 
 def test_two_effects_are_both_named(null_cache: Path) -> None:
