@@ -97,7 +97,11 @@ def test_it_leads_to_every_page_of_the_guide_and_is_read_in_minutes() -> None:
 
 def test_tables_that_a_page_of_the_guide_repeats_are_the_same() -> None:
     """A trial's figures stand in the README and on the page that tells their story."""
-    rows = {row for row in README.splitlines() if row.startswith("| ") and ("missed |" in row or "holds |" in row)}
+    rows = {
+        row
+        for row in README.splitlines()
+        if row.startswith("| ") and any(word in row for word in ("missed |", "met |", "holds |"))
+    }
     there = {row for row in GUIDE["trials.md"].splitlines() if row.startswith("| ")}
     assert len(rows) >= 18
     assert rows <= there
