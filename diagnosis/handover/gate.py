@@ -2,9 +2,10 @@
 
 The candidates are the machine as delivered, with its offset fitted, re-fitted, and with effects. Each is fitted without
 a part of the motions in turn and judged on that part, in force, position and settling. One that is worse than the
-machine as delivered, or than a simpler candidate that passed, by more than chance in any of the three is not adopted;
-chance is told by drawing motions, the same for both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to
-the Bootstrap, 1993, section 8.3).
+machine as delivered, or than a simpler candidate that passed, by more than chance in any of the three is not adopted,
+unless it is no worse than as delivered and surely better than the simpler one in both force and position: settling is
+when a few motions cross a threshold, the others are of all samples. Chance is told by drawing motions, the same for
+both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, section 8.3).
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) ->
     first, *rest = files
     best, judged_, harms = first, [first], list[Harm]()
     for number, file in enumerate(rest):
-        found = _harms(file, first) or _harms(file, best)
+        found = _harms(file, first) or ([] if _closer(file, best) else _harms(file, best))
         judged_.append(file)
         harms += found
         if not found:
@@ -127,9 +128,14 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) ->
     return Handover(best, tuple(judged_), tuple(harms))
 
 
-def _better(file: File, other: File) -> bool:
-    """Whether a file leaves less force than another beyond chance."""
-    return bool(np.quantile(_apart(file, other, "force"), 1 - CHANCE) < 0)
+def _better(file: File, other: File, measure: str = "force") -> bool:
+    """Whether a file leaves less of a measure than another beyond chance."""
+    return bool(np.quantile(_apart(file, other, measure), 1 - CHANCE) < 0)
+
+
+def _closer(file: File, other: File) -> bool:
+    """Whether a file is surely better than another all along the motions."""
+    return _better(file, other, "force") and _better(file, other, "position")
 
 
 def _apart(file: File, other: File, measure: str) -> Array:

@@ -73,6 +73,25 @@ def test_settling_counts_as_well() -> None:
     assert [harm.measure for harm in found.harms] == ["settling"]
 
 
+@pytest.mark.parametrize(
+    ("force", "position", "settling", "adopted"),
+    [
+        (0.09, 0.8e-7, 2.0e-3, "with effects"),  # as on a ball screw of a user
+        (0.09, 1.6e-7, 2.0e-3, "re-fitted"),  # the position is no better
+        (0.09, 0.8e-7, 3.0e-3, "re-fitted"),  # worse than as delivered, too
+    ],
+)
+def test_settling_after_a_simpler_file_is_no_harm_where_all_else_is_surely_better(
+    force: float, position: float, settling: float, adopted: str
+) -> None:
+    files = [
+        _file("as delivered", 0.61, 2.4e-7, 2.4e-3),
+        _file("re-fitted", 0.57, 1.6e-7, 1.2e-3),
+        _file("with effects", force, position, settling),
+    ]
+    assert chosen(files).adopted.name == adopted
+
+
 def test_the_offset_alone_is_judged_where_the_re_fit_does_harm_and_not_else() -> None:
     delivered, simpler = _file("as delivered", 2.0, 2e-6), _file("offset alone", 1.5, 1.5e-6)
     found = chosen([delivered, _file("re-fitted", 3.0, 1e-6)], lambda: simpler)
