@@ -110,7 +110,7 @@ def along(coordinate: str | None, machine: Machine) -> Proposal:
         if coordinate in one.coordinates:
             sentence = (
                 f"No effect of the catalogue explains the residual, which depends most on {words(coordinate)}. "
-                f"Run {one.words}, twice, and read off the curve of the unknown force over it."
+                f"Run, two times over, {one.words}, and read off the curve of the unknown force over it."
             )
             return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
     one = menu(machine)[-1]

@@ -172,7 +172,9 @@ def _quantity(hint: Any, declared: Declaration, entry: object, where: str, sourc
         if hint is int or words:
             if not isinstance(text, int) or isinstance(text, bool):
                 either = "".join(f', or "{word}"' for word in words)
-                raise QuantityError(f"{cut(text)} must be a whole number; write one without a unit, such as 2{either}")
+                raise QuantityError(
+                    f"{cut(text)} must be a whole number; write one without quotes and unit, such as 2{either}"
+                )
             check(_plain_number(text), declared)
             return text
         if hint is float:

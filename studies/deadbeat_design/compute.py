@@ -101,7 +101,11 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         "bode": _bode(machine, quick=options.quick),
         "trade_off": trade_off,
         "sensitivity": sensitivity,
-        "friction": {**_friction(machine, controller), "rfm_lead_samples": lead(written.plant, machine.sample_time)},
+        "friction": {
+            **_friction(machine, controller),
+            "assumed": bool(_assumed(machine)),
+            "rfm_lead_samples": lead(written.plant, machine.sample_time),
+        },
         "without": validation_results(machine.specification, without),
         "with": validation_results(machine.specification, judged),
         "paper": beside_the_paper(machine, wanted, without, judged),
@@ -134,6 +138,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("motions are checked to settle within (machine file)", show(machine.specification.settling_time, "s")),
         ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
         *counted.summary,
+        *_assumed(machine),
         *_reference_delay(machine, controller),
         *sticking_rows(results),
         ("machines that the file allows on which all motions settle in time", in_short(results["as_known"])),
@@ -183,6 +188,15 @@ def _asked_by(options: DeadbeatOptions) -> str:
 
 def _is_longer(machine: Machine, options: DeadbeatOptions) -> bool:
     return options.stroke is not None and options.stroke > machine.specification.stroke
+
+
+def _assumed(machine: Machine) -> list[tuple[str, str]]:
+    """A warning where nobody measured the friction that the compensator has."""
+    known = (machine.sources.get(f"friction.{name}") for name in ("limit", "stiffness"))
+    if not all(one is not None and one.kind == "assumed" for one in known):
+        return []
+    said = "assumed, not measured; on an axis with another one its compensation does harm: identify it from slow loops"
+    return [("WARNING, friction", said)]
 
 
 def _told(row: Mapping[str, Any], machine: Machine) -> str:

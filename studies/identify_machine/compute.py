@@ -57,7 +57,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         raise BadInputError(str(error)) from error
     shown = results_of(found)
     sizes = size_of_force.doubts(machine, found.machine, given) if options.record else []
-    said, checks = controllers.judged(machine, given if options.record else ())
+    others, checks = controllers.judged(machine, given if options.record else ())
     checks = [*checks_of(found, shown), *checks]
     results: dict[str, Any] = {
         "quick": options.quick,
@@ -65,7 +65,11 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         "records": [_record(kind, record) for kind, record in given],
         **shown,
         "parameters": [_parameter(p) for p in parameters(found.machine) if p.provenance.kind == "identified"],
-        "said": [*(f"{what.capitalize()}: {one}." for what, one in sizes), *said, *found.remarks],
+        "said": [
+            *(f"{what.capitalize()}: {one}." for what, one in sizes),
+            *(f"{name}: {one}" for name, one in others),
+            *found.remarks,
+        ],
         "sure": SURE,
     }
     if not options.record:
@@ -93,7 +97,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
     responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
     summary[:0] = [(f"WARNING, {name}", said) for name, gave in responses for said in on_turning(gave.measured)]
     summary[:0] = [(f"WARNING, {one.name}", f"left out: {one.why}") for one in found.left_out]
-    summary[:0] = [(f"WARNING, {what}", said) for what, said in sizes]
+    summary[:0] = [(f"WARNING, {what}", said) for what, said in (*others, *sizes)]
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
     )

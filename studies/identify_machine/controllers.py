@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from diagnosis.where.controller import Replayed, replayed
@@ -15,8 +15,9 @@ from studies.study import Check
 CHECK: Final = "motion records whose commands the stated controller does not make"
 
 
-def judged(machine: Machine, records: Sequence[tuple[str, Loaded]]) -> tuple[list[str], list[Check]]:
-    """Sentences on motion records that another controller made, or whose columns are shifted, and the check of them.
+def judged(machine: Machine, records: Sequence[tuple[str, Loaded]]) -> tuple[list[tuple[str, str]], list[Check]]:
+    """Motion records that another controller made, or whose columns are shifted, each with what is to be said of it,
+    and the check of them.
 
     records: each with its kind. Other kinds are identified without the controller, and are not judged.
     """
@@ -30,15 +31,14 @@ def judged(machine: Machine, records: Sequence[tuple[str, Loaded]]) -> tuple[lis
     wrong = [(name, replay) for name, replay in found if not replay.replays]
     names = ", ".join(name for name, _ in found)
     check = Check(CHECK, float(len(wrong)), "1", 0.0, f"its replay on reference and position of {names}")
-    return list(_said(wrong)), [check]
+    return [(name, _said(replay)) for name, replay in wrong], [check]
 
 
-def _said(wrong: Sequence[tuple[str, Replayed]]) -> Iterator[str]:
-    for name, replay in wrong:
-        fits = f"; with {replay.remedy}, {show(replay.remains, 'N', 2)} (rms) would remain" if replay.remedy else ""
-        yield (
-            f"{name}: the logged command is not what the stated controller makes of reference and position; they "
-            f"differ by {show(replay.rms, 'N', 2)} (root mean square){fits}. Another controller made the record, or a "
-            "column is shifted; what is identified from it is not to be trusted before the machine file's [control] or "
-            "the columns are right."
-        )
+def _said(replay: Replayed) -> str:
+    fits = f"; with {replay.remedy}, {show(replay.remains, 'N', 2)} (rms) would remain" if replay.remedy else ""
+    return (
+        f"the logged command is not what the stated controller makes of reference and position; they differ by "
+        f"{show(replay.rms, 'N', 2)} (root mean square){fits}. Another controller made the record, or a column is "
+        "shifted; what is identified from it is not to be trusted before the machine file's [control] or the columns "
+        "are right."
+    )

@@ -141,6 +141,7 @@ def test_the_controller_file_has_the_agreed_form(folder: Path) -> None:
 def test_the_report_answers_the_question_and_says_that_it_was_quick(folder: Path) -> None:
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "all 7 checks hold" in page
+    assert "the friction is assumed" not in page
     assert "This is a quick run" in page
     assert "<math" in page
     assert "(compare Fig. 8 of the paper)" in page

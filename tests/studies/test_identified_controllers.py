@@ -28,8 +28,9 @@ def test_what_the_stated_controller_made_holds() -> None:
 
 def test_a_shifted_command_is_said_and_misses_the_check() -> None:
     late = replace(RECORD, command=np.roll(RECORD.command, 3))
-    (said,), (check,) = judged(MACHINE, [("motion", loaded(RECORD)), ("motion", loaded(late))])
-    assert said.startswith("moves.csv: the logged command is not what the stated controller makes")
+    ((name, said),), (check,) = judged(MACHINE, [("motion", loaded(RECORD)), ("motion", loaded(late))])
+    assert name == "moves.csv"
+    assert said.startswith("the logged command is not what the stated controller makes")
     assert "with the command logged 3 samples late" in said
     assert (check.value, check.holds) == (1.0, False)
 

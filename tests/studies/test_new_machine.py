@@ -36,6 +36,7 @@ def test_a_file_from_ten_answers_meets_its_specification_as_it_stands(axis: str,
     assert main(command(file, dict(zip(TEN, AXES[axis], strict=True)))) == 0
     answer = STUDY(file, quick=True)
     assert [check.name for check in answer.checks if not check.holds] == []
+    assert "identify it from slow loops" in dict(answer.summary)["WARNING, friction"]
 
 
 def test_the_file_holds_the_answers_and_says_of_every_value_where_it_is_from(tmp_path: Path) -> None:
