@@ -84,7 +84,7 @@ def with_room(given: Fit, records: Sequence[Record]) -> Fit:
     """A fit of the search, fitted again under its own weights with more room for effects' values at their bounds; none
     for periods: a sine that is longer than the travel draws any curve."""
     hit = [one for one in at_bounds(given.candidate) if one.part != "nominal" and not _is_period(given.candidate, one)]
-    return fit(_widened(given.candidate, hit), records, paths=given.paths, walk=given.walk)
+    return given if not hit else fit(_widened(given.candidate, hit), records, paths=given.paths, walk=given.walk)
 
 
 def still_fit(

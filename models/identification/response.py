@@ -222,7 +222,7 @@ def _swept(record: Record) -> FrequencyResponse:
         )
     of_x, of_u, beside, plant = _local(r, u, x)
     coherence, commanded = _smoothed(of_x), _smoothed(of_u)
-    used = _begun(swept & (commanded > LED) & (coherence > SEEN))
+    used = _past_the_start(swept & (commanded > LED) & (coherence > SEEN))
     if np.sum(used) < FEWEST:
         raise ValueError("the sweep is too weak: position or command is noise at most lines; sweep with more force")
     z = np.exp(2j * np.pi * frequency * ts)
@@ -262,15 +262,16 @@ def _band(sweep: Array, sample_time: float) -> tuple[float, float]:
     return 0.5 / (low * sample_time), 0.5 / (high * sample_time)
 
 
-def _begun(used: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The lines (n,) in use less the lowest ones that stand apart, by more lines than they are and than the local model
-    reaches: there the sweep is lost in what else the ends of the record leak, which is as smooth as its start."""
-    lines = np.flatnonzero(used)
-    away = np.diff(lines)
-    apart = (away > 2 * LOCAL + 1) & (away > np.arange(1, lines.size))
+def _past_the_start(used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The lines (n,) in use less the lowest ones that stand apart from the others by more than the local model reaches,
+    if it reaches over all of them: there the sweep is lost in what else the ends of the record leak, which is as smooth
+    as its start."""
+    lines, reach = np.flatnonzero(used), 2 * LOCAL + 1
+    apart = np.flatnonzero(np.diff(lines) > reach)
+    few = apart[apart < reach]
     found = used.copy()
-    if apart.any():
-        found[: lines[np.flatnonzero(apart)[-1] + 1]] = False
+    if few.size:
+        found[: lines[few[-1] + 1]] = False
     return found
 
 

@@ -195,7 +195,9 @@ def _assumed(machine: Machine) -> list[tuple[str, str]]:
     known = (machine.sources.get(f"friction.{name}") for name in ("limit", "stiffness"))
     if not all(one is not None and one.kind == "assumed" for one in known):
         return []
-    said = "assumed, not measured; on an axis with another one its compensation does harm: identify it from slow loops"
+    said = (
+        "assumed, not measured; on an axis with another one its compensation may do harm: identify it from slow loops"
+    )
     return [("WARNING, friction", said)]
 
 

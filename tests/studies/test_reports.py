@@ -16,6 +16,7 @@ from models.machine import Provenance
 from studies.catalogue import HERE, every
 from studies.wording import source
 
+INSTRUCTIONS = r"\s*(\{%[^%]*%\}\s*)+"
 TEMPLATES = sorted(path for path in HERE.glob("*/report.md") if path.parent.name != "review")
 
 
@@ -94,6 +95,18 @@ def test_a_parameter_s_source_names_its_record_and_deviation(provenance: Provena
 def test_a_heading_follows_an_empty_line_whichever_parts_a_report_has(template: Path) -> None:
     """Behind a paragraph it would be a line of it. Lines of instructions leave nothing, not even an empty line."""
     lines = template.read_text(encoding="utf-8").splitlines()
-    words = [line for line in lines if not re.fullmatch(r"(\{%[^%]*%\})+", line.strip())]
+    words = [line for line in lines if not re.fullmatch(INSTRUCTIONS, line)]
     bare = [line for before, line in pairwise(["", *words]) if re.match("#+ ", line) and before.strip()]
     assert not bare
+
+
+@pytest.mark.parametrize("template", sorted(HERE.glob("**/*.md")), ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_a_line_that_ends_with_an_instruction_does_not_swallow_the_next(template: Path) -> None:
+    """What follows would stand behind it without a blank: an instruction takes the end of its line with it."""
+    lines = template.read_text(encoding="utf-8").splitlines()
+    joined = [
+        (line, after)
+        for line, after in pairwise(lines)
+        if line.endswith("%}") and not re.fullmatch(INSTRUCTIONS, line) and after and not after.startswith("{%")
+    ]
+    assert not joined

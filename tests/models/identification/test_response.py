@@ -166,14 +166,14 @@ def test_a_sweep_shows_the_plant_from_its_lowest_lines_on_however_its_force_grow
     assert np.all(np.abs(fit.estimate.values - truth) < 4 * fit.estimate.deviations)
 
 
-def test_lines_below_a_gap_that_are_fewer_than_it_is_wide_are_left_out() -> None:
+@pytest.mark.parametrize(("begin", "end", "kept"), [(10, 13, False), (10, 26, False), (10, 28, True), (10, 40, True)])
+def test_the_lowest_lines_are_left_out_where_they_are_few_and_stand_apart(begin: int, end: int, kept: bool) -> None:
+    """No more than the local model reaches over; many are a part of the sweep, however wide the gap behind them."""
     used = np.zeros(200, bool)
-    used[[10, 11, 12]], used[50:80], used[90:] = True, True, True
-    found = response._begun(used)
-    assert not found[:50].any()
-    assert np.array_equal(found[50:], used[50:])
-    used[10:50] = True
-    assert np.array_equal(response._begun(used), used)
+    used[begin:end], used[80:110], used[130:] = True, True, True
+    found = response._past_the_start(used)
+    assert np.array_equal(found[80:], used[80:])
+    assert np.array_equal(found[:80], used[:80] if kept else np.zeros(80, bool))
 
 
 @pytest.mark.parametrize(
