@@ -42,19 +42,28 @@ UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
 
 @dataclass(frozen=True)
 class Terms:
-    """What the closure is computed from: the unknown force (rms) [N] of the machine as delivered, re-fitted, and with
-    the effects, all on motions left out of their fits; of the floor; and what effects at random add to the floor. Where
-    the floor is the scatter between equal motions, all are of those motions."""
+    """What the closure is computed from: the unknown force [N] or the position's error [m] (rms) of the machine as
+    delivered, re-fitted, and with the effects, all on motions left out of their fits; of the floor; and what effects at
+    random add to the floor. Where the floor is the scatter between equal motions, all are of those motions."""
 
     delivered: float
     refitted: float
     after: float
     floor: float
     random: float = 0.0
+    measure: str = "force"
+
+    @property
+    def shows(self) -> bool:
+        """Whether the re-fitted machine leaves more than the floor, so that there is a gap that may be closed."""
+        return self.refitted > self.floor
 
     def closure(self, start: float | None = None) -> float:
-        """The closure [1] from the re-fitted machine, or from another force to start at [N]."""
+        """The closure [1] from the re-fitted machine, or from another error to start at [N] or [m]; 0 where that is
+        within the floor, so that nothing is there to be closed."""
         before = self.refitted if start is None else start
+        if before <= self.floor:
+            return 0.0
         return float(closed(before**2, self.after**2, self.floor**2, self.random**2))
 
     def to_json(self) -> dict[str, Any]:
@@ -65,13 +74,14 @@ class Terms:
             "after": self.after,
             "floor": self.floor,
             "random": self.random,
-            "unit": "N",
+            "measure": self.measure,
+            "unit": UNITS[self.measure],
             "formula": FORMULA,
         }
 
 
 def closed(before: Array | float, after: Array | float, floor: float, random: float = 0.0) -> Array:
-    """The closure [1] of mean squares [N^2]: of a gap above the floor, the share that is gone."""
+    """The closure [1] of mean squares [N^2] or [m^2]: of a gap above the floor, the share that is gone."""
     gap = np.maximum(np.asarray(before) - floor, 1e-30)
     return np.asarray(np.clip((np.asarray(before) - after + random) / gap, -1.0, 1.0))
 
@@ -174,7 +184,9 @@ def how_far(
     named = [(Content.DELIVERED, delivered.gap), (Content.REFITTED, files[0].gap), *_between(stages, baseline)]
     if len(files) > 1:
         named.append((f"{stages[-1].added}", files[-1].gap))
-    terms, interval = _terms((delivered, files[0], files[-1]), floor, baseline)
+    motions = np.bincount(baseline.segment[floor.known], minlength=len(baseline.pieces)) > 0
+    first, then, last = (_of(file.held_out, motions) for file in (delivered, files[0], files[-1]))
+    terms, interval = closure_terms((first, then, last), floor.gap(), floor.random_force())
     drive = rms([record.command * baseline.machine.plant.thrust_constant for record in records])
     at = fits[-1].widened, fits[-1].at_bound
     return HowFar(tuple(named), floor.gap(), floor.source, terms, interval, handover, drive, *at, transfer)
@@ -191,20 +203,31 @@ def _between(stages: Sequence[Stage], baseline: Baseline) -> list[tuple[str, Gap
     return found
 
 
-def _terms(files: Sequence[File], floor: NoiseFloor, baseline: Baseline) -> tuple[Terms, tuple[float, float]]:
-    """The closure's terms by files as delivered, re-fitted and last, and its interval by a bootstrap over motions."""
-    known = np.bincount(baseline.segment[floor.known], minlength=len(baseline.pieces)) > 0
-    delivered, refitted, after = (_of(file.held_out, known) for file in files)
-    least = floor.gap().force
-    random = floor.random_force()
-    first, then, last = (float(np.sqrt(one.mean("force"))) for one in (delivered, refitted, after))
-    terms = Terms(first, then, last, least, random)
+def closure_terms(files: tuple[Sums, Sums, Sums], floor: Gap, random: float = 0.0) -> tuple[Terms, tuple[float, float]]:
+    """The closure's terms by what files as delivered, re-fitted and last leave of motions, and its 95 % interval [1] by
+    a bootstrap over these: of the unknown force, or of the position where the force that the re-fit leaves is within
+    its floor, as that of a mode or of an error of the reading may be. random: what effects at random add to the force
+    of the floor [N]."""
+    force = _terms_in("force", files, floor.force, random)
+    if force[0].shows or random > 0:
+        return force
+    position = _terms_in("position", files, floor.position)
+    return position if position[0].shows else force
+
+
+def _terms_in(
+    measure: str, files: tuple[Sums, ...], least: float, random: float = 0.0
+) -> tuple[Terms, tuple[float, float]]:
+    """The terms in a measure, force [N] or position [m], and the closure's interval [1]."""
+    _, refitted, after = files
+    first, then, last = (float(np.sqrt(one.mean(measure))) for one in files)
+    terms = Terms(first, then, last, least, random, measure)
     draws = np.random.default_rng(0).integers(0, refitted.count.size, (DRAWS, refitted.count.size))
-    drawn = closed(refitted.mean("force", draws), after.mean("force", draws), least**2, random**2)
+    drawn = closed(refitted.mean(measure, draws), after.mean(measure, draws), least**2, random**2)
     low, high = np.quantile(drawn, [0.025, 0.975])
     return terms, (float(min(low, terms.closure())), float(max(high, terms.closure())))
 
 
-def _of(one: Sums, known: NDArray[np.bool_]) -> Sums:
+def _of(one: Sums, motions: NDArray[np.bool_]) -> Sums:
     """The sums of those motions alone."""
-    return Sums(one.force[known], one.position[known], one.count[known], one.settling[known], one.settled[known])
+    return Sums(*(part[motions] for part in (one.force, one.position, one.count, one.settling, one.settled)))

@@ -273,18 +273,15 @@ def _gap_closed(results: Results) -> str:
             f"{_gap(far['gap_refitted'])} of position, and the noise floor is {floor}."
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
-    part = verdict["outcome"] == "none_of_these"
+    part, terms = verdict["outcome"] == "none_of_these", far["closure_terms"]
     closes = (
         f"{'what it resembles' if part else 'this'} closes {100 * far['closure']:.0f} % ({100 * low:.0f} to "
-        f"{100 * high:.0f} %) of the gap between the re-fitted model and the noise floor"
+        f"{100 * high:.0f} %) of the gap {MEANT[terms['measure']]}between the re-fitted model and the noise floor"
         f"{', which is not the whole answer and not in improved.toml' if part else ''}"
     )
-    terms = far["closure_terms"]
     if terms["refitted"] <= terms["floor"]:
-        closes = (
-            f"the re-fitted model leaves {show(terms['refitted'], 'N', 2)}, no more than the noise floor of "
-            f"{show(terms['floor'], 'N', 2)}: no closure of that gap can be told"
-        )
+        least, left = (show(terms[key], terms["unit"], 2) for key in ("floor", "refitted"))
+        closes = f"the re-fitted model leaves {left}, no more than the noise floor of {least}: " + NO_GAP
     return (
         f"{_parameters_share(far)} On held-out motions {closes}. Over all motions the gap goes "
         f"{moved}{_unexplained(results)}; the noise floor is {floor}."
@@ -360,6 +357,8 @@ def elsewhere(far: Results) -> list[str]:
     return told
 
 
+MEANT: Final = {"force": "", "position": "in position (in force there is none) "}
+NO_GAP: Final = "no closure of that gap can be told"
 KEYS: Final = {"force_N": "force", "position_m": "position", "settling_s": "settling"}
 
 

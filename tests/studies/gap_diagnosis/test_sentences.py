@@ -217,6 +217,9 @@ def test_a_re_fit_that_leaves_no_more_than_the_floor_has_no_closure(results: dic
     assert "no closure of that gap can be told" in told
     assert "closes" not in told
     assert "closes" in sentences(results)["how_far"]
+    moved = {**terms, "measure": "position", "unit": "m", "refitted": 5e-8, "floor": 1e-8}
+    told = sentences({**results, "how_far": {**far, "closure_terms": moved}})["how_far"]
+    assert "of the gap in position (in force there is none) between the re-fitted model and the noise floor" in told
 
 
 def test_a_nominal_value_that_is_off_is_told_with_its_size(results: dict[str, Any]) -> None:
