@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from functools import cached_property
+from typing import Final, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from models.identification.modal.transfer import Array, Complex, expanded, expansion, units
+from models.identification.modal.transfer import Array, Complex, expanded, expansion, fractions, sampled, units
 from models.identification.response import FrequencyResponse
 from models.plant import Mode, Plant
 
@@ -30,7 +31,8 @@ COARSE: Final = 300  # lines on which a start is sought
 WIDE: Final = 5.0  # of the logarithm of the rigid body's gain from its start
 ALIKE: Final = 1e-9  # relative size below which a combination of columns is none but rounding
 DIED_OUT: Final = 12.0  # time constants after which what a pole leaves is below 1e-5
-STEP: Final = 1e-5  # of theta, of the numerical derivatives
+STEP: Final = 1e-6  # of theta, of the numerical derivatives: a hundredth of the sharpest mode's width
+LEAST: Final = 2e-5  # of what theta has of a lag and a spring, and of a drag over the band: less is none
 STIFFEST: Final = 4.0  # times the inertia at the lowest line: a stiffer one makes the rigid body a mode in the band
 
 
@@ -82,6 +84,17 @@ class Lines:
     def single(self) -> bool:
         """Whether this is a single sweep, whose lines are as near each other as its length allows."""
         return self.command is not None and self.settled == 0
+
+    @cached_property
+    def back(self) -> Complex:
+        """exp(-s h) (n,) [1]: a sample back."""
+        return np.asarray(np.exp(-2j * math.pi * self.f * self.ts))
+
+    @cached_property
+    def scale(self) -> Complex:
+        """Weighted errors (n,) that a unit of the position's spectrum makes [1]."""
+        assert self.command is not None
+        return np.asarray(self.weight / self.command)
 
     def up_to(self, top: float) -> Lines:
         """The lines up to a frequency [Hz]."""
@@ -204,7 +217,7 @@ def left_of(plant: Plant, beside: Beside, problem: Problem) -> Array:
     for one in problem.lines:
         error = _errors(terms, one)
         if one.command is not None:
-            basis, _ = _spanned(_ends(terms, one))
+            basis, _ = _spanned(_columns(_ends_of(terms, one), one))
             error = error - basis @ (basis.T @ error)
         found.append(error)
     return np.concatenate(found)
@@ -219,43 +232,76 @@ def _errors(terms: Expansion, lines: Lines) -> Array:
     """Weighted errors (2n,) [1]. Without a spring the straight line that was taken off the position is among what
     the ends leave. A spring makes the command rise along it, so that there it counts with the size that it had: its
     spectrum is -g z / (z - 1) at the lines, where z^n = 1."""
-    shown = expanded(terms.pole, terms.weight, lines.f, terms.dead_time, lines.ts)
+    error = _shown(terms, lines) - lines.p * lines.weight
     if terms.sprung and lines.command is not None:
-        z = np.exp(2j * math.pi * lines.f * lines.ts)
-        shown = shown + lines.slope * z / (z - 1) / lines.command
-    return _stacked((shown - lines.p) * lines.weight)
+        error += lines.slope * lines.scale / (1 - lines.back)
+    return _stacked(error)
 
 
-def _ends(terms: Expansion, lines: Lines) -> Array:
-    """What the states, unlike at the record's two ends, add to the weighted errors (2n, c) [1].
+def _shown(terms: Expansion, lines: Lines) -> Complex:
+    """The weighted response (n,) [1]."""
+    if lines.ts == 0:
+        return expanded(terms.pole, terms.weight, lines.f, terms.dead_time, 0.0) * lines.weight
+    return sampled(terms.pole, terms.weight, lines.back, terms.dead_time, lines.ts) * lines.weight
 
-    At the lines of n samples z^n = 1, so the free response of a pair of poles, from the first sample on, is z (a + b (z
-    - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2); the position and its
+
+class _Ends(NamedTuple):
+    """What of the states, unlike at the record's two ends, rings on: discrete poles in pairs (K, 2) and by themselves
+    (M,), and how many commands act late."""
+
+    pairs: Complex
+    single: Complex
+    late: int
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        return len(self.pairs), self.single.size, self.late
+
+
+def _ends_of(terms: Expansion, lines: Lines) -> _Ends:
+    """At the lines of n samples z^n = 1, so the free response of a pair of poles, from the first sample on, is z (a + b
+    (z - 1)) / ((z - p)(z - conj p)) (Pintelon and Schoukens, System Identification, 2012, 6.3.2); the position and its
     slowest real pole, the rigid body, are such a pair, too; a rigid body on a spring is one by itself. The commands
     that act late act at the record's first samples, where they are those from before it, not those of its end: one term
     z^-j for each. Where the excitation was the same before, neither these nor poles that have died out since are
     unlike.
     """
-    assert lines.command is not None
-    scale, poles = lines.weight / lines.command, terms.pole
-    z, columns = np.exp(2j * math.pi * lines.f * lines.ts), []
+    poles, discrete = terms.pole, np.exp(terms.pole * lines.ts)
     real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
     rings = np.abs(poles.real) * lines.settled < DIED_OUT
-    discrete = np.exp(poles * lines.ts)
-    pairs = [(p, p.conjugate()) for p in discrete[(poles.imag > 0) & rings & ~real]]
-    single = poles[real & rings]
+    upper = discrete[(poles.imag > 0) & rings & ~real]
+    first, second, alone = upper, upper.conj(), real & rings
     if not terms.sprung:
-        slow = poles[real][np.argmin(np.abs(poles[real]))]
-        pairs.insert(0, (1.0 + 0j, np.exp(slow * lines.ts)))
-        single = single[single != slow]
-    for one, other in pairs:
-        shape = scale * z / ((z - one) * (z - other))
-        columns += [_stacked(shape), _stacked((z - 1) * shape)]
-    columns += [_stacked(scale * z / (z - np.exp(p * lines.ts))) for p in single]
-    if lines.single:
-        late = max(math.ceil(terms.dead_time / lines.ts), 0) + 1
-        columns += [_stacked(scale * z**-j) for j in range(late)]
-    return np.column_stack(columns)
+        slow = np.flatnonzero(real)[np.argmin(np.abs(poles[real]))]
+        first, second = np.append(1.0, first), np.append(discrete[slow], second)
+        alone = alone & (poles != poles[slow])
+    late = max(math.ceil(terms.dead_time / lines.ts), 0) + 1 if lines.single else 0
+    return _Ends(np.column_stack([first, second]), discrete[alone], late)
+
+
+def _columns(ends: _Ends, lines: Lines) -> Array:
+    """What a unit of each adds to the weighted errors (2n, c) [1]."""
+    back, (one, other) = lines.back[:, None], ends.pairs.T
+    shapes = 1 / ((1 - one * back) * (1 - other * back))
+    late = back ** np.arange(ends.late)
+    parts = np.hstack([back * shapes, (1 - back) * shapes, 1 / (1 - ends.single * back), late])
+    parts *= lines.scale[:, None]
+    return np.vstack([parts.real, parts.imag])
+
+
+def _added(ends: _Ends, sizes: Array, lines: Lines) -> Complex:
+    """What `_columns` times sizes (c,) are, as complex numbers (n,) [1]."""
+    count, alone = len(ends.pairs), ends.single
+    by_place, by_speed, by_single, by_late = np.split(sizes, np.cumsum([count, count, alone.size]))
+    none, (one, other) = np.zeros(alone.size), ends.pairs.T
+    total = fractions(
+        np.append(by_speed, by_single).astype(complex),
+        np.append(by_place - by_speed, none).astype(complex),
+        np.append(-one - other, -alone),
+        np.append(one * other, none),
+        lines.back,
+    )
+    return np.asarray((total + np.polyval(by_late[::-1], lines.back)) * lines.scale)
 
 
 def _spanned(columns: Array) -> tuple[Array, Array]:
@@ -275,33 +321,34 @@ def _stacked(values: Complex) -> Array:
 
 
 def jacobian(theta: Array, structure: Structure, problem: Problem) -> Array:
-    """Slopes (2 N, p) [1] of the residual, by central differences; of the projection as Kaufman (1975) has it."""
+    """Slopes (2 N, p) [1] of the residual, by differences; of the projection as Kaufman (1975) has it."""
     here, *moved = (
         _expansion(*decoded(theta + step, structure, problem))
-        for step in (np.zeros(theta.size), *np.kron(np.eye(theta.size), [[STEP], [-STEP]]))
+        for step in (np.zeros(theta.size), *(STEP * np.eye(theta.size)))
     )
     return np.vstack([_slopes(here, moved, one) for one in problem.lines])
 
 
 def _slopes(here: Expansion, moved: Sequence[Expansion], lines: Lines) -> Array:
-    """Of one response; moved: by a step of each of theta, there and back in turn."""
-    basis, sizes, ends = None, np.zeros(0), np.zeros((0, 0))
-    if lines.command is not None:
-        ends = _ends(here, lines)
-        basis, weights = _spanned(ends)
-        sizes = -weights @ (basis.T @ _errors(here, lines))
-    columns = []
-    for pair in zip(moved[::2], moved[1::2], strict=True):
-        both = []
-        for terms in pair:
-            error = _errors(terms, lines)
-            if basis is not None:
-                near = _ends(terms, lines)
-                error = error + (near if near.shape == ends.shape else ends) @ sizes  # a pole may die out between
-            both.append(error)
-        columns.append((both[0] - both[1]) / (2 * STEP))
-    slopes = np.column_stack(columns)
-    return slopes if basis is None else np.asarray(slopes - basis @ (basis.T @ slopes))
+    """Of one response; moved: by a step of each of theta."""
+    if lines.command is None:
+        shown = np.array([_shown(terms, lines) for terms in moved])
+        return _parted((shown - _shown(here, lines)) / STEP)
+    ends = _ends_of(here, lines)
+    basis, weights = _spanned(_columns(ends, lines))
+    sizes = -weights @ (basis.T @ _errors(here, lines))
+    shown = np.empty((1 + len(moved), lines.f.size), complex)
+    for row, terms in zip(shown, (here, *moved), strict=True):
+        near = _ends_of(terms, lines)
+        alike = near if near.sizes == ends.sizes else ends  # a pole may die out between
+        row[:] = _shown(terms, lines) + _added(alike, sizes, lines)
+    slopes = _parted((shown[1:] - shown[0]) / STEP)
+    return np.asarray(slopes - basis @ (basis.T @ slopes))
+
+
+def _parted(rows: Complex) -> Array:
+    """Complex rows (p, n) as real columns (2n, p)."""
+    return np.hstack([rows.real, rows.imag]).T
 
 
 def refined(start: Array, structure: Structure, problem: Problem, *, evaluations: int = 30) -> Array:
@@ -321,9 +368,9 @@ def bounds(theta: Array, structure: Structure, problem: Problem) -> tuple[Array,
     count = (theta.size - structure.before) // 3
     earliest = -max(problem.unit, *(one.ts for one in problem.lines)) / problem.unit
     parts = {
-        "lag": (2 * STEP, high / low),
-        "drag": (2 * STEP * low / high, 1.0),
-        "spring": (2 * STEP, STIFFEST),
+        "lag": (LEAST, high / low),
+        "drag": (LEAST * low / high, 1.0),
+        "spring": (LEAST, STIFFEST),
     }
     nuisances = [parts[part] for part in structure.parts]
     each = [(-50.0, 50.0), (math.log(low / 2), math.log(2 * high)), (math.log(LEAST_DAMPING), math.log(MOST_DAMPING))]
@@ -374,7 +421,7 @@ def _explained(theta: Array, structure: Structure, problem: Problem) -> Array:
     slopes, row = [jacobian(theta, structure, problem)], 0
     for one in problem.lines:
         if one.command is not None:
-            ends = _ends(terms, one)
+            ends = _columns(_ends_of(terms, one), one)
             block = np.zeros((problem.size, ends.shape[1]))
             block[row : row + 2 * one.f.size] = ends
             slopes.append(block)

@@ -13,11 +13,12 @@ for a dead time that ends within a sample; no matrix exponential, so it is indep
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.compiled import compiled
 from models.plant import Plant, delay_split
 
 Array = NDArray[np.float64]
@@ -37,11 +38,47 @@ def response(
 
 
 def expanded(pole: Complex, weight: Complex, frequency: Array, dead_time: float, sample_time: float) -> Complex:
-    """P (n,) [m/N] at frequencies (n,) [Hz] of an `expansion` (J,), as of `response`."""
-    total = np.zeros(frequency.size, complex)
-    for one, size in zip(units(pole, frequency, dead_time, sample_time), weight, strict=True):
-        total += size * one
+    """P (n,) [m/N] at frequencies (n,) [Hz] of an `expansion` (J,), as of `response`: the sum of what `units` are,
+    times their weights, with all that does not depend on both pole and frequency taken out of it."""
+    s = 2j * math.pi * frequency
+    if sample_time == 0:
+        return np.asarray(np.exp(-s * dead_time) / s * (weight @ (1 / (s - pole[:, None]))))
+    return sampled(pole, weight, np.exp(-s * sample_time), dead_time, sample_time)
+
+
+def sampled(pole: Complex, weight: Complex, back: Complex, dead_time: float, sample_time: float) -> Complex:
+    """`expanded` behind the hold, at values b (n,) [1] of exp(-s h)."""
+    held = _hold(pole, dead_time, sample_time)
+    moving = weight * held.gain
+    speed = fractions(moving * held.sooner, moving * held.later, -held.decay, np.zeros(pole.size, complex), back)
+    place = weight @ held.still + (weight @ held.still_before + speed) * back
+    return np.asarray(back ** (held.whole + 1) / (1 - back) * place)
+
+
+def fractions(now: Complex, before: Complex, first: Complex, second: Complex, back: Complex) -> Complex:
+    """sum_j (now_j + before_j b) / (1 + first_j b + second_j b^2) (n,) at values b (n,) of exp(-s h), for numerators
+    and denominators (J,); [1] all, but for the unit of the numerators."""
+    total = np.empty(back.size, complex)
+    _fractions(now, before, first, second, back, total)
     return total
+
+
+@compiled
+def _fractions(now: Complex, before: Complex, first: Complex, second: Complex, back: Complex, total: Complex) -> None:
+    for k in range(back.size):
+        re, im = back[k].real, back[k].imag
+        square_re, square_im = re * re - im * im, 2.0 * re * im
+        sum_re = sum_im = 0.0
+        for j in range(now.size):
+            a, b, c, d = now[j], before[j], first[j], second[j]
+            above_re = a.real + b.real * re - b.imag * im
+            above_im = a.imag + b.real * im + b.imag * re
+            below_re = 1.0 + c.real * re - c.imag * im + d.real * square_re - d.imag * square_im
+            below_im = c.real * im + c.imag * re + d.real * square_im + d.imag * square_re
+            size = 1.0 / (below_re * below_re + below_im * below_im)
+            sum_re += (above_re * below_re + above_im * below_im) * size
+            sum_im += (above_im * below_re - above_re * below_im) * size
+        total[k] = complex(sum_re, sum_im)
 
 
 def expansion(plant: Plant, lag: float = 0.0, drag: float = 0.0, spring: float = 0.0) -> tuple[Complex, Complex]:
@@ -92,16 +129,39 @@ def units(pole: Complex, frequency: Array, dead_time: float, sample_time: float)
     s, p = 2j * math.pi * frequency, pole[:, None]
     if sample_time == 0:
         return np.asarray(np.exp(-s * dead_time) / (s * (s - p)))
+    held = _hold(p, dead_time, sample_time)
+    back = np.exp(-s * sample_time)
+    speed = (held.sooner + held.later * back) * back / (1 - held.decay * back)
+    place = held.gain * speed + held.still + held.still_before * back
+    return np.asarray(np.exp(-s * (held.whole * sample_time)) * back / (1 - back) * place)
+
+
+class _Hold(NamedTuple):
+    """How a pole's speed and place follow a held input behind a dead time, of (J,) or (J, 1) poles: after `whole`
+    samples, in the sample interval itself the place `still` [s2], in the one after it `still_before` [s2] more; the
+    speed `sooner` and `later` [s], which falls by `decay` [1] a sample and moves the place by `gain` [s] of it."""
+
+    whole: int
+    still: Complex
+    still_before: Complex
+    sooner: Complex
+    later: Complex
+    decay: Complex
+    gain: Complex
+
+
+def _hold(pole: Complex, dead_time: float, sample_time: float) -> _Hold:
     whole, rest = delay_split(dead_time, sample_time)
-    back, total = np.exp(-s * sample_time), _held(p, sample_time)
-    older, newer = (_held(p, h) for h in (rest, sample_time - rest))
-    speed = (newer[0] + (1 + p * newer[0]) * older[0] * back) * back / (1 - (1 + p * total[0]) * back)
-    place = total[0] * speed + newer[1] + (older[1] + newer[0] * older[0]) * back
-    return np.asarray(np.exp(-s * (whole * sample_time)) * back / (1 - back) * place)
+    durations = np.array([rest, sample_time - rest, sample_time])
+    speed, place = _held(pole, durations.reshape(3, *(1,) * pole.ndim))
+    later = (1 + pole * speed[1]) * speed[0]
+    still_before = place[0] + speed[1] * speed[0]
+    return _Hold(whole, place[1], still_before, speed[1], later, 1 + pole * speed[2], speed[2])
 
 
-def _held(pole: Complex, duration: float) -> tuple[Complex, Complex]:
-    """What a unit input held for a duration [s] makes of w' = p w + u and of its integral, from rest (J,) [s], [s2]."""
+def _held(pole: Complex, duration: Array) -> tuple[Complex, Complex]:
+    """What a unit input held for durations (3, 1) [s] makes of w' = p w + u and of its integral, from rest (3, J) [s],
+    [s2]."""
     x = pole * duration
     small = np.abs(x) < SERIES
     safe = np.where(small, 1.0, x)
