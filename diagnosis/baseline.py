@@ -18,7 +18,7 @@ from diagnosis.model.motions import Piece, numbered, pieces
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.model.units import loop_time, with_units
-from diagnosis.null import Null, null
+from diagnosis.null import Null, begun, null
 from diagnosis.refit import weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
@@ -121,17 +121,19 @@ def refit_and_null(
     machine = with_units(machine, records)
     layout = parameters(machine, len(records))
     told = partial(say, 0.1)
-    smooth, chance = parallel_map(
+    smooth, first = parallel_map(
         call,
-        (lambda: within_rating(machine, records), lambda: null(layout, records, cache=cache, say=told)),
+        (lambda: within_rating(machine, records), lambda: begun(layout, records, cache=cache, say=told)),
     )
     motions = pieces(records, loop_time(machine))
     finer = with_finer_friction(smooth, records, numbered(motions, records), criteria)
-    nominal, given = weighed(finer, records, criteria, chance.usual), None
+    nominal = weighed(finer, records, criteria, first.usual)
     if nominal.candidate.rough or finer is not smooth:  # what chance gains depends on the roughness and on the elements
+        del first  # its columns are large
         chance = null(nominal.candidate.layout, records, cache=cache, say=told, roughness=nominal.candidate.roughness)
-    if finer is not smooth:
-        given = smooth.candidate.nominal
+    else:
+        chance = first.completed(told)
+    given = smooth.candidate.nominal if finer is not smooth else None
     return Baseline(nominal, tuple(records), motions, chance, criteria, known, given)
 
 

@@ -16,7 +16,6 @@ import os
 import stat
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -154,6 +153,73 @@ def _white_force(candidate: Candidate, index: int, seed: int) -> tuple[WhiteForc
     return (WhiteForce(size, candidate.nominal.sample_time, float(seed % SEEDS * SAMPLES)),)
 
 
+@dataclass(frozen=True)
+class Begun:
+    """A null of which the first table is simulated and scanned, with the columns that the others share (`start`); or
+    the whole of it, where it was kept in `place`."""
+
+    layout: Parameters
+    records: Sequence[Record]
+    roughness: tuple[float, ...]
+    draws: int
+    place: Path | None
+    start: Null | tuple[Chance, Columns]
+
+    def drawn(self, seed: int) -> Drawn:
+        """The table of a seed."""
+        return _drawn(self.layout, self.records, self.roughness, seed)
+
+    def usual(self) -> tuple[float, ...]:
+        """`Null.usual` [1], which takes no scan of the tables."""
+        if isinstance(self.start, Null):
+            return self.start.usual
+        (_, variance, _, _), _ = self.start
+        rest = parallel_map(lambda seed: variance_by_record(self.drawn(seed)[0]), range(1, self.draws))
+        return tuple(np.mean([np.array(variance), *rest], axis=0).tolist())
+
+    def completed(self, say: Callable[[str], None] = lambda _: None) -> Null:
+        """The null of all tables, kept from now on."""
+        if isinstance(self.start, Null):
+            return self.start
+        first, known = self.start
+        results = [first]
+        say(f"simulating the null, {min(2, self.draws)} of {self.draws}")
+        for result in parallel_map(lambda seed: _draw(self.drawn(seed), known), range(1, self.draws)):
+            results.append(result)
+            say(f"simulating the null, {min(len(results) + 1, self.draws)} of {self.draws}")
+        gains: dict[str, list[float]] = {}
+        for found, *_ in results:
+            for name, gain in found.items():
+                gains.setdefault(name, []).append(gain)
+        _, variance, largest_ones, forces = zip(*results, strict=True)
+        made = Null({name: tuple(row) for name, row in sorted(gains.items())}, variance, largest_ones, forces)
+        if self.place:
+            _keep(made, self.place)
+        return made
+
+
+def begun(
+    layout: Parameters,
+    records: Sequence[Record],
+    *,
+    roughness: tuple[float, ...] = (),
+    cache: Path | None = None,
+    draws: int = DRAWS,
+    say: Callable[[str], None] = lambda _: None,
+) -> Begun:
+    """The first table of a `null` [1]: on a drive that turns out rougher than its model, or with more contacts, all
+    others would be simulated for nothing."""
+    place = cache / f"{_key(layout.machine, records, draws, roughness)}.json" if cache else None
+    kept = _kept(place, layout.machine.kinds, draws, len(records)) if place else None
+    if kept is not None:
+        return Begun(layout, records, roughness, draws, place, kept)
+    say(f"simulating the null, 1 of {draws}")
+    table = _drawn(layout, records, roughness, 0)
+    findings, columns = scan(*table)  # most of them are those of the tables that follow, too
+    known = {effect: column for effect, column in columns.items() if _is_of_path(effect)}
+    return Begun(layout, records, roughness, draws, place, (_gains(table, findings), known))
+
+
 def null(
     layout: Parameters,
     records: Sequence[Record],
@@ -169,29 +235,7 @@ def null(
     The cache is JSON in a folder of the user's. Where its file is damaged, or somebody else owns the folder, the tables
     are simulated again.
     """
-    place = cache / f"{_key(layout.machine, records, draws, roughness)}.json" if cache else None
-    kept = _kept(place, layout.machine.kinds, draws, len(records)) if place else None
-    if kept is not None:
-        return kept
-    say(f"simulating the null, 1 of {draws}")
-    drawn = partial(_drawn, layout, records, roughness)
-    first = drawn(0)
-    findings, columns = scan(*first)  # most of them are those of the tables that follow, too
-    known = {effect: column for effect, column in columns.items() if _is_of_path(effect)}
-    results = [_gains(first, findings)]
-    say(f"simulating the null, {min(2, draws)} of {draws}")
-    for result in parallel_map(lambda seed: _draw(drawn(seed), known), range(1, draws)):
-        results.append(result)
-        say(f"simulating the null, {min(len(results) + 1, draws)} of {draws}")
-    gains: dict[str, list[float]] = {}
-    for found, *_ in results:
-        for name, gain in found.items():
-            gains.setdefault(name, []).append(gain)
-    _, variance, largest_ones, forces = zip(*results, strict=True)
-    made = Null({name: tuple(row) for name, row in sorted(gains.items())}, variance, largest_ones, forces)
-    if place:
-        _keep(made, place)
-    return made
+    return begun(layout, records, roughness=roughness, cache=cache, draws=draws, say=say).completed(say)
 
 
 def _keep(made: Null, place: Path) -> None:

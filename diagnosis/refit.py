@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -70,15 +70,16 @@ def _begun(candidate: Candidate, records: Sequence[Record], iterations: int) -> 
     return fit(candidate, records, paths=paths, iterations=LAST_ITERATIONS, walk=walk)
 
 
-def refit_within(
-    machine: Machine, records: Sequence[Record], criteria: Criteria = Criteria(), usual: Sequence[float] = ()
-) -> Fit:
-    """The nominal re-fit, under the white force [N] that each record needs; usual: see `weighed` [1]."""
-    return weighed(within_rating(machine, records), records, criteria, usual)
+def refit_within(machine: Machine, records: Sequence[Record], criteria: Criteria = Criteria()) -> Fit:
+    """The nominal re-fit, under the white force [N] that each record needs."""
+    return weighed(within_rating(machine, records), records, criteria)
 
 
 def weighed(
-    fitted: Fit, records: Sequence[Record], criteria: Criteria = Criteria(), usual: Sequence[float] = ()
+    fitted: Fit,
+    records: Sequence[Record],
+    criteria: Criteria = Criteria(),
+    usual: Callable[[], Sequence[float]] | None = None,
 ) -> Fit:
     """The fit as it is, unless a record is far rougher than its weights promise: then fitted again under the white
     force with which each such record leaves as much as they promise. Weights that a drive does not keep drive what is
@@ -86,13 +87,15 @@ def weighed(
 
     How rough a record is: see `roughness.unmodelled_variance` (N. Kristensen, H. Madsen, S. Jorgensen, Automatica 40,
     2004, estimate such a diffusion by likelihood, which takes up a law that is missing as well). Where a white force as
-    large as the commands (their deviation) is not enough, there is no such force, and the weights stay. usual: the
-    variance of what complete models leave of each record [1], if it is known.
+    large as the commands (their deviation) is not enough, there is no such force, and the weights stay. usual: gives
+    the variance of what complete models leave of each record [1], if it is known; called where a record may be rough.
     """
     candidate = fitted.candidate
     apart = unmodelled_variance(fitted, records, criteria.min_equal_motions)
-    least = criteria.rough_variance * np.maximum(usual or np.ones(len(records)), 1.0)
-    rough = (apart > least) | (np.array([candidate.roughness_of(i) for i in range(len(records))]) > 1)
+    rough = apart > criteria.rough_variance
+    if usual and rough.any():
+        rough = apart > criteria.rough_variance * np.maximum(usual(), 1.0)
+    rough |= np.array([candidate.roughness_of(i) for i in range(len(records))]) > 1
     if not rough.any():
         return fitted
     given, most = fitted, max(float(np.std(record.command)) for record in records) / candidate.usual_white_force

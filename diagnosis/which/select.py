@@ -111,7 +111,7 @@ class RecordSearch:
         if before.fitted.cost - fitted.cost > self.criteria.restart_gain:
             fitted = started(fitted, records)
         if fitted.candidate.rough:
-            fitted = weighed(fitted, records, self.criteria, self.baseline.null.usual)
+            fitted = weighed(fitted, records, self.criteria, lambda: self.baseline.null.usual)
         return replace(trial, fitted=fitted)
 
     def force(self, fitted: Fit) -> float:

@@ -58,6 +58,27 @@ def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatc
         assert max(shared.gains[name][1:]) == pytest.approx(max(gains[1:]), rel=0.3, abs=0.1 * CRITERIA.min_gain), name
 
 
+def test_what_complete_models_leave_takes_no_scan_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    layout = parameters(MACHINE, len(RECORDS))
+    first = null.begun(layout, RECORDS, draws=3, cache=tmp_path / "null")
+    scans = []
+
+    def counted(*given: Any, **options: Any) -> Any:
+        scans.append(given)
+        return scan(*given, **options)
+
+    monkeypatch.setattr(null, "scan", counted)
+    usual = first.usual()
+    assert not scans
+    whole = first.completed()
+    assert len(scans) == 2
+    assert usual == whole.usual
+    again = null.begun(layout, RECORDS, draws=3, cache=tmp_path / "null")
+    assert again.usual() == usual
+    assert again.completed() == whole
+    assert len(scans) == 2
+
+
 def test_one_step_from_the_truth_is_as_good_as_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     layout = parameters(MACHINE, len(RECORDS))
     start = Candidate(layout, static_equilibrium_start(layout, RECORDS))
