@@ -35,22 +35,32 @@ def quick_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple
     return run
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _published_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The published optima depend on no machine: found once for all runs of pid_tradeoff in these tests, by whichever
-    of their processes asks first."""
-    file = _shared(tmp_path_factory) / "published.json"
+Once = Callable[[str, Callable[[], Any]], Any]
 
-    @cache
-    def once() -> Any:
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
+    """What JSON keeps of what a function returns, by a name; called by whichever of the processes that share these
+    tests asks first."""
+    folder = _shared(tmp_path_factory) / "once"
+    folder.mkdir(exist_ok=True)
+
+    def kept(name: str, make: Callable[[], Any]) -> Any:
+        file = folder / f"{name}.json"
         with file.with_suffix(".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not file.exists():
-                file.write_text(json.dumps(compare()), encoding="utf-8")
+                file.write_text(json.dumps(make()), encoding="utf-8")
         return json.loads(file.read_text(encoding="utf-8"))
 
+    return kept
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _published_once(once: Once) -> Iterator[None]:
+    """The published optima depend on no machine: found once for all runs of pid_tradeoff in these tests."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("studies.pid_tradeoff.compute.compare", once)
+        patch.setattr("studies.pid_tradeoff.compute.compare", cache(lambda: once("published", compare)))
         yield
 
 

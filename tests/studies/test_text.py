@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from html.parser import HTMLParser
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from itertools import cycle
@@ -119,21 +119,23 @@ def page_of(name: str, whole: dict[str, Any], folder: Path) -> tuple[str, Report
 
 @pytest.fixture(scope="module")
 def pair(
-    quick_run: Callable[[str], tuple[Path, int]], tmp_path_factory: pytest.TempPathFactory
+    quick_run: Callable[[str], tuple[Path, int]],
+    once: Callable[[str, Callable[[], Any]], Any],
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> Callable[[str], tuple[Page, str, dict[str, Any]]]:
     """A study's page as it is, and the text of the page and the results with payloads in them; each set once."""
-    done: dict[str, tuple[Page, str, dict[str, Any]]] = {}
 
+    def spoiled_page(name: str) -> tuple[str, dict[str, Any]]:
+        whole = json.loads((quick_run(name)[0] / "results.json").read_text(encoding="utf-8"))
+        used: list[str] = []
+        worse = spoiled(whole, "", cycle(PAYLOADS), used)
+        worse["machine"]["name"] = "".join(PAYLOADS[:-1])
+        return page_of(name, worse, tmp_path_factory.mktemp(name))[0], worse
+
+    @cache
     def made(name: str) -> tuple[Page, str, dict[str, Any]]:
-        if name not in done:
-            folder = quick_run(name)[0]
-            whole = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-            used: list[str] = []
-            worse = spoiled(whole, "", cycle(PAYLOADS), used)
-            worse["machine"]["name"] = "".join(PAYLOADS[:-1])
-            page, _ = page_of(name, worse, tmp_path_factory.mktemp(name))
-            done[name] = Page((folder / "report.html").read_text(encoding="utf-8")), page, worse
-        return done[name]
+        page, worse = once(f"spoiled_{name}", lambda: spoiled_page(name))
+        return Page((quick_run(name)[0] / "report.html").read_text(encoding="utf-8")), page, worse
 
     return made
 
