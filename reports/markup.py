@@ -15,6 +15,7 @@ NUMBER: Final = re.compile(r"[+-]?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?")
 MARK: Final = re.compile(r"([!-/:-@\[-`{-~])")  # ASCII punctuation
 APOSTROPHE: Final = re.compile(r"(?<=[^\W\d_])'")
 BLANKS: Final = re.compile(r"[\t\n\v\f\r\x1c-\x1f\x85\u2028\u2029 ]+")
+RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")  # of a power of ten
 JOINERS: Final = "\u2060\u200c\u200d"  # no line ends here; letters of some scripts and emoji need the other two
 
 

@@ -22,6 +22,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter, LogFormatterSciNotation
 
+from reports.markup import RAISED
+
 TEXT_WIDTH = 160.0
 """Width of the text on paper, mm: figures are drawn at the size at which they are printed."""
 
@@ -35,8 +37,6 @@ COLOURS = (BLUE, VERMILION, BLACK, GREEN, PURPLE, ORANGE, SKY)
 # Black-and-white print separates lines by their dashes, in points of line width.
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)), (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -188,12 +188,6 @@ def force_unit(largest: float) -> tuple[float, str]:
     if largest == 0 or largest >= 1e-3:
         return 1.0, "N"
     return (1e6, "µN") if largest >= 1e-6 else (1e9, "nN")
-
-
-def length_unit(largest: float) -> tuple[float, str]:
-    """How many of a unit are in 1 m, and the unit [-], for an axis of lengths up to `largest` [m]: µm, or mm where
-    these would take five digits."""
-    return (1e6, "µm") if largest < 0.01 else (1e3, "mm")
 
 
 def tolerance_band(ax: Axes, centre: float, half_width: float, label: str) -> None:

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from models.machine import Machine
 from models.machines.provenance import Provenance
-from models.quantity import show, span
-from reports.style import RAISED, length_unit
+from models.quantity import length_unit, show, span
+from reports.markup import RAISED
 
 EXPONENT: Final = re.compile(r"(?P<digits>\d(?:\.\d+)?)e(?P<sign>[+-]?)0*(?P<power>\d+)")
 MOST: Final = 12

@@ -46,11 +46,16 @@ def dotted(path: Path, root: Path) -> str:
 def imported(path: Path, known: Collection[str]) -> Iterator[str]:
     """Modules among `known` that a file imports anywhere: at its head, inside a function, or for type checking only."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            inner = [f"{node.module}.{alias.name}" for alias in node.names]
-            yield from (name if name in known else node.module for name in inner)
+        yield from named(node, known)
+
+
+def named(node: ast.AST, known: Collection[str]) -> Iterator[str]:
+    """Modules among `known`, and others, that a line imports."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom) and node.module:
+        inner = [f"{node.module}.{alias.name}" for alias in node.names]
+        yield from (name if name in known else node.module for name in inner)
 
 
 def wrong_directions(root: Path) -> list[str]:
@@ -97,6 +102,29 @@ RULES = (wrong_directions, cycles, crowded, ambiguous)
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 def test_the_layout_keeps_its_rules(rule: Callable[[Path], list[str]]) -> None:
     assert rule(ROOT) == []
+
+
+def heads(root: Path) -> dict[str, set[str]]:
+    """What each module of the project imports as soon as it is imported itself."""
+    files = {dotted(path, root): path for package in MAY_IMPORT for path in modules(package, root)}
+    found = {}
+    for name, path in files.items():
+        head = ast.parse(path.read_text(encoding="utf-8")).body
+        found[name] = {other for node in head for other in named(node, files)}
+    return found
+
+
+def test_what_computes_does_not_wait_for_what_draws() -> None:
+    """Matplotlib takes half a second, which a study that computes need not have: another process sets its report."""
+    graph = heads(ROOT)
+    for name in graph:
+        if name.startswith("studies.") and name.endswith(".compute"):
+            reached, ahead = set[str](), {name}
+            while ahead:
+                reached |= ahead
+                ahead = set[str]().union(*(graph.get(one, set()) for one in ahead)) - reached
+            assert "studies.study" in reached
+            assert not {"reports.style", "matplotlib.figure"} & reached, name
 
 
 # What proposes one effect, in diagnosis/which, and what simulates the table whose answer is known, in the study.

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from models.identification.modal.local_rational import LOCAL as NOISE_LOCAL
 from models.identification.modal.local_rational import distortion_between_lines, noise_between_lines, noise_under_sweep
@@ -310,7 +310,7 @@ def _leaked(beside: Array, plant: Array, inside: NDArray[np.bool_]) -> Array:
     alone = np.where(inside & (beside > FOREIGN * _typical(beside, LOCAL)), beside, 0.0)
     away = np.abs(np.arange(1 - alone.size, alone.size))
     alone = np.divide(alone, plant, out=alone, where=plant > 0)
-    leaked = plant * fftconvolve(alone, 1 / np.maximum(np.pi * away, 1.0) ** 2, "valid")
+    leaked = plant * scipy.signal.fftconvolve(alone, 1 / np.maximum(np.pi * away, 1.0) ** 2, "valid")
     return np.asarray(np.maximum(leaked, 0.0), float)
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from models.quantity import show
+from models.quantity import length_unit, show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
@@ -161,7 +161,7 @@ def _feedforward(whole: Results) -> Drawing:
     plain, robust, wanted = results["deadbeat"], results["robust"], results["wanted"]
     figure, axes = style.subplots(2, 1, 80, sharex=True)
     time = 1e3 * np.array(plain["time_s"])
-    count, unit = style.length_unit(wanted["stroke_m"])
+    count, unit = length_unit(wanted["stroke_m"])
     designs = [(plain, wanted["objective_meaning"]), (robust, "robust against wrong mode frequencies")]
     if not results["sensitivity"]["modes"]:  # a rigid axis has none that could be wrong
         del designs[1]
@@ -341,7 +341,7 @@ def _responses(whole: Results) -> Drawing:
     results, specification = whole["results"], whole["machine"]["specification"]
     figure, axes = style.subplots(2, 2, 100, sharex=True, sharey="row")
     stroke = max(abs(motion["target_m"] - motion["origin_m"]) for motion in results["with"]["motions"])
-    count, unit = style.length_unit(stroke)
+    count, unit = length_unit(stroke)
     for column, (key, title) in enumerate((("without", "without compensation"), ("with", "with compensation"))):
         case = results[key]
         time = 1e3 * np.array(case["time_s"])
@@ -398,7 +398,7 @@ def _lissajous(whole: Results) -> Drawing:
     figure, axes = style.subplots(1, 1, 75)
     ax = axes[0, 0]
     positive = _positive(case)
-    count, unit = style.length_unit(max(abs(motion["target_m"]) for motion in positive))
+    count, unit = length_unit(max(abs(motion["target_m"]) for motion in positive))
     for motion in positive:
         first = motion["reversal"]
         ax.plot(

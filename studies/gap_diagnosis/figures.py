@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawing
 from diagnosis.model.kalman import STARTING
 from models.quantity import show
 from reports import style
+from studies.gap_diagnosis.unknown_law import OVER
 from studies.wording import effect
 
 Results = Mapping[str, Any]
@@ -282,3 +283,16 @@ def _line(ax: Any, time: Sequence[float], values: Any, label: str) -> None:
     ax.plot(time, values, linewidth=0.8, linestyle="-")
     ax.set_ylabel(label)
     ax.set_xlim(0, time[-1])
+
+
+def learned_curve(whole: Results) -> Drawing:
+    """The learned force over its coordinate, with its band."""
+    learned = whole["results"]["learned"]
+    figure, axes = style.subplots(1, 1, 62)
+    ax, knots, band = axes[0, 0], np.array(learned["knots"]), np.array(learned["band"])
+    ax.fill_between(knots, band[:, 0], band[:, 1], facecolor=LIGHT, edgecolor="none", label="95 % band")
+    ax.plot(knots, learned["values"], color=style.BLUE, marker="o", markersize=2.5, linestyle="-", label="learned")
+    ax.set_xlabel(f"{OVER[learned['coordinate']]} [{learned['unit']}]")
+    ax.set_ylabel("force on the table [N]")
+    ax.legend(loc="best")
+    return figure

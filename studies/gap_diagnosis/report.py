@@ -31,7 +31,7 @@ def tell(whole: Results) -> Report:
         Figure("confusable", CONFUSABLE, ("results.confusability",), figures.confusable),
     ]
     if unknown_law.has_curve(results.get("learned")):
-        shown.append(Figure("learned", LEARNED, ("results.learned",), unknown_law.curve))
+        shown.append(Figure("learned", LEARNED, ("results.learned",), figures.learned_curve))
     if results["next"] is not None:
         shown.append(Figure("next", NEXT, ("results.next",), figures.next_run))
     extra: dict[str, Callable[..., Any]] = {

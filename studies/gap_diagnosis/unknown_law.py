@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
-from matplotlib.figure import Figure as Drawing
-
 from diagnosis.handover.files import Content
 from models.quantity import show
-from reports import style
 
 Results = Mapping[str, Any]
 
@@ -66,16 +62,3 @@ def left(far: Results) -> list[str]:
         f"With the measured law {show(gap['force_N'], 'N', 2)} and {show(gap['position_m'], 'm', 2)} of position are "
         "left on motions held out."
     ]
-
-
-def curve(whole: Results) -> Drawing:
-    """The learned force over its coordinate, with its band."""
-    learned = whole["results"]["learned"]
-    figure, axes = style.subplots(1, 1, 62)
-    ax, knots, band = axes[0, 0], np.array(learned["knots"]), np.array(learned["band"])
-    ax.fill_between(knots, band[:, 0], band[:, 1], facecolor="#c9dbe8", edgecolor="none", label="95 % band")
-    ax.plot(knots, learned["values"], color=style.BLUE, marker="o", markersize=2.5, linestyle="-", label="learned")
-    ax.set_xlabel(f"{OVER[learned['coordinate']]} [{learned['unit']}]")
-    ax.set_ylabel("force on the table [N]")
-    ax.legend(loc="best")
-    return figure

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import LogLocator
 
+from models.quantity import length_unit
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
@@ -155,7 +156,7 @@ def _reversal(whole: Results) -> Drawing:
     largest = max(float(np.max(np.abs(curve["error_m"]))) for curve in reversal["curves"])
     end = 10 * spec["tolerance_m"]
     long = largest > 10 * end  # of a long stroke only the end tells the curves apart
-    count, unit = style.length_unit(end if long else largest)
+    count, unit = length_unit(end if long else largest)
     style.tolerance_band(ax, 0.0, count * spec["tolerance_m"], "tolerance")
     in_time = 1e3 * spec["settling_time_s"]
     style.mark_limit(ax, in_time, f"{in_time:g} ms", axis="x", end="bottom")

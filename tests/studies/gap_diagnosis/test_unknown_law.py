@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from studies.gap_diagnosis import unknown_law
+from studies.gap_diagnosis import figures, unknown_law
 
 LEARNED: dict[str, Any] = {
     "adopted": True,
@@ -55,7 +55,7 @@ def test_what_the_file_with_the_law_leaves_is_told() -> None:
 
 
 def test_the_figure_shows_the_curve_and_its_band() -> None:
-    (axes,) = unknown_law.curve({"results": {"learned": LEARNED}}).axes
+    (axes,) = figures.learned_curve({"results": {"learned": LEARNED}}).axes
     (line,) = axes.lines
     assert list(line.get_ydata()) == LEARNED["values"]  # type: ignore[arg-type]
     assert len(axes.collections) == 1
