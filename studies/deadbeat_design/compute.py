@@ -144,10 +144,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         ("machines that the file allows on which all motions settle in time", in_short(results["as_known"])),
         *told_remedies(results),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
-        *(
-            (f"{show(one['stroke_m'], 'm')} along a profile", _told(one, machine))
-            for one in results["long_moves"]["rows"]
-        ),
+        *(_told(one, machine) for one in results["long_moves"]["rows"]),
         *reproduction(results["paper"]),
     ]
     if machine.control.law is not None:
@@ -201,13 +198,16 @@ def _assumed(machine: Machine) -> list[tuple[str, str]]:
     return [("WARNING, friction", said)]
 
 
-def _told(row: Mapping[str, Any], machine: Machine) -> str:
-    """What a long move takes, and whether it is later than specified: no check says so of moves not asked for."""
+def _told(row: Mapping[str, Any], machine: Machine) -> tuple[str, str]:
+    """A long move, what it takes, and whether it is later than specified: no check says so of moves not asked for."""
     watched = f"does not settle within {show(row['watched_s'], 's')} after it"
     settled = watched if math.isinf(row["settling_s"]) else f"settles {show(row['settling_s'], 's')} after it"
     specified = machine.specification.settling_time
     late = f", later than {show(specified, 's')}" if specified < row["settling_s"] < math.inf else ""
-    return f"{show(row['profile_s'], 's')}, {settled}{late}"
+    stroke = show(row["stroke_m"], "m")
+    if row["profile_s"] < 1.5 * machine.sample_time:  # a thrust that is strong for the mass needs no more
+        return f"{stroke} in one step", f"{settled}{late}"
+    return f"{stroke} along a profile", f"{show(row['profile_s'], 's')}, {settled}{late}"
 
 
 def _settling(

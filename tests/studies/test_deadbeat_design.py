@@ -23,7 +23,7 @@ from models.machine import DEFAULT
 from models.machine import load as machine_of
 from studies.command import CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY
-from studies.deadbeat_design.compute import _proof, _reference_delay
+from studies.deadbeat_design.compute import _proof, _reference_delay, _told
 from studies.deadbeat_design.outcomes import RESIDUAL_LIMIT
 
 ROOT = Path(__file__).parents[2]
@@ -357,3 +357,19 @@ def test_a_reference_delay_other_than_that_in_place_is_told() -> None:
     ((name, told),) = _reference_delay(other, controller)
     assert name.startswith("WARNING, reference delay")
     assert told == "2 samples, where the one in place has 3: set it"
+
+
+@pytest.mark.parametrize(
+    ("profile", "settling", "told"),
+    [
+        (0.099, 0.014, ("5 mm along a profile", "99 ms, settles 14 ms after it")),
+        (0.099, 0.074, ("5 mm along a profile", "99 ms, settles 74 ms after it, later than 25 ms")),
+        (0.099, float("inf"), ("5 mm along a profile", "99 ms, does not settle within 200 ms after it")),
+        (0.0005, 0.014, ("5 mm in one step", "settles 14 ms after it")),
+    ],
+)
+def test_a_long_move_is_told_with_its_profile_or_as_a_step(
+    profile: float, settling: float, told: tuple[str, str]
+) -> None:
+    row = {"stroke_m": 5e-3, "profile_s": profile, "settling_s": settling, "watched_s": 0.2}
+    assert _told(row, machine_of(DEFAULT)) == told
