@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 from matplotlib.figure import Figure as Drawing
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator, NullFormatter
 
 from reports import style
 from reports.markup import Markdown
@@ -125,8 +125,13 @@ def _stabilisation(whole: Results) -> Drawing:
     ax.yaxis.set_major_locator(MultipleLocator(1))
     ax.set_ylabel("modes fitted")
     ax.set_xlabel("frequency [Hz]")
-    size.plot([order["chi_square"] for order in r["orders"]], [order["modes"] for order in r["orders"]], marker="o")
-    size.set_xscale("log")
+    left = [order["chi_square"] for order in r["orders"]]
+    size.plot(left, [order["modes"] for order in r["orders"]], marker="o")
+    if max(left) > 10 * min(left):
+        size.set_xscale("log")
+        size.xaxis.set_minor_formatter(NullFormatter())
+    else:  # labels within a decade would stand on one another
+        size.xaxis.set_major_locator(MaxNLocator(3))
     size.set_xlabel("chi-square")
     return figure
 
