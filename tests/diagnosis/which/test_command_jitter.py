@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,12 +13,14 @@ import pytest
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import confusability
 from diagnosis.experiments.schedules import multisine, repeated_strokes, sequence
+from diagnosis.model.fit import Fit
 from diagnosis.model.parameters import parameters
 from diagnosis.refit import refit
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.detectors import _accounts_for_the_rest
 from models.effects.base import Effect
 from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
+from models.records.record import Record
 from tests.diagnosis.tables import recorded, table
 
 LATE = Criteria().late_commands_min_gain
@@ -26,9 +29,15 @@ MACHINE = replace(table(), scale=FINE)
 PLAN = (sequence(MACHINE), repeated_strokes(MACHINE, passes=6))
 
 
+@cache
+def fitted(*effects: Effect, seed: int) -> tuple[Fit, tuple[Record, ...]]:
+    """Records of the table with these effects, and the re-fit to them."""
+    records = tuple(recorded(MACHINE, PLAN, effects, seed=seed))
+    return refit(parameters(MACHINE, len(records)), records), records
+
+
 def found(*effects: Effect, seed: int) -> Lateness:
-    records = recorded(MACHINE, PLAN, effects, seed=seed)
-    return lateness(refit(parameters(MACHINE, len(records)), records), records)
+    return lateness(*fitted(*effects, seed=seed))
 
 
 @pytest.mark.parametrize("part", [0.01, 0.04])
@@ -41,12 +50,10 @@ def test_late_commands_are_found_and_measured(part: float) -> None:
 
 def test_its_energy_is_what_late_commands_add_to_what_is_left() -> None:
     """The same table, punctual and not: what the re-fit leaves of it differs by that chi-square."""
-    left = []
-    for effects in ((), (TimingJitter(0.02),)):
-        records = recorded(MACHINE, PLAN, effects, seed=31)
-        fitted = refit(parameters(MACHINE, len(records)), records)
-        left.append(sum(float(one.innovations[60:] @ one.innovations[60:]) for one in fitted.residuals))
-    assert lateness(fitted, records).energy == pytest.approx(left[1] - left[0], rel=0.35)
+    late = TimingJitter(0.04)
+    fits = fitted(seed=31)[0], fitted(late, seed=31)[0]
+    left = [sum(float(one.innovations[60:] @ one.innovations[60:]) for one in fit.residuals) for fit in fits]
+    assert found(late, seed=31).energy == pytest.approx(left[1] - left[0], rel=0.35)
 
 
 @pytest.mark.parametrize(
@@ -69,8 +76,14 @@ def test_a_little_lateness_counts_where_it_accounts_for_what_is_left(
     assert _accounts_for_the_rest(Lateness(1e-5, 200.0, 1e-12, energy), seen) == counts
 
 
-@pytest.mark.parametrize("effects", [(), (Cogging(1.5, 0.035, 1.0),)], ids=["nothing", "cogging"])
-@pytest.mark.parametrize("seed", [32, 33])
+COGGING = Cogging(1.5, 0.035, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("effects", "seed"),
+    [((), 31), ((), 34), ((COGGING,), 32), ((COGGING,), 33)],
+    ids=["nothing", "nothing again", "cogging", "cogging again"],
+)
 def test_punctual_commands_are_not_called_late(effects: tuple[Effect, ...], seed: int) -> None:
     """A force that belongs to the place repeats with the motion. On a scale as fine as this, the error of the model
     shows as a lateness that is far below any that is late commands'."""
@@ -95,9 +108,7 @@ def test_a_law_of_the_thrust_beside_them_is_not_counted_as_lateness() -> None:
 
 def test_the_least_lateness_that_shows_is_what_the_records_are_said_to_show() -> None:
     """The same records with commands that are late more and less often than the limit of detection says."""
-    records = recorded(MACHINE, PLAN, (), seed=34)
-    fitted = refit(parameters(MACHINE, len(records)), records)
-    said = confusability(fitted, records)
+    said = confusability(*fitted(seed=34))
     limit = said.limits[said.names.index("timing_jitter")][1]
     assert 1e-4 < limit < 0.03
     assert found(TimingJitter(2.5 * limit), seed=34).gain > LATE
