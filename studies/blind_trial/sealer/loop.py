@@ -150,3 +150,16 @@ def mean_input(m: Moving, k: int, now: float, h: float) -> float:
         m.last[3], since, active = m.inputs[active + 1], begin, active + 1
     m.active[0] = active
     return float(mean + m.last[3] * (now + h - since)) / h
+
+
+@compiled
+def alone(m: Moving, k: int, now: float, h: float) -> float:
+    """Lets the commands act, of those up to the k-th, that begin by now; for how long [s] the last of them acts before
+    another one does, h at most. What begins within a thousandth of h begins now."""
+    active = m.active[0]
+    while active < k and m.starts[active + 1] <= now + 1e-3 * h:
+        m.last[3], active = m.inputs[active + 1], active + 1
+    m.active[0] = active
+    if active < k and m.starts[active + 1] < now + h:
+        return float(m.starts[active + 1] - now)
+    return h

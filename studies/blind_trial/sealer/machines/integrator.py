@@ -1,7 +1,8 @@
 """A drawn machine in its loop: Runge-Kutta of fourth order on modes and attachments, several steps a sample.
 
 Friction is a set of elements that stick and slip (Iwan 1966), tried at every stage from where the step began. What is
-slow (relaxation, ageing, heat) moves once a step. A command that begins to act within a step acts in proportion.
+slow (relaxation, ageing, heat) moves once a step. A step ends where a command begins to act: on a scale of a nanometre
+it shows when within a step that was.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.blind_trial.sealer.loop import POINTS, Moving, Run, compiled, mean_input
+from studies.blind_trial.sealer.loop import POINTS, Moving, Run, alone, compiled
 from studies.blind_trial.sealer.machines import places as at
 from studies.blind_trial.sealer.machines.mechanics import (
     amplified,
@@ -214,4 +215,8 @@ def run(p: Truth, r: Run, m: Moving, before: int) -> None:
             if s % each == 0:
                 r.position[k, s // each] = place_of(p, m.y)
             push = r.force[k] + (r.force[min(k + 1, n - 1)] - r.force[k]) * s / p.steps
-            advance(p, m, mean_input(m, k, now, h), push, now, h)
+            end = now + h
+            while end - now > 1e-3 * h:
+                part = alone(m, k, now, end - now)
+                advance(p, m, m.last[3], push, now, part)
+                now += part
