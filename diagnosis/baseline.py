@@ -18,7 +18,7 @@ from diagnosis.model.motions import Piece, numbered, pieces
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.model.units import loop_time, with_units
-from diagnosis.null import Null, begun, null
+from diagnosis.null import Null, begun
 from diagnosis.refit import weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
@@ -130,9 +130,9 @@ def refit_and_null(
     nominal = weighed(finer, records, criteria, first.usual)
     if nominal.candidate.rough or finer is not smooth:  # what chance gains depends on the roughness and on the elements
         del first  # its columns are large
-        chance = null(nominal.candidate.layout, records, cache=cache, say=told, roughness=nominal.candidate.roughness)
-    else:
-        chance = first.completed(told)
+        candidate = nominal.candidate
+        first = begun(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
+    chance = first.completed(told)
     given = smooth.candidate.nominal if finer is not smooth else None
     return Baseline(nominal, tuple(records), motions, chance, criteria, known, given)
 

@@ -207,8 +207,13 @@ def begun(
     draws: int = DRAWS,
     say: Callable[[str], None] = lambda _: None,
 ) -> Begun:
-    """The first table of a `null` [1]: on a drive that turns out rougher than its model, or with more contacts, all
-    others would be simulated for nothing."""
+    """The gains [1] of every effect on `draws` simulated tables without any, begun with the first of them: on a drive
+    that turns out rougher than its model, or with more contacts, all others would be simulated for nothing.
+
+    roughness: the white force of each record over the usual one [1], which the tables have and their fits allow for.
+    The cache is JSON in a folder of the user's, from which the null is read where it was kept. Where its file is
+    damaged, or somebody else owns the folder, the tables are simulated again.
+    """
     place = cache / f"{_key(layout.machine, records, draws, roughness)}.json" if cache else None
     kept = _kept(place, layout.machine.kinds, draws, len(records)) if place else None
     if kept is not None:
@@ -218,24 +223,6 @@ def begun(
     findings, columns = scan(*table)  # most of them are those of the tables that follow, too
     known = {effect: column for effect, column in columns.items() if _is_of_path(effect)}
     return Begun(layout, records, roughness, draws, place, (_gains(table, findings), known))
-
-
-def null(
-    layout: Parameters,
-    records: Sequence[Record],
-    *,
-    roughness: tuple[float, ...] = (),
-    cache: Path | None = None,
-    draws: int = DRAWS,
-    say: Callable[[str], None] = lambda _: None,
-) -> Null:
-    """The gains of every effect on `draws` simulated tables without any; read from `cache` where they were kept.
-
-    roughness: the white force of each record over the usual one [1], which the tables have and their fits allow for.
-    The cache is JSON in a folder of the user's. Where its file is damaged, or somebody else owns the folder, the tables
-    are simulated again.
-    """
-    return begun(layout, records, roughness=roughness, cache=cache, draws=draws, say=say).completed(say)
 
 
 def _keep(made: Null, place: Path) -> None:
