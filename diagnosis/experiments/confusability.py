@@ -23,8 +23,9 @@ from diagnosis.model.residual import columns
 from diagnosis.where.controller import replayed
 from diagnosis.which.command_jitter import lateness
 from diagnosis.which.scan import BATCH, quadratures
-from models.effects.base import POSITIVE, Effect, Parameter, Place, parameters
+from models.effects.base import Effect, Place, parameters
 from models.effects.catalogue import every, in_order
+from models.effects.parameter import POSITIVE, Parameter
 from models.effects.priors import USUAL, Priors
 from models.machine import Machine
 from models.records.record import Record

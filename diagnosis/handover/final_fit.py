@@ -20,8 +20,8 @@ from diagnosis.model.fit import Fit, bounds_of, fit
 from diagnosis.model.parameters import Parameters, moved
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.unknown_force import unknown_force
-from models.effects.base import POSITIVE
 from models.effects.base import parameters as parameters_of
+from models.effects.parameter import POSITIVE
 from models.effects.priors import Priors
 from models.records.record import Record
 

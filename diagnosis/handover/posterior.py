@@ -25,9 +25,9 @@ from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.unknown_force import unknown_force
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.table import covariance_of, slopes_of_parameters
-from models.effects.base import POSITIVE
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import named
+from models.effects.parameter import POSITIVE
 from models.machine import Machine
 from models.machine import parameters as values_of
 from models.machines.normal_within import normal_within

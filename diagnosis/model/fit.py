@@ -29,7 +29,8 @@ from diagnosis.model.residual import (
     smooth,
 )
 from diagnosis.model.units import noise
-from models.effects.base import POSITIVE, Effect, Parameter, parameters
+from models.effects.base import Effect, parameters
+from models.effects.parameter import POSITIVE, Parameter
 from models.effects.priors import Priors
 from models.records.record import Record
 

@@ -17,7 +17,8 @@ from diagnosis.model.fit import Fit, coordinates
 from diagnosis.which.free_form import free_form, member_columns
 from diagnosis.which.scan import NuisanceProjection, by_segment, judged, linear_columns, partial_out
 from diagnosis.which.stage import Proposal
-from models.effects.base import POSITIVE, Effect, Kind, parameters
+from models.effects.base import Effect, Kind, parameters
+from models.effects.parameter import POSITIVE
 from models.records.record import Record
 
 Array = NDArray[np.float64]

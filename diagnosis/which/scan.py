@@ -25,8 +25,9 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns
 from diagnosis.which.resonances import resonances
 from models.compiled import compiled
-from models.effects.base import POSITIVE, SHOWN, Effect, Parameter, Place, parameters
+from models.effects.base import SHOWN, Effect, Place, parameters
 from models.effects.catalogue import in_order
+from models.effects.parameter import POSITIVE, Parameter
 from models.plant import Mode
 from models.records.record import Record
 

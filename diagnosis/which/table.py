@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, coordinates, effects_prior_std, with_coordinates
 from diagnosis.which.stage import Carrier, Proposal, Stage
-from models.effects.base import POSITIVE, Effect
+from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
+from models.effects.parameter import POSITIVE
 from models.effects.priors import Priors
 
 Array = NDArray[np.float64]

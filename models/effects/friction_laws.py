@@ -6,24 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import (
-    LIMIT,
-    MOVED,
-    STIFFNESS,
-    Effect,
-    H,
-    Numbers,
-    Place,
-    T,
-    V,
-    X,
-    Z,
-    hook,
-    parameter,
-    period,
-    phase,
-    switch,
-)
+from models.effects.base import LIMIT, MOVED, STIFFNESS, Effect, H, Numbers, Place, T, V, X, Z, hook
+from models.effects.parameter import parameter, period, phase, switch
 
 FORGOTTEN: Final = 5e-3  # s in which a table at rest loses its direction, where it does
 REST_SPEED: Final = 1e-4  # m/s; well below it a contact heals, well above it loses what it gained

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from models.effects.base import Effect, H, Numbers, Place, X, counted, hook, parameter, period, phase, switch
+from models.effects.base import Effect, H, Numbers, Place, X, hook
+from models.effects.parameter import counted, parameter, period, phase, switch
 
 RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
 FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import U_LAW, Effect, Numbers, Place, hook, parameter
+from models.effects.base import U_LAW, Effect, Numbers, Place, hook
+from models.effects.parameter import parameter
 
 
 @hook

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, Place, T, hook, parameter, period, phase
+from models.effects.base import Effect, Numbers, Place, T, hook
+from models.effects.parameter import parameter, period, phase
 
 
 @hook

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, Place, T, X, counted, hook, parameter, period, phase
+from models.effects.base import Effect, Numbers, Place, T, X, hook
+from models.effects.parameter import counted, parameter, period, phase
 from models.plant import Mode
 
 

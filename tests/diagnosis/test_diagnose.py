@@ -24,9 +24,10 @@ from diagnosis.model.residual import smooth
 from diagnosis.verdict import Outcome
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import Topic, statements
-from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook, parameter
+from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook
 from models.effects.friction_laws import FrictionRelaxation, Stribeck, ViscousFriction
 from models.effects.motor import Cogging
+from models.effects.parameter import parameter
 from models.machine import load
 from models.machine_file import to_toml
 from tests.diagnosis.tables import LEAD, off_by, recorded, short, table

@@ -26,8 +26,9 @@ from diagnosis.model.units import white_force
 from diagnosis.refit import refit_within, weighed
 from diagnosis.verdict import Outcome
 from diagnosis.which.kinds import above_floor, of_kind
-from models.effects.base import Effect, Numbers, Place, T, hook, parameter
+from models.effects.base import Effect, Numbers, Place, T, hook
 from models.effects.friction_laws import ViscousFriction
+from models.effects.parameter import parameter
 from models.machine import Machine
 from models.records.record import Record
 from tests.diagnosis.tables import recorded, table

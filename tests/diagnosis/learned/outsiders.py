@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, Place, X, hook, parameter
+from models.effects.base import Effect, Numbers, Place, X, hook
+from models.effects.parameter import parameter
 
 
 @hook

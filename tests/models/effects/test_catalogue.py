@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 import models.effects
-from models.effects.base import COORDINATES, FAMILIES, ROLES, SHOWN, Place, parameter, parameters, period
+from models.effects.base import FAMILIES, SHOWN, Place, parameters
 from models.effects.catalogue import beyond, every, in_order, looked_for, named
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
+from models.effects.parameter import COORDINATES, ROLES, parameter, period
 from models.machine import DEFAULT, MachineError, load, to_json
 from models.machine import parameters as values
 from models.machine_file import to_toml
@@ -89,7 +90,7 @@ def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:
         ValueError, match="role 'size' is unknown; give one of amplitude, shape, period, phase, width, switch"
     ):
         parameter("N", "a size", 1.0, 2.0, "size")
-    with pytest.raises(ValueError, match=r"role 'period': declare it with models\.effects\.base\.period"):
+    with pytest.raises(ValueError, match=r"role 'period': declare it with models\.effects\.parameter\.period"):
         parameter("m", "a lead", 1e-3, 1e-2, "period")
     with pytest.raises(ValueError, match="periodic_in='speed' is unknown; give one of position, reading, command, ti"):
         period("m/s", "a speed", 1e-3, 1e-2, "speed")

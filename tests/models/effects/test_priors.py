@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from diagnosis.model.fit import OF_PERIOD, at_bounds, fine_step
-from models.effects.base import POSITIVE, Effect, parameters
+from models.effects.base import Effect, parameters
 from models.effects.catalogue import SIZES, every, looked_for, range_declarations
 from models.effects.friction_laws import DirectionalFriction, Stribeck, VelocityStrengthening
 from models.effects.motor import Cogging, DacQuantisation
+from models.effects.parameter import POSITIVE
 from models.effects.priors import USUAL, Priors
 from models.effects.scale import ScalePeriodicError
 from models.machine import MachineError, load, to_json

@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from models.effects.base import Effect, Numbers, Place, U, hook, parameter
+from models.effects.base import Effect, Numbers, Place, U, hook
 from models.effects.catalogue import every
+from models.effects.parameter import parameter
 from models.machine import load
 from models.simulation.effect_kernel import ACTING, Replayed, changed, kept, replay
 from tests.models.effects.laws import laws

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from models import machine as machines
 from models.controller import References
-from models.effects.base import Effect, Numbers, Place, T, X, hook, parameter
+from models.effects.base import Effect, Numbers, Place, T, X, hook
+from models.effects.parameter import parameter
 from models.feedback.forms import NO_FILTERS, Cascade, Filters, LowPass, Notch
 from models.machine import Machine
 from models.machine_file import to_toml
