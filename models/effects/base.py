@@ -24,11 +24,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.compiled import compiled
-from models.effects.parameter import Parameter
+from models.effects.parameter import Parameter, parameter, period, phase, switch
 from models.effects.priors import REFERENCE, USUAL, Priors
 from models.effects.ranges import looked_for, stated, usual_in
 from models.plant import Mode
 from models.quantity import AXES
+
+# With those of parameter.py that a file of one's own effect needs.
+__all__ = [
+    "FAMILIES",
+    "LIMIT",
+    "MOVED",
+    "SHOWN",
+    "STIFFNESS",
+    "U_LAW",
+    "Array",
+    "E",
+    "Effect",
+    "H",
+    "Hook",
+    "Kind",
+    "Numbers",
+    "Place",
+    "T",
+    "U",
+    "V",
+    "X",
+    "Z",
+    "hook",
+    "parameter",
+    "parameters",
+    "period",
+    "phase",
+    "switch",
+]
 
 Array = NDArray[np.float64]
 

@@ -30,9 +30,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
-from models.effects.base import Array, Effect
+from models.effects.base import Array, Effect, parameter
 from models.effects.measured import Measured
-from models.effects.parameter import parameter
 
 CURVE: Final = Measured(
 {table}
