@@ -54,12 +54,14 @@ class Explanation:
 
 
 def verdict(given: Explanation, criteria: Criteria = Criteria()) -> Outcome:
-    """Attributed where the effects surely close some of the gap, and enough of it or all that is significant; else
-    something that has no name here, be it a force without a law; or nothing but the parameters, or nothing at all."""
+    """Attributed where the effects surely close some of the gap, and enough of it or all that is significant, the
+    strongest within its prior range or leaving nothing; else something that has no name here, be it a force without a
+    law; or nothing but the parameters, or nothing at all."""
     if set(given.series).intersection(given.names):
         return Outcome.NONE
     surely_some = given.interval[0] > 0
-    if given.names and surely_some and not given.at_bound and _closes_enough(given, criteria):
+    own_law = not given.at_bound or _leaves_nothing(given, criteria)
+    if given.names and surely_some and own_law and _closes_enough(given, criteria):
         return Outcome.ATTRIBUTED
     stands_out = given.largest_innovation > given.spike
     if given.names or given.rough or stands_out or given.excess > criteria.missing_excess:
@@ -76,8 +78,18 @@ def _closes_enough(given: Explanation, criteria: Criteria) -> bool:
     looser = (len(given.names) < 2 and not given.rough) + bool(set(given.random).intersection(given.names))
     if bounds[looser] >= criteria.min_closure:
         return True
-    # The floor of a rough drive is as rough as what is left: a small excess says nothing there. Where innovations never
-    # exceeded it, they do not then, and the force's excess counts.
+    return len(given.names) < 2 and _at_floor(given, criteria) and high >= criteria.min_closure_at_floor
+
+
+def _leaves_nothing(given: Explanation, criteria: Criteria) -> bool:
+    """Whether a single effect surely closes the gap to the noise floor. A law that is distorted to stand for another
+    one leaves something; one of another form, which rises with the logarithm of the time where the catalogue's goes to
+    a limit, say, may fit to the floor with a value that no record shows."""
+    return len(given.names) < 2 and given.interval[0] >= criteria.min_closure and _at_floor(given, criteria)
+
+
+def _at_floor(given: Explanation, criteria: Criteria) -> bool:
+    """Whether what is left is as small as the noise floor. That of a rough drive is as rough as what is left: a small
+    excess says nothing there. Where innovations never exceeded it, they do not then, and the force's excess counts."""
     excess = given.force_excess if given.by_force else given.excess
-    at_floor = excess < criteria.max_excess_at_floor and not given.rough
-    return len(given.names) < 2 and at_floor and high >= criteria.min_closure_at_floor
+    return excess < criteria.max_excess_at_floor and not given.rough

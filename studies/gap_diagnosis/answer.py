@@ -233,7 +233,7 @@ def _values(parameters: Results) -> str:
 
 def _how_far(results: Results) -> str:
     far = results["how_far"]
-    return " ".join([_gap_closed(results), *unknown_law.left(far), *_handed_over(far), *_overrun(results)])
+    return " ".join([_gap_closed(results), *unknown_law.left(far), *_handed_over(results), *_overrun(results)])
 
 
 def _overrun(results: Results) -> list[str]:
@@ -309,15 +309,19 @@ def _in_percent(ratio: float) -> str:
     return f"{100 * ratio:.2g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
 
 
-def _handed_over(far: Results) -> list[str]:
+def _handed_over(results: Results) -> list[str]:
     """Why files were not adopted, and which values ran to their bounds; nothing without either."""
+    far = results["how_far"]
     told, names = [], list(CANDIDATES)
     richer = names[names.index(far["adopted_file"]) + 1 :]
     harms = [harm_told(harm) for harm in far["harms"] if harm["file"] in richer]
     if harms:
         told.append(f"{' '.join(harms)} {FILES[far['adopted_file']]}")
     if far["at_bounds"]:
-        told.append(f"The model is incomplete: {bounds_told(far['at_bounds'])} at the end of twice the usual room.")
+        meant = bound_meant(results)
+        told.append(
+            f"{meant[0].upper()}{meant[1:]}: {bounds_told(far['at_bounds'])} at the end of twice the usual room."
+        )
     elif far["widened"]:
         told.append(f"Twice the usual room was needed for {bounds_told(far['widened'], verb=False)}.")
     return [*told, *_carried_over(far["transfer"]), *elsewhere(far)]
@@ -396,6 +400,14 @@ def bounds_told(bounds: Sequence[Results], *, verb: bool = True) -> str:
         for one in bounds
     )
     return listed(list(names)) + ((" are" if len(names) > 1 else " is") if verb else "")
+
+
+def bound_meant(results: Results) -> str:
+    """What values at a bound say of the model; those of a law that is named, and leaves nothing, speak of it alone."""
+    named = results["verdict"]["outcome"] == "attributed" and results["verdict"]["effects"]
+    if named and {one["part"] for one in results["how_far"]["at_bounds"]} <= set(named):
+        return "no record shows that size, or the law has another form"
+    return "the model is incomplete"
 
 
 def _unexplained(results: Results) -> str:

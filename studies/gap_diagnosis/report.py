@@ -11,7 +11,7 @@ from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies import as_known
 from studies.gap_diagnosis import course, figures, unknown_law
-from studies.gap_diagnosis.answer import bounds_told, effects_listed, harm_told
+from studies.gap_diagnosis.answer import bound_meant, bounds_told, effects_listed, harm_told
 from studies.wording import beside, filters, fitted, quantity
 
 Results = Mapping[str, Any]
@@ -38,6 +38,7 @@ def tell(whole: Results) -> Report:
         "listed": effects_listed,
         "harm": partial(harm_told, quantity=quantity),
         "bounds": partial(bounds_told, verb=False),
+        "bound_meant": bound_meant,
         "share": _share,
         "sized": _sized,
         "over": unknown_law.OVER.__getitem__,

@@ -210,6 +210,18 @@ def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> 
     assert "The model is incomplete: payload mass is at the end of twice the usual room." in told
 
 
+def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[str, Any]) -> None:
+    bound = {"part": "cogging", "name": "period", "value": 0.1, "unit": "m"}
+    verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cogging"]}
+    far = {**results["how_far"], "at_bounds": [bound]}
+    named = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
+    assert "No record shows that size, or the law has another form: the period of cogging is at the end of" in named
+    beside = {**far, "at_bounds": [bound, {**bound, "part": "nominal", "name": "payload_mass"}]}
+    assert "The model is incomplete" in sentences({**results, "verdict": verdict, "how_far": beside})["how_far"]
+    unnamed = {**verdict, "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
+    assert "The model is incomplete" in sentences({**results, "verdict": unnamed, "how_far": far})["how_far"]
+
+
 def test_a_re_fit_that_leaves_no_more_than_the_floor_has_no_closure(results: dict[str, Any]) -> None:
     far = results["how_far"]
     terms = {**far["closure_terms"], "floor": 2 * far["closure_terms"]["refitted"]}
