@@ -160,12 +160,17 @@ def grid(kind: type[Effect], priors: Priors = USUAL) -> list[Effect]:
     """The effect at its typical shape first, then at the other points of a small grid [SI]."""
     typical = kind.typical(priors)
     axes = [
-        [(item.name, point) for point in sorted({item.low, item.typical, item.high})]
+        [(item.name, point) for point in _points(item)]
         for item in parameters(kind, priors)
         if item.role in {*POSITIVE, "switch"}
     ]
     found = [replace(typical, **dict(point)) for point in itertools.product(*axes)]
     return [typical, *(other for other in found if other != typical)]
+
+
+def _points(item: Parameter) -> list[float]:
+    """The sizes [SI] of a small grid; every law of a switch."""
+    return [*range(int(item.high) + 1)] if item.role == "switch" else sorted({item.low, item.typical, item.high})
 
 
 def distances(found: Columns, names: Sequence[str]) -> Array:

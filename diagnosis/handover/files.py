@@ -163,7 +163,7 @@ def provenance_of_effects(
     fit has one.
 
     fitted: the effects that were fitted, among the effects by identity, with the standard deviations of each. given:
-    names of effects of the machine file, whose law (a switch between two) the diagnosis did not choose.
+    names of effects of the machine file, whose law (a switch) the diagnosis did not choose.
     """
     known = {id(effect): std for effect, std in zip(fitted, deviations, strict=True)}
     for path, effect in named(effects).items():
@@ -174,7 +174,7 @@ def provenance_of_effects(
         for item in parameters_of(type(effect)):
             if item.role == "switch" and effect.name in given:
                 continue
-            detail = f"{source}; the better of two laws" if item.role == "switch" else source
+            detail = f"{source}; the best of its laws" if item.role == "switch" else source
             deviation = std.get(item.name, math.nan)
             known_well = item.role != "switch" and math.isfinite(deviation)
             yield (

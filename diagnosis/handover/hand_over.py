@@ -205,27 +205,29 @@ def _between(stages: Sequence[Stage], baseline: Baseline) -> list[tuple[str, Gap
 
 def closure_terms(files: tuple[Sums, Sums, Sums], floor: Gap, random: float = 0.0) -> tuple[Terms, tuple[float, float]]:
     """The closure's terms by what files as delivered, re-fitted and last leave of motions, and its 95 % interval [1] by
-    a bootstrap over these: of the unknown force, or of the position where the force that the re-fit leaves is within
-    its floor, as that of a mode or of an error of the reading may be. random: what effects at random add to the force
-    of the floor [N]."""
-    force = _terms_in("force", files, floor.force, random)
-    if force[0].shows or random > 0:
+    a bootstrap over these: of the unknown force, or of the position where the force that the re-fit leaves is not
+    surely above its floor and the position is, as those of a mode or of an error of the reading may be. random: what
+    effects at random add to the force of the floor [N]."""
+    force, surely = _terms_in("force", files, floor.force, random)
+    if surely or random > 0:
         return force
-    position = _terms_in("position", files, floor.position)
-    return position if position[0].shows else force
+    position, surely = _terms_in("position", files, floor.position)
+    return position if surely or (not force[0].shows and position[0].shows) else force
 
 
 def _terms_in(
     measure: str, files: tuple[Sums, ...], least: float, random: float = 0.0
-) -> tuple[Terms, tuple[float, float]]:
-    """The terms in a measure, force [N] or position [m], and the closure's interval [1]."""
+) -> tuple[tuple[Terms, tuple[float, float]], bool]:
+    """The terms in a measure, force [N] or position [m], with the closure's interval [1], and whether the re-fit leaves
+    more than the floor in 97.5 % of the draws."""
     _, refitted, after = files
     first, then, last = (float(np.sqrt(one.mean(measure))) for one in files)
     terms = Terms(first, then, last, least, random, measure)
     draws = np.random.default_rng(0).integers(0, refitted.count.size, (DRAWS, refitted.count.size))
-    drawn = closed(refitted.mean(measure, draws), after.mean(measure, draws), least**2, random**2)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return terms, (float(min(low, terms.closure())), float(max(high, terms.closure())))
+    before = refitted.mean(measure, draws)
+    low, high = np.quantile(closed(before, after.mean(measure, draws), least**2, random**2), [0.025, 0.975])
+    interval = float(min(low, terms.closure())), float(max(high, terms.closure()))
+    return (terms, interval), bool(np.quantile(before, 0.025) > least**2)
 
 
 def _of(one: Sums, motions: NDArray[np.bool_]) -> Sums:

@@ -102,7 +102,7 @@ def _slopes_of_values(candidate: Candidate, wide: Array) -> dict[str, Array]:
 
 
 def _slopes_of_effects(candidate: Candidate, wide: Array) -> dict[str, Array]:
-    """The same of each effect's parameters but for the choice between two laws."""
+    """The same of each effect's parameters but for the choice between laws."""
     begins, begin = dict[int, int](), candidate.layout.count
     for effect in candidate.effects:
         begins[id(effect)] = begin

@@ -260,12 +260,12 @@ def sized(effect: Effect, factor: Array) -> Effect:
 
 def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[Effect]:
     """The effect at the points of its grid: shapes and widths spaced by logarithm, periods evenly in their frequency or
-    from a spectrum, switches both ways."""
+    from a spectrum, every law of a switch."""
     priors, axes = fitted.candidate.nominal.priors, []
     nyquist = 0.5 / records[0].sample_time
     for item in parameters(kind, priors):
         if item.role == "switch":
-            axes.append([(item.name, point) for point in (item.low, item.high)])
+            axes.append([(item.name, law) for law in range(int(item.high) + 1)])
         elif item.periodic_in and (item.stated or not item.points):  # a grid's points might all be too far off
             found = _from_spectrum(item, item.widest, kind, fitted, records, projection)
             axes.append([(item.name, point) for point in np.array(found)])

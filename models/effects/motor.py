@@ -189,27 +189,30 @@ class AmplifierDeadband(Effect):
 
 @hook
 def _stepped(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
-    step, rises = p[0], p[1] > 0.5
+    step, law = p[0], p[1]
     if step == 0.0:
         return value
-    if rises:
+    if law > 1.5:
+        return math.floor(abs(value) / step) * (step if value > 0.0 else -step)
+    if law > 0.5:
         return (math.floor(value / step) + 0.5) * step
     return math.floor(value / step + 0.5) * step
 
 
 @dataclass(frozen=True)
 class DacQuantisation(Effect):
-    """The command is put out in steps: one of them at zero, or a jump there."""
+    """The command is put out in steps: one of them at zero, a jump there, or cut off towards zero, as a conversion to
+    integers in firmware does."""
 
     name: ClassVar = "dac_quantisation"
     family: ClassVar = "motor"
     coordinate: ClassVar = "command"
     parity: ClassVar = "odd"
     equation: ClassVar = (
-        r"q\lfloor u/q+\tfrac12\rfloor\ (r=0)\ \text{or}\ "
-        r"q\left(\lfloor u/q\rfloor+\tfrac12\right)\ (r=1)"
+        r"q\lfloor u/q+\tfrac12\rfloor\ (r=0),\ "
+        r"q\left(\lfloor u/q\rfloor+\tfrac12\right)\ (r=1),\ \mathrm{sign}(u)\,q\lfloor |u|/q\rfloor\ (r=2)"
     )
-    source: ClassVar = "Widrow and Kollár 2008, Quantization noise (mid-tread and mid-rise); sizes assumed"
+    source: ClassVar = "Widrow and Kollár 2008, Quantization noise (mid-tread, mid-rise, truncation); sizes assumed"
     hooks: ClassVar = {Place.COMMAND: _stepped}
     step: float = period("N", "step q", 1e-2, 1e-1, "command", role="width", linear_within=1e-5, at_least=0)
-    rise: int = switch("r: it jumps at zero")
+    rise: int = switch("r: it jumps at zero", "it is cut off towards zero")

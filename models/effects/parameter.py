@@ -28,7 +28,7 @@ class Parameter:
     role: "amplitude" (the force or the reading is proportional to it, to first order; 0 for none), "shape" (a time,
     speed, length or frequency), "period" (of what repeats along `periodic_in`, a key of COORDINATES; or its frequency,
     by the unit), "phase" (0 .. 2 pi of a sine), "width" (no proportional parameter; 0 for none; with `periodic_in`
-    the width of a step of a staircase) or "switch" (which of two laws it is: 0 or 1).
+    the width of a step of a staircase) or "switch" (which of its laws it is: 0, 1, ... high).
 
     points: that many between low and high are near enough to each other that one of them resembles any other size;
     0 for a period: so many periods lie in a record that no grid does, only a spectrum. points_per_decade: the same for
@@ -143,9 +143,13 @@ def phase() -> Any:
     return parameter("1", "phase, in radians", 0.0, 2 * math.pi, "phase")
 
 
-def switch(meaning: str) -> Any:
-    """The int field that tells which of two laws an effect has, 0 (the usual one) or 1; meaning: what 1 stands for."""
-    return _field(Parameter("", "1", f"{meaning} (1) or not (0)", "switch", 0, 1, 0), at_least=0, below=2)
+def switch(meaning: str, *others: str) -> Any:
+    """The int field that tells which of its laws an effect has, 0 (the usual one), 1 or more; meaning, others: what 1,
+    2, ... stand for."""
+    laws = ", ".join([f"{meaning} (1)", *(f"{one} ({number})" for number, one in enumerate(others, 2))])
+    most = 1 + len(others)
+    prior = Parameter("", "1", f"{laws} or {'none of these' if others else 'not'} (0)", "switch", 0, most, 0)
+    return _field(prior, at_least=0, below=most + 1)
 
 
 def _field(prior: Parameter, **limits: Any) -> Any:

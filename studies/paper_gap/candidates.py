@@ -42,7 +42,7 @@ KINDS: Final = (COMPENSATOR, PARAMETERS, EFFECTS)
 class Range:
     """One number of a candidate, from low to high (SI): logarithmic, of either sign, or neither (uniform).
 
-    end: the largest value that its law allows. whole: 0 or 1.
+    end: the largest value that its law allows. whole: 0, 1, ... end.
     """
 
     name: str

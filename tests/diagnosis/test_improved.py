@@ -18,7 +18,7 @@ def test_an_identified_size_carries_its_deviation_and_a_switch_says_what_it_is()
     said = {name.rpartition(".")[2]: (one.kind, one.detail, one.std) for name, one in found.items()}
     assert said == {
         "step": ("identified", "gap_diagnosis of a.csv", 1e-3),
-        "rise": ("identified", "gap_diagnosis of a.csv; the better of two laws", None),
+        "rise": ("identified", "gap_diagnosis of a.csv; the best of its laws", None),
     }
     given = dict(
         provenance_of_effects([effect], [effect], [{"step": 1e-3}], {"dac_quantisation"}, "gap_diagnosis of a.csv")

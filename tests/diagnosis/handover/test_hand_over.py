@@ -41,6 +41,16 @@ def test_where_the_force_is_within_its_floor_the_position_tells() -> None:
     assert 0.8 < interval[0] <= interval[1] < 0.95
 
 
+def test_where_the_force_is_not_surely_above_its_floor_the_position_tells() -> None:
+    """A mode that is missing left 7.8 mN above a floor of 7.5, and 7.4 nm above 6.3."""
+    terms, _ = closure_terms(_files((9.0, 5e-7), (1.01, 5e-8), (1.02, 2e-8)), FLOOR)
+    assert terms.measure == "position"
+    terms, _ = closure_terms(_files((9.0, 5e-7), (1.1, 5e-8), (1.02, 2e-8)), FLOOR)
+    assert terms.measure == "force"
+    terms, _ = closure_terms(_files((9.0, 5e-7), (1.01, 1.01e-8), (1.02, 1.0e-8)), FLOOR)
+    assert terms.measure == "force"  # as neither is surely
+
+
 def test_what_acts_at_random_adds_to_the_force_alone() -> None:
     terms, _ = closure_terms(_files((0.99, 5e-7), (0.98, 5e-8), (0.97, 2e-8)), FLOOR, random=0.5)
     assert terms.measure == "force"

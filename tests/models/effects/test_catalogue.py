@@ -175,7 +175,7 @@ def test_values_of_effects_have_sources(tmp_path: Path) -> None:
             '[effects.dac_quantisation]\nstep = "0.1 N"\nrise = "0.4"',
             "dac_quantisation.rise: '0.4' must be a whole number",
         ),
-        ('[effects.dac_quantisation]\nstep = "0.1 N"\nrise = 2', "dac_quantisation.rise: 2 must be below 2"),
+        ('[effects.dac_quantisation]\nstep = "0.1 N"\nrise = 3', "dac_quantisation.rise: 3 must be below 3"),
         ('[effects.play]\nwidth = "-1 um"', "effects.play.width: -1 µm must be at least 0 m"),
         (
             '[effects.additional_mode]\ngain = "1e-3 1/kg"\nfrequency = "2 kHz"\ndamping = "0.01"',

@@ -103,6 +103,8 @@ def test_deadband_and_converter() -> None:
         assert stepped / 0.05 - at == pytest.approx(np.round(stepped / 0.05 - at), abs=1e-9)
         assert np.max(np.abs(stepped - u)) <= 0.025 + 1e-12
         assert np.max(np.abs(stepped - u)) > 0.02
+    cut = driven(make("dac_quantisation", 0.05, 2.0), parts=1).thrust
+    assert cut == pytest.approx(0.05 * np.trunc(u / 0.05), abs=1e-12)
 
 
 def test_cable_and_floor() -> None:

@@ -214,7 +214,14 @@ OTHERS: Final = (
         fields("deadband", 2.0),
     ),
     Form("dac_quantisation", "bits off their weight", "N", times(friction, 3e-4, 0.01, 0.2), none, fields("dac", 1.0)),
-    Form("dac_quantisation", "cut off towards zero", "N", times(friction, 3e-4, 0.01, 0.2), none, fields("dac", 2.0)),
+    Form(
+        "dac_quantisation",
+        "two ranges, coarser beyond eight steps",
+        "N",
+        times(friction, 3e-4, 0.01, 0.2),
+        none,
+        fields("dac", 2.0),
+    ),
     Form("additional_mode", "a mass on a spring", "kg", times(mass, 5e-4, 0.02, 0.25), _resonances, _attached),
     Form(
         "additional_mode",
