@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import partial
 from operator import call
 from typing import Any, Final
 
@@ -51,15 +49,9 @@ def evidence(found: Diagnosis, *, disabled: Collection[str] = (), seed: int = 0)
 
 @on_single_blas_thread
 def examined(
-    begun: Baseline,
-    *,
-    seed: int = 0,
-    disabled: Collection[str] = (),
-    most: float = math.inf,
-    progress: Progress | None = None,
+    begun: Baseline, *, seed: int = 0, disabled: Collection[str] = (), progress: Progress | None = None
 ) -> tuple[Diagnosis, Evidence]:
-    """`diagnosed` with its evidence; what the evidence needs of the baseline is computed in parallel; SI. most: the
-    samples [1] that a record may have which is asked for."""
+    """`diagnosed` with its evidence; what the evidence needs of the baseline is computed in parallel; SI."""
     found, looked = parallel_map(
         call,
         (
@@ -69,7 +61,7 @@ def examined(
     )
     if progress:
         progress(0.95, "the experiment that would tell more")
-    return found, _evidence(found, looked, seed, most)
+    return found, _evidence(found, looked, seed)
 
 
 def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Where, Confusability]:
@@ -82,27 +74,33 @@ def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Wher
     return lies, confusability(weighed, found.records, disabled, criteria)
 
 
-def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int, most: float = math.inf) -> Evidence:
-    return Evidence(*looked, _proposal(found, *looked, seed, most))
+def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) -> Evidence:
+    return Evidence(*looked, _proposal(found, *looked, seed))
 
 
-def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int, most: float) -> Proposal | None:
+def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
     candidate, named = found.baseline.nominal.candidate, found.effects
     machine, criteria = candidate.machine, found.baseline.criteria
-    ask = partial(next_experiment, criteria=criteria, seed=seed, white_force=candidate.white_force, most=most)
     if found.outcome is Outcome.AMBIGUOUS:
-        return ask(found.equivalent[0] if found.equivalent else named, machine)
+        return next_experiment(
+            found.equivalent[0] if found.equivalent else named,
+            machine,
+            criteria=criteria,
+            seed=seed,
+            white_force=candidate.white_force,
+        )
     if found.outcome is Outcome.NONE:
         best = lies.coordinate
-        return along(best.name if best.is_stated(criteria) else None, machine, most)
+        return along(best.name if best.is_stated(criteria) else None, machine)
     if found.outcome is Outcome.ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
-        return ask([*named[:1], *near], machine) if near else None
+        return (
+            next_experiment(
+                [*named[:1], *near], machine, criteria=criteria, seed=seed, white_force=candidate.white_force
+            )
+            if near
+            else None
+        )
     return showing(
-        apart.not_identifiable[:UNSHOWN],
-        machine,
-        criteria=criteria,
-        seed=seed,
-        white_force=candidate.white_force,
-        most=most,
+        apart.not_identifiable[:UNSHOWN], machine, criteria=criteria, seed=seed, white_force=candidate.white_force
     )

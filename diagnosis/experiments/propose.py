@@ -7,7 +7,6 @@ where none does, the one that comes closest, and the proposal says so.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -48,17 +47,15 @@ def next_experiment(
     criteria: Criteria = Criteria(),
     seed: int = 0,
     white_force: float | None = None,
-    most: float = math.inf,
 ) -> Proposal | None:
     """What to run on the machine to distinguish the members, or to detect the only one; None without members.
 
-    The sentence states the settings with their units; white_force: standard deviation of this drive's white force [N];
-    most: the samples that a record may have [1].
+    The sentence states the settings with their units; white_force: standard deviation of this drive's white force [N].
     """
     asked = _comparable(members, machine)[:MOST]
     if not asked:
         return None
-    tried = [(one, _reached(machine, one, asked, seed, white_force)) for one in _of_at_most(most, machine)]
+    tried = [(one, _reached(machine, one, asked, seed, white_force)) for one in menu(machine)]
     enough = [
         (one, reached) for one, reached in tried if reached >= criteria.experiment_margin * criteria.distinguishable
     ]
@@ -69,23 +66,8 @@ def next_experiment(
     times = max(int(np.ceil(criteria.distinguishable / max(reached, 1e-9))), 1)
     if times > criteria.experiment_repeats:
         return Proposal(_hopeless(asked, best, reached, len(tried), criteria), best.schedule, reached)
-    whole, records = _repeated(best, times, most)
-    return Proposal(_sentence(asked, best, reached, times, len(tried), criteria) + records, whole, times * reached)
-
-
-def _of_at_most(most: float, machine: Machine) -> list[Experiment]:
-    """The experiments of the menu whose records have so many samples [1] at most; the shortest, where none has."""
-    all_of_them = menu(machine)
-    found = [one for one in all_of_them if one.schedule.target.size <= most]
-    return found or [min(all_of_them, key=lambda one: one.schedule.target.size)]
-
-
-def _repeated(best: Experiment, times: int, most: float) -> tuple[Schedule, str]:
-    """So many runs [1] of an experiment, or as many as a record of `most` samples [1] holds, and what that asks for."""
-    each = max(int(min(times, most // best.schedule.target.size)), 1)
-    records = -(-times // each)
-    told = f" That takes {records} records of {each} run{'s' * (each > 1)} each." if records > 1 else ""
-    return together(best.schedule.name, [best.schedule] * each), told
+    whole = together(best.schedule.name, [best.schedule] * times)
+    return Proposal(_sentence(asked, best, reached, times, len(tried), criteria), whole, times * reached)
 
 
 def _comparable(names: Sequence[str], machine: Machine) -> list[str]:
@@ -121,19 +103,17 @@ def _named(names: Sequence[str]) -> str:
     return listed(name.replace("_", " ") for name in names)
 
 
-def along(coordinate: str | None, machine: Machine, most: float = math.inf) -> Proposal:
+def along(coordinate: str | None, machine: Machine) -> Proposal:
     """The experiment that varies the coordinate the most, so that the force's curve over it can be read off whatever
-    the effect is; without a coordinate, one that shows whether the force repeats. Settings in the sentence [SI]; most:
-    the samples that a record may have [1]."""
-    for one in _of_at_most(most, machine):
+    the effect is; without a coordinate, one that shows whether the force repeats. Settings in the sentence [SI]."""
+    for one in menu(machine):
         if coordinate in one.coordinates:
             sentence = (
                 f"No effect of the catalogue explains the residual, which depends most on {words(coordinate)}. "
                 f"Run, two times over, {one.words}, and read off the curve of the unknown force over it."
             )
-            whole, records = _repeated(one, 2, most)
-            return Proposal(sentence + records, whole, float("nan"))
-    one = _of_at_most(most, machine)[-1]
+            return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
+    one = menu(machine)[-1]
     sentence = (
         "No effect of the catalogue and no single coordinate explains the residual. "
         f"Run {one.words}: it shows whether the force is the same every time."
@@ -148,16 +128,15 @@ def showing(
     criteria: Criteria = Criteria(),
     seed: int = 0,
     white_force: float | None = None,
-    most: float = math.inf,
 ) -> Proposal | None:
     """The experiment that detects the most of these effects at their typical sizes [SI], which the records could
-    not; None where no experiment of the menu with so many samples [1] at most detects any."""
+    not; None where no experiment of the menu detects any."""
     asked = _comparable(names, machine)
     if not asked:
         return None
     seen = [
         (one, np.diag(_distances(machine, one, asked, seed, white_force)) ** 2 >= criteria.distinguishable)
-        for one in _of_at_most(most, machine)
+        for one in menu(machine)
     ]
     best, shown = max(seen, key=lambda item: (np.count_nonzero(item[1]), -item[0].schedule.target.size))
     if not np.any(shown):

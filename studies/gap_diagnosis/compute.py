@@ -94,8 +94,7 @@ def answered(
         progress(0.05 + 0.8 * share, text)
 
     begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
-    room = options.most_samples - sum(record.position.size for record in given.records)  # beside those that are there
-    found, beside = examined(begun, seed=options.seed, disabled=unused, most=room, progress=say)
+    found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
     source = "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown)
     better = improved_machine(found, source)
     if options.record and better != given.machine:

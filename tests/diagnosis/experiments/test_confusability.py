@@ -192,24 +192,6 @@ def test_what_no_experiment_shows_asks_for_a_gauge() -> None:
     assert found.reaches < THRESHOLD
 
 
-def test_a_record_that_is_asked_for_has_no_more_samples_than_may_be_read() -> None:
-    machine = load()
-    sizes = sorted(one.schedule.target.size for one in menu(machine))
-    for found in (
-        next_experiment(["friction_relaxation", "scale_drift"], machine, most=sizes[1]),
-        along("since_reversal", machine, sizes[1]),
-        showing(["cogging"], machine, most=sizes[1]),
-    ):
-        assert found is None or found.schedule.target.size <= sizes[1]
-    twice = along("since_reversal", machine)
-    once = along("since_reversal", machine, twice.schedule.target.size - 1)
-    assert 2 * once.schedule.target.size == twice.schedule.target.size
-    assert once.sentence == f"{twice.sentence} That takes 2 records of 1 run each."
-    least = next_experiment(["cogging", "cable_spring"], machine, most=-5)  # the shortest, as none is short enough
-    assert least is not None
-    assert least.schedule.target.size == sizes[0]
-
-
 def test_nothing_to_tell_apart_needs_no_experiment_and_none_of_these_follows_the_coordinate() -> None:
     assert next_experiment([], load()) is None
     assert "nested loops" in along("since_reversal", load()).sentence
