@@ -90,6 +90,7 @@ def _explained(
         random=random,
         series=series,
         at_bound=strongest_at_bound(stages),
+        repeats=any(repeats(type(one)) for one in fitted.candidate.added_effects),
         rough=fitted.candidate.rough,
         by_force=closure.by_force,
         force_excess=closure.force_excess,

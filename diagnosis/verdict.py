@@ -30,12 +30,12 @@ class Explanation:
     """What some stages of the search explain, in the numbers that the verdict depends on.
 
     names: strongest first; of these, random: act at random, so that no simulation repeats what they did; series: are a
-    series expansion of another law; at_bound: whether the strongest had to leave its prior range. closure and its 95 %
-    interval [1]; excess: of what is left over the noise floor, in standard deviations [1]; largest_innovation, in
-    standard deviations, and spike, from which on it stands out [1]; rough: the drive is rougher than its model;
-    by_force: the closure is that of the unknown force, as innovations hardly exceed the floor at all, and force_excess
-    is of what is left of it over its own floor, in deviations [1];
-    parameter_shift: chi-square of the nominal parameters' shifts [1].
+    series expansion of another law; at_bound: whether the strongest had to leave its prior range; repeats: whether a
+    law does, of which a long period draws any curve. closure and its 95 % interval [1]; excess: of what is left over
+    the noise floor, in standard deviations [1]; largest_innovation, in standard deviations, and spike, from which on it
+    stands out [1]; rough: the drive is rougher than its model; by_force: the closure is that of the unknown force, as
+    innovations hardly exceed the floor at all, and force_excess is of what is left of it over its own floor, in
+    deviations [1]; parameter_shift: chi-square of the nominal parameters' shifts [1].
     """
 
     names: tuple[str, ...]
@@ -45,6 +45,7 @@ class Explanation:
     random: Collection[str] = ()
     series: Collection[str] = ()
     at_bound: bool = False
+    repeats: bool = False
     rough: bool = False
     by_force: bool = False
     force_excess: float = math.inf
@@ -82,10 +83,12 @@ def _closes_enough(given: Explanation, criteria: Criteria) -> bool:
 
 
 def _leaves_nothing(given: Explanation, criteria: Criteria) -> bool:
-    """Whether a single effect surely closes the gap to the noise floor. A law that is distorted to stand for another
-    one leaves something; one of another form, which rises with the logarithm of the time where the catalogue's goes to
-    a limit, say, may fit to the floor with a value that no record shows."""
-    return len(given.names) < 2 and given.interval[0] >= criteria.min_closure and _at_floor(given, criteria)
+    """Whether a single effect surely closes half of the gap and leaves no more than the noise floor. A law that is
+    distorted to stand for another one leaves something, unless it repeats; one of another form, which rises with the
+    logarithm of the time where the catalogue's goes to a limit, say, may fit to the floor with a value that no record
+    shows."""
+    alone = len(given.names) < 2 and not given.repeats
+    return alone and given.interval[0] >= criteria.min_closure and _at_floor(given, criteria)
 
 
 def _at_floor(given: Explanation, criteria: Criteria) -> bool:

@@ -7,6 +7,7 @@ computer. It was measured on the default machine, so that an estimate may be off
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -24,6 +25,7 @@ MOST: Final = 4 << 30  # bytes that it may be expected to hold
 SAID: Final = 20.0  # s from which on the time is said before the work
 PROBE: Final = 4000  # samples of the short simulation
 SIMULATED: Final = 150  # bytes that a simulated sample takes: its signals, of one machine
+ROOM: Final = 1.05  # of the samples of a table: its log begins before it and ends after it
 DIAGNOSED: Final = 14_000  # bytes that a sample takes in a diagnosis: 150,000 samples took 2.2 GB
 TRANSFERRED: Final = 1.5  # factor on its time and memory where fits to single records are made beside that to all
 IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
@@ -49,6 +51,17 @@ def diagnosing(machine: Machine, samples: int, records: int) -> tuple[float, flo
     """Processor time [s] and memory [bytes] that a diagnosis of so many samples in so many records takes here."""
     work = samples * (TRANSFERRED if records > 1 else 1.0)
     return work * DIAGNOSING * seconds_a_sample(machine), work * DIAGNOSED
+
+
+def more_samples(machine: Machine, rows: int, held: int, records: int, most: int) -> str:
+    """What to give along with the record of a table of so many rows, beside others of `held` samples in so many
+    `records`, where that makes them more samples than `most`; else nothing."""
+    count = math.ceil(ROOM * rows) + held
+    if count <= most:
+        return ""
+    most = math.ceil(count / 1000) * 1000
+    _, memory = diagnosing(machine, most, records + 1)
+    return f"with its record, give --most-samples {most}, which takes about {memory / 1e9:.2g} GB of memory"
 
 
 def period(machine: Machine) -> float:

@@ -3,7 +3,7 @@
 An effect at its typical size changes the whitened innovations by one column. The distance of that column from the best
 fit by another effect together with the nominal parameters, within their priors, is in units of the noise: its square is
 the chi-square by which the right effect would win. Sizes of effects enter linearly; each shape is tried at three
-points, a switch both ways.
+points, a switch by every law.
 """
 
 from __future__ import annotations

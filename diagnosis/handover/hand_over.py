@@ -186,7 +186,9 @@ def how_far(
         named.append((f"{stages[-1].added}", files[-1].gap))
     motions = np.bincount(baseline.segment[floor.known], minlength=len(baseline.pieces)) > 0
     first, then, last = (_of(file.held_out, motions) for file in (delivered, files[0], files[-1]))
-    terms, interval = closure_terms((first, then, last), floor.gap(), floor.random_force())
+    terms, interval = closure_terms(
+        (first, then, last), floor.gap(), floor.random_force(), rough=stages[-1].fitted.candidate.rough
+    )
     drive = rms([record.command * baseline.machine.plant.thrust_constant for record in records])
     at = fits[-1].widened, fits[-1].at_bound
     return HowFar(tuple(named), floor.gap(), floor.source, terms, interval, handover, drive, *at, transfer)
@@ -203,13 +205,16 @@ def _between(stages: Sequence[Stage], baseline: Baseline) -> list[tuple[str, Gap
     return found
 
 
-def closure_terms(files: tuple[Sums, Sums, Sums], floor: Gap, random: float = 0.0) -> tuple[Terms, tuple[float, float]]:
+def closure_terms(
+    files: tuple[Sums, Sums, Sums], floor: Gap, random: float = 0.0, *, rough: bool = False
+) -> tuple[Terms, tuple[float, float]]:
     """The closure's terms by what files as delivered, re-fitted and last leave of motions, and its 95 % interval [1] by
     a bootstrap over these: of the unknown force, or of the position where the force that the re-fit leaves is not
     surely above its floor and the position is, as those of a mode or of an error of the reading may be. random: what
-    effects at random add to the force of the floor [N]."""
+    effects at random add to the force of the floor [N]. rough: of a drive that is rougher than its model, whose names
+    have to be seen in the force: any gap there counts."""
     force, surely = _terms_in("force", files, floor.force, random)
-    if surely or random > 0:
+    if surely or random > 0 or (rough and force[0].shows):
         return force
     position, surely = _terms_in("position", files, floor.position)
     return position if surely or (not force[0].shows and position[0].shows) else force

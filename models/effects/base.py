@@ -233,6 +233,6 @@ def _usual(kind: type[Effect]) -> tuple[Parameter, ...]:
     for field in () if kind.tabulated else dataclasses.fields(kind):
         prior = field.metadata.get("prior")
         if not isinstance(prior, Parameter):
-            raise TypeError(f"{kind.__name__}.{field.name}: declare it with models.effects.parameter.parameter")
+            raise TypeError(f"{kind.__name__}.{field.name}: declare it with models.effects.base.parameter")
         found.append(looked_for(replace(prior, name=field.name)))
     return tuple(found)

@@ -201,8 +201,10 @@ def _stepped(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: N
 
 @dataclass(frozen=True)
 class DacQuantisation(Effect):
-    """The command is put out in steps: one of them at zero, a jump there, or cut off towards zero, as a conversion to
-    integers in firmware does."""
+    """The command is put out in steps: one of them at zero, a jump there, or cut off towards zero.
+
+    The last is what a conversion to integers in firmware does.
+    """
 
     name: ClassVar = "dac_quantisation"
     family: ClassVar = "motor"

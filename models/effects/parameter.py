@@ -93,7 +93,7 @@ def parameter(
     if role not in ROLES:
         raise ValueError(f"role {role!r} is unknown; give one of {', '.join(ROLES)}")
     if role in {"period", "switch"}:
-        raise ValueError(f"role {role!r}: declare it with models.effects.parameter.{role}")
+        raise ValueError(f"role {role!r}: declare it with models.effects.base.{role}")
     typical = 1.0 if role == "phase" else math.sqrt(low * high)
     prior = Parameter("", unit, meaning, role, -high if signed else low, high, typical)
     return _field(replace(prior, points=points, points_per_decade=points_per_decade), **limits)

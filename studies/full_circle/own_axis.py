@@ -29,7 +29,7 @@ from models.quantity import show, span
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable
-from studies.effort import diagnosing, foresee
+from studies.effort import ROOM, diagnosing, foresee, more_samples
 from studies.full_circle import asked, redesigning, verification
 from studies.full_circle.folder_of_records import Given, hashes, loaded
 from studies.full_circle.options import CircleOptions
@@ -48,7 +48,6 @@ RUNS: Final = 40  # machines that could be this one, on which each design is tri
 FEW: Final = 10  # of them in a quick run
 OPEN: Final = ("ambiguous", "none_of_these")  # outcomes of a diagnosis that ask for another experiment
 SAME_MODEL: Final = "the other designs are judged with the same model"
-ROOM: Final = 1.05  # of the samples that are expected, as a log begins before its table and ends after it
 FILES: Final = {"current": "run_current.csv", "redesign": "run_redesign.csv"}
 
 
@@ -323,12 +322,8 @@ def _was_run(circle: Circle, text: str) -> bool:
 
 def _more_samples(circle: Circle, text: str) -> str:
     """What to give along with the record of a table, where it makes them more samples than a diagnosis takes."""
-    count = math.ceil(ROOM * (text.count("\n") - 1)) + _held(circle)
-    if count <= circle.options.most_samples:
-        return ""
-    most = math.ceil(count / 1000) * 1000
-    _, memory = diagnosing(circle.machine, most, len(circle.of("diagnose")) + 1)
-    return f"with its record, give --most-samples {most}, which takes about {memory / 1e9:.2g} GB of memory"
+    records, most = len(circle.of("diagnose")), circle.options.most_samples
+    return more_samples(circle.machine, text.count("\n") - 1, _held(circle), records, most)
 
 
 def with_remark(why: str, remark: str) -> str:

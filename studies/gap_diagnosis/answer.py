@@ -239,7 +239,8 @@ def _how_far(results: Results) -> str:
 def _overrun(results: Results) -> list[str]:
     """That values which the file knows well were moved in a model that is incomplete."""
     rows = results.get("overrun")
-    if not rows or not (_far(results) or results["how_far"]["at_bounds"]):
+    incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
+    if not rows or not (_far(results) or incomplete):
         return []
     most = rows[0]
     before, std, now = (
@@ -318,10 +319,8 @@ def _handed_over(results: Results) -> list[str]:
     if harms:
         told.append(f"{' '.join(harms)} {FILES[far['adopted_file']]}")
     if far["at_bounds"]:
-        meant = bound_meant(results)
-        told.append(
-            f"{meant[0].upper()}{meant[1:]}: {bounds_told(far['at_bounds'])} at the end of twice the usual room."
-        )
+        values = bounds_told(far["at_bounds"])
+        told.append(f"{values[0].upper()}{values[1:]} at the end of twice the usual range: {bound_meant(results)}.")
     elif far["widened"]:
         told.append(f"Twice the usual room was needed for {bounds_told(far['widened'], verb=False)}.")
     return [*told, *_carried_over(far["transfer"]), *elsewhere(far)]
@@ -361,7 +360,8 @@ def elsewhere(far: Results) -> list[str]:
     return told
 
 
-MEANT: Final = {"force": "", "position": "in position (in force there is none) "}
+MEANT: Final = {"force": "", "position": "in position (in force it is not sure) "}
+INCOMPLETE: Final = "the model is incomplete"
 NO_GAP: Final = "no closure of that gap can be told"
 KEYS: Final = {"force_N": "force", "position_m": "position", "settling_s": "settling"}
 
@@ -403,11 +403,11 @@ def bounds_told(bounds: Sequence[Results], *, verb: bool = True) -> str:
 
 
 def bound_meant(results: Results) -> str:
-    """What values at a bound say of the model; those of a law that is named, and leaves nothing, speak of it alone."""
-    named = results["verdict"]["outcome"] == "attributed" and results["verdict"]["effects"]
-    if named and {one["part"] for one in results["how_far"]["at_bounds"]} <= set(named):
-        return "no record shows that size, or the law has another form"
-    return "the model is incomplete"
+    """What values at a bound say: those of a single effect that is named, which leaves nothing, of that one alone."""
+    named = results["verdict"]["effects"] if results["verdict"]["outcome"] in {"attributed", "ambiguous"} else ()
+    if len(named) == 1 and {one["part"] for one in results["how_far"]["at_bounds"]} == set(named):
+        return "these records do not determine it, or the law has another form"
+    return INCOMPLETE
 
 
 def _unexplained(results: Results) -> str:

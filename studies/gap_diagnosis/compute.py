@@ -32,7 +32,7 @@ from models.machine_file import to_toml
 from models.records.files import Loaded
 from models.records.record import Record
 from studies.beforehand import require_designable, require_stable
-from studies.effort import MOST, diagnosing, foresee
+from studies.effort import MOST, diagnosing, foresee, more_samples
 from studies.gap_diagnosis import own_records
 from studies.gap_diagnosis.answer import OVERRUN, sentences
 from studies.gap_diagnosis.course import confirmed, copies, course
@@ -221,7 +221,7 @@ def _results(
         "pictures": pictures(
             beside.where, found.baseline.nominal.candidate, found.baseline.records, found.baseline.pieces
         ),
-        "next": _next(beside, given.machine),
+        "next": _next(beside, given.machine, [record.position.size for record in given.records], options.most_samples),
     }
     return {**results, "answer": sentences(results)}
 
@@ -271,8 +271,8 @@ def _white_force(found: Diagnosis) -> dict[str, Any]:
     return {"usual": usual, "taken": candidate.white_force, "by_record": by_record}
 
 
-def _next(beside: Evidence, machine: Machine) -> dict[str, Any] | None:
-    """The proposed references, thinned for a figure."""
+def _next(beside: Evidence, machine: Machine, samples: Sequence[int], most: int) -> dict[str, Any] | None:
+    """The proposed references, thinned for a figure, and what their record needs beside those of so many samples."""
     if beside.proposal is None:
         return None
     given = beside.proposal.schedule.given
@@ -280,6 +280,7 @@ def _next(beside: Evidence, machine: Machine) -> dict[str, Any] | None:
     return {
         "name": beside.proposal.schedule.name,
         "duration_s": given.position.size * machine.sample_time,
+        "needs": more_samples(machine, given.position.size, sum(samples), len(samples), most),
         "time_s": [machine.sample_time * i for i in range(0, given.position.size, step)],
         "reference_m": given.position[::step].tolist(),
         "feedforward_N": (given.feedforward + given.compensation)[::step].tolist(),

@@ -42,7 +42,7 @@ KINDS: Final = (COMPENSATOR, PARAMETERS, EFFECTS)
 class Range:
     """One number of a candidate, from low to high (SI): logarithmic, of either sign, or neither (uniform).
 
-    end: the largest value that its law allows. whole: 0, 1, ... end.
+    end: the largest value that its law allows. whole: low, low + 1, ... high, all alike.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Range:
         """The number (SI) at u, 0 .. 1; a signed one is negative in the lower half, largest at both ends."""
         if not self.logarithmic:
             number = self.low + u * (self.high - self.low)
-            return round(number) if self.whole else number
+            return int(min(self.low + u * (self.high - self.low + 1), self.high)) if self.whole else number
         sign, place = (math.copysign(1.0, u - 0.5), abs(2 * u - 1)) if self.signed else (1.0, u)
         return sign * self.low * math.exp(place * math.log(self.high / self.low))
 

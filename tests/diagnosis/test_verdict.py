@@ -81,6 +81,7 @@ GOOD = Explanation(("play",), 0.9, (0.8, 1.0), 0.0)
         (replace(GOOD, at_bound=True, excess=2.1), Outcome.NONE),  # another law than the effect's
         (replace(GOOD, at_bound=True), Outcome.ATTRIBUTED),  # its own, in another form: it leaves nothing
         (replace(GOOD, at_bound=True, interval=(0.4, 1.0)), Outcome.NONE),  # not surely
+        (replace(GOOD, at_bound=True, repeats=True), Outcome.NONE),  # a long sine draws any curve
         (replace(GOOD, at_bound=True, rough=True), Outcome.NONE),  # the floor does not say that
         (replace(GOOD, at_bound=True, names=("play", "cogging")), Outcome.NONE),
         (replace(GOOD, series={"play"}), Outcome.NONE),  # a series expansion of another law

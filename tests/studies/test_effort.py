@@ -12,7 +12,7 @@ import pytest
 from models.machine import DEFAULT, load
 from studies.catalogue import every
 from studies.command import BAD_INPUT, main
-from studies.effort import MOST, SAID, foresee, lasting, period, seconds_a_sample
+from studies.effort import MOST, SAID, foresee, lasting, more_samples, period, seconds_a_sample
 from studies.options import BadInputError, Options
 from studies.study import Progress, between
 
@@ -116,3 +116,11 @@ def test_the_share_that_is_done_never_falls() -> None:
     for share in (0.5, 0.9, 0.85, 1.0):
         progress(share, "x")
     assert re.findall(r"\d+(?=%)", stream.getvalue()) == ["50", "90", "90", "100"]
+
+
+def test_a_record_that_makes_them_too_many_needs_more_samples_and_memory() -> None:
+    machine = load()
+    assert not more_samples(machine, 10_000, 50_000, 1, 120_000)
+    assert not more_samples(machine, 20_000, 99_000, 1, 120_000)  # 5 % more than the table
+    told = more_samples(machine, 20_001, 99_000, 1, 120_000)
+    assert told == "with its record, give --most-samples 121000, which takes about 2.5 GB of memory"

@@ -1,4 +1,4 @@
-"""The closure's terms: of the unknown force, and of the position where that shows no gap."""
+"""The closure's terms: of the unknown force, and of the position where that does not surely show a gap."""
 
 import numpy as np
 import pytest
@@ -49,6 +49,8 @@ def test_where_the_force_is_not_surely_above_its_floor_the_position_tells() -> N
     assert terms.measure == "force"
     terms, _ = closure_terms(_files((9.0, 5e-7), (1.01, 1.01e-8), (1.02, 1.0e-8)), FLOOR)
     assert terms.measure == "force"  # as neither is surely
+    terms, _ = closure_terms(_files((9.0, 5e-7), (1.01, 5e-8), (1.02, 2e-8)), FLOOR, rough=True)
+    assert terms.measure == "force"
 
 
 def test_what_acts_at_random_adds_to_the_force_alone() -> None:

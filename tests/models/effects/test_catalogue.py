@@ -90,7 +90,7 @@ def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:
         ValueError, match="role 'size' is unknown; give one of amplitude, shape, period, phase, width, switch"
     ):
         parameter("N", "a size", 1.0, 2.0, "size")
-    with pytest.raises(ValueError, match=r"role 'period': declare it with models\.effects\.parameter\.period"):
+    with pytest.raises(ValueError, match=r"role 'period': declare it with models\.effects\.base\.period"):
         parameter("m", "a lead", 1e-3, 1e-2, "period")
     with pytest.raises(ValueError, match="periodic_in='speed' is unknown; give one of position, reading, command, ti"):
         period("m/s", "a speed", 1e-3, 1e-2, "speed")

@@ -127,14 +127,17 @@ def test_many_machines_with_and_without_effects() -> None:
 
 @pytest.mark.parametrize("dead_time", [1e-3, 1.3e-3])
 @pytest.mark.parametrize("damping", [0.0, 20.0])
-@pytest.mark.parametrize("other", [False, True])
+@pytest.mark.parametrize("law", [0, 1, 2])
 def test_a_replay_along_the_simulated_path_gives_the_simulated_friction(
-    dead_time: float, damping: float, *, other: bool
+    dead_time: float, damping: float, law: int
 ) -> None:
     """Open loop, sampled finely enough that the path between the samples is known; every friction effect at once, those
-    of two laws by the one or by the other."""
-    by_name = {effect.name: effect for effect in (list if other else reversed)(list(LAWS.values()))}
-    effects = in_order([effect for effect in by_name.values() if effect.family in {"friction", "motor"}])
+    of several laws by this one or their last."""
+    of_name: dict[str, list[Effect]] = {}
+    for effect in LAWS.values():
+        of_name.setdefault(effect.name, []).append(effect)
+    chosen = [ones[min(law, len(ones) - 1)] for ones in of_name.values()]
+    effects = in_order([effect for effect in chosen if effect.family in {"friction", "motor"}])
     friction = elements(TABLE.friction.stiffness, TABLE.friction.limit, damping)
     fine, parts = 5e-5, 2
     control = replace(TABLE.control, sample_time=fine, pid=replace(TABLE.control.pid, kp=0.0, ki=0.0, kd=0.0))

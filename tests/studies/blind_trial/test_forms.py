@@ -105,7 +105,14 @@ CURVES = {
     ),
     "amplifier_deadband": Curve({"deadband": 0.3}, amplifier, SMALL, (0.3,), "command", None, none=None),
     "dac_quantisation": Curve(
-        {"dac": 0.05, "ladder": 0.1}, amplifier, SMALL, (0.05,), "command", None, none=None, laws=((0.0,), (1.0,))
+        {"dac": 0.05, "ladder": 0.1},
+        amplifier,
+        SMALL,
+        (0.05,),
+        "command",
+        None,
+        none=None,
+        laws=((0.0,), (1.0,), (2.0,)),
     ),
     "cable_spring": Curve(
         {"spring": 300.0, "spring_place": 0.0},
@@ -158,7 +165,7 @@ def test_the_catalogue_does_not_hold_the_form_of_a_sealed_effect(name: str) -> N
 
 def test_a_shared_form_would_be_found() -> None:
     """Steps of one height: the catalogue's."""
-    even = Curve({"dac": 0.05}, amplifier, SMALL, (0.05,), "command", None, none=None, laws=((0.0,), (1.0,)))
+    even = Curve({"dac": 0.05}, amplifier, SMALL, (0.05,), "command", None, none=None, laws=((0.0,), (1.0,), (2.0,)))
     assert left("dac_quantisation", even) < 1e-6
 
 

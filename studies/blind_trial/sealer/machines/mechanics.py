@@ -183,9 +183,8 @@ def amplified(c: Array, u: float) -> float:
         code = math.floor(u / c[at.DAC])
         uneven = 0.2 * (code % 2 - 0.5) - 0.15 * (code // 2 % 2 - 0.5) + 0.25 * (code // 4 % 2 - 0.5)
         u = c[at.DAC] * (code + 0.5 + uneven)
-    elif c[at.DAC_FORM] == 2.0:  # of two ranges, the wider one with steps of twice the width
-        step = c[at.DAC] if abs(u) < 8.0 * c[at.DAC] else 2.0 * c[at.DAC]
-        u = step * math.floor(u / step + 0.5)
+    elif c[at.DAC_FORM] == 2.0:  # rounded away from zero
+        u = c[at.DAC] * (math.ceil(abs(u) / c[at.DAC]) if u > 0 else -math.ceil(abs(u) / c[at.DAC]))
     return u
 
 

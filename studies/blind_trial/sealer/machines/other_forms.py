@@ -216,7 +216,7 @@ OTHERS: Final = (
     Form("dac_quantisation", "bits off their weight", "N", times(friction, 3e-4, 0.01, 0.2), none, fields("dac", 1.0)),
     Form(
         "dac_quantisation",
-        "two ranges, coarser beyond eight steps",
+        "rounded away from zero",
         "N",
         times(friction, 3e-4, 0.01, 0.2),
         none,
