@@ -248,8 +248,8 @@ class Criteria:
         0.5,
         "1",
         "part of the gap that an effect closes (best estimate) to be named, and that several close surely (lower end), "
-        "or one does on a drive that is rougher than its model; late commands loosen it by one of lower end, best "
-        "estimate, upper end",
+        "or one does on a drive that is rougher than its model or with a value at the end of its range; late commands "
+        "loosen it by one of lower end, best estimate, upper end",
         "until EMPS, whose three effects close 69 % (63 to 76 %), the best estimate of several had to be 75 %; of the "
         "900 cases of seeds 11235, 57721 and 73939 the two rules differ in one, a false positive under the old; on "
         "rough drawn machines two outsiders' best estimates were 0.53 (lower ends -0.07 and 0.38), those of right "

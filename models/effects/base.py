@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.compiled import compiled
-from models.effects.parameter import Parameter, parameter, period, phase, switch
+from models.effects.parameter import Parameter, counted, parameter, period, phase, switch
 from models.effects.priors import REFERENCE, USUAL, Priors
 from models.effects.ranges import looked_for, stated, usual_in
 from models.plant import Mode
@@ -51,6 +51,7 @@ __all__ = [
     "V",
     "X",
     "Z",
+    "counted",
     "hook",
     "parameter",
     "parameters",

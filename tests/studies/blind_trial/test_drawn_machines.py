@@ -3,6 +3,7 @@ cases, what is written of them."""
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections import Counter
 from collections.abc import Callable
@@ -18,14 +19,18 @@ from numpy.typing import NDArray
 from models import nominal_file
 from models.controller import References
 from models.effects.catalogue import looked_for
+from models.effects.motor import DacQuantisation
 from models.feedback.law import advance, arrays, output
+from models.friction import Friction
 from models.records import files as record_file
 from models.records.record import Record
+from models.simulation.effect_kernel import Path as Course
+from models.simulation.effect_kernel import replay
 from models.simulation.simulator import simulate as run
 from studies.blind_trial.guard import SEALER_FOLDER, shared_code
 from studies.blind_trial.sealer import pack
 from studies.blind_trial.sealer.loop import Log
-from studies.blind_trial.sealer.machines import cases, drawing, simulation, writing
+from studies.blind_trial.sealer.machines import cases, drawing, mechanics, places, simulation, writing
 from studies.blind_trial.sealer.machines.axis import Axis, beyond, shift_of, shifted
 from studies.blind_trial.sealer.machines.cases import KINDS, Bench, bench, dealt, kind_of, machine_of, sized
 from studies.blind_trial.sealer.machines.drawing import draw_axis, sensitivity, stable
@@ -34,6 +39,7 @@ from studies.blind_trial.sealer.machines.laws import EFFECTS, LAWS, laws_of
 from studies.blind_trial.sealer.machines.motions import PROFILES, Schedule, profile
 from studies.blind_trial.sealer.machines.simulation import Change, elements, simulate
 from studies.blind_trial.sealer.machines.strangers import STRANGERS
+from studies.blind_trial.sealer.machines.truth import NAMES
 from studies.blind_trial.sealer.machines.visibility import distance, missed, predictor
 
 Array = NDArray[np.float64]
@@ -403,3 +409,15 @@ def test_an_interrupted_seal_goes_on_where_it_was(stubbed: list[str], tmp_path: 
 def test_the_sealer_shares_no_code_with_what_it_judges() -> None:
     packages = ("models", "design", "diagnosis")
     assert shared_code(SEALER_FOLDER / "machines", [ROOT / one for one in packages], packages) == []
+
+
+@pytest.mark.parametrize("form", [1.0, 2.0])
+def test_no_converter_is_one_of_the_catalogue(form: float) -> None:
+    """Whatever of its laws, and with steps of a half, the same or twice the height."""
+    machine, u = np.zeros(len(NAMES)), np.linspace(-0.52, 0.53, 2101)
+    machine[places.DAC], machine[places.DAC_FORM] = 0.05, form
+    out = np.array([mechanics.amplified(machine, float(command)) for command in u])
+    path = Course(1e-3, u[:, None], u[:, None], u, u)
+    for law, factor in itertools.product((0, 1, 2), (0.5, 1.0, 2.0)):
+        stepped = replay(Friction((1.0,), (1.0,), (0.0,)), (DacQuantisation(0.05 * factor, law),), path, 0.0).sent[:, 0]
+        assert np.std(out - stepped) > 0.3 * np.std(out - u)
