@@ -24,9 +24,10 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import started, weighed
 from diagnosis.which.detectors import detect, view
-from diagnosis.which.kinds import beside_free_forms
+from diagnosis.which.kinds import beside_free_forms, periods_shown
 from diagnosis.which.scan import HIGHEST, Columns
 from diagnosis.which.stage import Proposal, Stage
+from models.effects.base import Effect
 
 Array = NDArray[np.float64]
 
@@ -66,6 +67,9 @@ class Search(Protocol):
 
     def force(self, fitted: Fit) -> float:
         """The deviation [N] of the unknown force that a model leaves."""
+
+    def periods(self, effect: Effect) -> float:
+        """How many periods of a law the records' travel holds [1]; infinite for a law that need not repeat."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,10 @@ class RecordSearch:
         """Of the baseline's records."""
         return force_left(fitted, self.baseline.records)
 
+    def periods(self, effect: Effect) -> float:
+        """In the longest travel of the baseline's records."""
+        return periods_shown(effect, self.baseline.records)
+
 
 def select(
     baseline: Baseline, disabled: Collection[str] = (), say: Callable[[str], None] = lambda _: None
@@ -146,7 +154,7 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
             stage, columns = search.examined(_stage(trials[0]), dull)
             stages.append(stage)
             continue
-        set_aside |= inadmissible(trials, stages, criteria)
+        set_aside |= inadmissible(trials, stages, search)
         trials = [trial for trial in trials if trial.proposal.name not in set_aside]
         if not trials:
             continue
@@ -237,12 +245,14 @@ def min_gain_beside_others(gained: float, left: float, floors: Array, criteria: 
     return max(criteria.min_gain_further, least)
 
 
-def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], criteria: Criteria) -> set[str]:
-    """Effects that were tried and only mend the form of another law: whose members take from each other, and those at
-    the bounds of their prior range that gain little of what the effects before them did."""
+def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], search: Search) -> set[str]:
+    """Effects that were tried and only mend the form of another law: whose members take from each other, further
+    members that do not repeat within the travel, and those at the bounds of their prior range that gain little of what
+    the effects before them did."""
+    criteria, here = search.criteria, stages[-1].fitted
     names = {trial.proposal.name for trial in trials if _opposed(trial.fitted, trial.proposal.name)}
     names |= {trial.proposal.name for trial in trials if _too_fast(trial.fitted)}
-    here = stages[-1].fitted
+    names |= {trial.proposal.name for trial in trials if _draws_more(trial, here, search)}
     if here.candidate.added_effects:
         large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
         bounded = [trial for trial in trials if _at_bounds(trial.fitted, trial.proposal.name)]
@@ -260,6 +270,19 @@ def _too_fast(fitted: Fit) -> bool:
     """Whether a mode that was added ran to frequencies that the samples hardly hold."""
     highest = HIGHEST * 0.5 / fitted.paths[0].path.sample_time if fitted.paths else float("inf")
     return any(mode.frequency > highest for effect in fitted.candidate.added_effects for mode in effect.modes())
+
+
+def _draws_more(trial: Trial, before: Fit, search: Search) -> bool:
+    """Whether a further member of a class is of a period of which the travel does not show that it repeats, as the
+    first is not: it draws what the others leave, and no form of the class could be told from it."""
+    name = trial.proposal.name
+
+    def members(fitted: Fit) -> list[float]:
+        return [search.periods(one) for one in fitted.candidate.added_effects if one.name == name]
+
+    least = search.criteria.min_periods
+    shown = [periods for periods in members(before) if periods >= least]
+    return bool(shown) and min(members(trial.fitted), default=least) < least
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
