@@ -84,19 +84,24 @@ def _table(law: Measured, force: tuple[float, ...]) -> Measured:
 
 def curves(fitted: Fit, records: Sequence[Record]) -> Iterator[Curve]:
     """Every curve that the records can show: over each coordinate that varies, in each symmetry (SI)."""
+    for coordinate in UNITS:
+        yield from curves_over(coordinate, SYMMETRIES[coordinate], fitted, records)
+
+
+def curves_over(coordinate: str, symmetries: Sequence[str], fitted: Fit, records: Sequence[Record]) -> Iterator[Curve]:
+    """The curves over one coordinate that the records can show, in each of these symmetries (SI)."""
     known, used = units(fitted.candidate.nominal, records), weights(records) > 0
     slow, turn = slow_and_turn(known)
-    for coordinate in UNITS:
-        sizes = {"rest": {"slow": slow}, "path": {"turn": turn}}.get(coordinate, {})
-        values = coordinate_values(coordinate, fitted, records, known)
-        for symmetry in SYMMETRIES[coordinate] if np.ptp(values[used]) > 0 else ():
-            size = np.abs(values) if symmetry in {"even", "odd"} else values
-            knots = _knots(coordinate, symmetry, size[used], known)
-            if len(knots) > 2:
-                hats = np.column_stack([np.interp(size, knots, row) for row in np.eye(len(knots))])
-                hats = hats[:, 1:] * np.sign(values)[:, None] if symmetry == "odd" else hats
-                law = Measured(coordinate, tuple(knots), (0.0,) * len(knots), symmetry, **sizes)  # type: ignore[arg-type]
-                yield Curve(law, hats)
+    sizes = {"rest": {"slow": slow}, "path": {"turn": turn}}.get(coordinate, {})
+    values = coordinate_values(coordinate, fitted, records, known)
+    for symmetry in symmetries if np.ptp(values[used]) > 0 else ():
+        size = np.abs(values) if symmetry in {"even", "odd"} else values
+        knots = _knots(coordinate, symmetry, size[used], known)
+        if len(knots) > 2:
+            hats = np.column_stack([np.interp(size, knots, row) for row in np.eye(len(knots))])
+            hats = hats[:, 1:] * np.sign(values)[:, None] if symmetry == "odd" else hats
+            law = Measured(coordinate, tuple(knots), (0.0,) * len(knots), symmetry, **sizes)  # type: ignore[arg-type]
+            yield Curve(law, hats)
 
 
 def slow_and_turn(known: Units) -> tuple[float, float]:

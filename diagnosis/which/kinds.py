@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
@@ -13,11 +13,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
+from diagnosis.learned.curves_tried import curves_over
 from diagnosis.model.fit import Fit, coordinates
 from diagnosis.which.free_form import free_form, member_columns
-from diagnosis.which.scan import NuisanceProjection, by_segment, judged, linear_columns, partial_out
+from diagnosis.which.scan import BATCH, NuisanceProjection, by_segment, judged, linear_columns, partial_out
 from diagnosis.which.stage import Proposal
 from models.effects.base import Effect, Kind, parameters
+from models.effects.measured import SIGNED, UNITS
 from models.effects.parameter import POSITIVE
 from models.records.record import Record
 
@@ -123,11 +125,27 @@ def with_free_forms(own: NuisanceProjection, fitted: Fit, records: Sequence[Reco
         begin += count
         if sizes.size and any(effect is one for one in added):
             _, whole = member_columns(effect, fitted, records, own)
+            whole = np.hstack([whole, *_drawn(effect, fitted, records, own)])
             parts.append(FREE * float(np.linalg.norm(made)) * whole)
     basis = np.hstack(parts)
     factor = cho_factor(basis.T @ basis + np.eye(basis.shape[1]))
     e = own.e - basis @ cho_solve(factor, basis.T @ own.e)
     return replace(own, e=e, basis=basis, factor=factor)
+
+
+def _drawn(effect: Effect, fitted: Fit, records: Sequence[Record], own: NuisanceProjection) -> Iterator[Array]:
+    """What curves over the coordinate of a law do that has no shape of its own, such as a drag: columns (n, k) of unit
+    energy [1], where the coordinate is one of those that a law can be measured over."""
+    kind = type(effect).kind()
+    shaped = any(item.role in {"shape", "period", "width"} for item in parameters(type(effect)))
+    if shaped or kind.memory or kind.side != "force" or kind.coordinate not in UNITS:
+        return
+    odd = "odd" if kind.coordinate in SIGNED else "directional"
+    for curve in curves_over(kind.coordinate, [odd if kind.parity == "odd" else "plain"], fitted, records):
+        hats = curve.units_of_force()
+        for begin in range(0, len(hats), BATCH):
+            whole = own(np.hstack(linear_columns(hats[begin : begin + BATCH], fitted, records)))
+            yield whole / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), 1e-300)
 
 
 def repeats(kind: type[Effect]) -> bool:

@@ -13,13 +13,13 @@ from diagnosis.model.fit import Fit, fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown
-from diagnosis.which.scan import partial_out
+from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown, with_free_forms
+from diagnosis.which.scan import linear_columns, partial_out
 from diagnosis.which.stage import Proposal, Stage, excluded
 from diagnosis.which.stated import direction, input_delay
 from models.effects.base import Effect
 from models.effects.catalogue import every, in_order
-from models.effects.friction_laws import DirectionalFriction, Stribeck, ViscousFriction
+from models.effects.friction_laws import DirectionalFriction, FrictionDrift, Stribeck, ViscousFriction
 from models.effects.motor import Cogging, CurrentLoopLag
 from models.effects.structure import CableSpring
 from models.records.record import Record
@@ -86,6 +86,29 @@ def test_a_second_law_that_the_first_ones_free_form_draws_gains_less(records: tu
     plain = _fitted((), records)
     none = partial_out(plain, numbered(pieces(records), records))
     assert beside_free_forms((far, same), plain, records, none) == (far, same)
+
+
+@pytest.mark.parametrize(
+    ("law", "alike", "other"),
+    [
+        (ViscousFriction(3000.0), Stribeck(0.1, 2e-3), FrictionDrift(1e-3)),
+        (CableSpring(1e6), Cogging(1.0, 1e-2, 0.0), ViscousFriction(30.0)),
+    ],
+)
+def test_a_law_without_a_shape_has_curves_over_its_coordinate_for_a_free_form(
+    law: Effect, alike: Effect, other: Effect, records: tuple[Record, ...]
+) -> None:
+    """It explains another law over that coordinate and leaves one over another. A drag that grows with the square of
+    speed, too, had left 63 of chi-square to a cogging that was not there."""
+    fitted = _fitted((law,), records)
+    own = partial_out(fitted, numbered(pieces(records), records))
+    free = with_free_forms(own, fitted, records)
+    left = []
+    for effect in (alike, other):
+        column = linear_columns([effect], fitted, records)[0][:, :1]
+        left.append(float(np.linalg.norm(free(column)) / np.linalg.norm(own(column))))
+    assert left[0] < 0.5
+    assert left[1] > 0.8
 
 
 def test_the_input_delay_is_one_quantity(records: tuple[Record, ...]) -> None:

@@ -195,9 +195,7 @@ def test_members_of_one_class_that_take_from_each_other_are_the_form_of_one(
         ([0.8], [0.3, 0.1], False),
     ],
 )
-def test_a_further_member_has_to_repeat_within_the_travel(
-    before: list[float], after: list[float], draws: bool
-) -> None:
+def test_a_further_member_has_to_repeat_within_the_travel(before: list[float], after: list[float], draws: bool) -> None:
     """Beside friction along the guide of 12 mm, injected into a measured drive, a second member of 154 mm along 0.2 m
     took off 288 of chi-square, and with it four right names, as nothing tells the form of such a member."""
     search = Planned({}, {}, {}, {})
