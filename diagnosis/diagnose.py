@@ -24,6 +24,7 @@ from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
 from diagnosis.handover.hand_over import HowFar, how_far
+from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import acting
 from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.fit import Fit
@@ -34,8 +35,8 @@ from diagnosis.where.law_curve import LawCurve, law_curve
 from diagnosis.which.kinds import Form
 from diagnosis.which.prune import Pruned, prune, without
 from diagnosis.which.select import select
+from diagnosis.which.slow import hidden, slow_force
 from diagnosis.which.stage import Stage, excluded, strongest_first
-from diagnosis.which.stated import direction, input_delay
 from diagnosis.which.table import EffectRow, table
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
@@ -138,6 +139,12 @@ def diagnosed(
     pruned = prune(select(baseline, disabled, lambda text: say(0.7, text)), baseline)
     say(0.9, "how far the gap shrinks")
     answer = answered(pruned.stages, pruned, baseline, seed)
+    if not answer.names and hidden(answer.closure, baseline.criteria):
+        say(0.92, "slow effects, which the filter's own random force follows")
+        slow = prune(slow_force(pruned.stages[0], baseline, disabled), baseline)
+        with_slow = answered(slow.stages, slow, baseline, seed)
+        if with_slow.outcome is Outcome.ATTRIBUTED:
+            pruned, answer = slow, with_slow
     found = _diagnosis(answer, pruned, baseline)
     if found.outcome in NAMED and (less := doubted(answer, found.told, baseline)):
         found = _diagnosis(answered(without(pruned, less), pruned, baseline, seed), pruned, baseline)
@@ -228,6 +235,7 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
             "direction": way.to_json() if (way := direction(found.told)) else None,
             "input_delay": input_delay(found.told, found.baseline.segment).to_json(),
             "unexplained_fraction": found.unexplained,
+            **({"beside_still_force": True} if found.stages[0].still else {}),
         },
         "which": [
             {**_row(row), "measured": _measured(found, row.name), "acts": _acts(found, row.name)} for row in found.which

@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 ITERATIONS: Final = 8  # of the fit of an effect with everything else
 ITERATIONS_OF_A_FORCE: Final = 4  # of a random force, beside which little else moves
+LITTLE: Final = 0.5  # of the largest amplitude of a class, that the sum over its members is at least
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,7 @@ def slow_ones(stages: Sequence[Stage], search: Search, set_aside: Collection[str
     """The proposal to be fitted beside effects once no other is worth it, in case that it is a slow force: the next of
     those few that gain the most of all that gain more than chance."""
     inside = {effect.name for effect in stages[-1].fitted.candidate.added_effects}
-    allowed = [one for one in stages[-1].scanned if one.name not in inside and _above_chance(one, search)]
+    allowed = [one for one in stages[-1].scanned if one.name not in inside and above_chance(one, search.criteria)]
     left = [one for one in allowed[: search.criteria.shortlist_size] if one.name not in set_aside]
     return tuple(left[:1]) if inside else ()
 
@@ -228,13 +229,14 @@ def _significant(stages: Sequence[Stage], search: Search, set_aside: Collection[
         members = inside.count(proposal.name)
         enough = proposal.gain > max(0.0 if members or not inside else further, of_excess)
         may = members < criteria.max_members and proposal.name not in set_aside
-        if may and enough and _above_chance(proposal, search):
+        if may and enough and above_chance(proposal, criteria):
             allowed.append(proposal)
     return allowed
 
 
-def _above_chance(proposal: Proposal, search: Search) -> bool:
-    return proposal.gain > max(proposal.threshold, search.criteria.min_gain)
+def above_chance(proposal: Proposal, criteria: Criteria) -> bool:
+    """Whether a proposal gains more than any effect has to, and than chance does."""
+    return proposal.gain > max(proposal.threshold, criteria.min_gain)
 
 
 def min_gain_beside_others(gained: float, left: float, floors: Array, criteria: Criteria) -> float:
@@ -286,9 +288,13 @@ def _draws_more(trial: Trial, before: Fit, search: Search) -> bool:
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this class, the machine file's among them, have first amplitudes of both signs."""
-    sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)[:1]]
-    return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
+    """Whether members of this class, the machine file's among them, take from each other: their first amplitudes have
+    both signs, or another one's sum is small beside the largest."""
+    sizes = np.array([amplitudes(effect) for effect in fitted.candidate.effects if effect.name == name])
+    if not sizes.size:
+        return False
+    cancel = np.abs(sizes.sum(axis=0)) < LITTLE * np.max(np.abs(sizes), axis=0)
+    return bool(np.min(sizes[:, 0]) < 0 < np.max(sizes[:, 0]) or np.any(cancel[1:]))
 
 
 def _takes_force(trial: Trial, stages: Sequence[Stage], search: Search) -> bool:

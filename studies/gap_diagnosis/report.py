@@ -27,7 +27,7 @@ def tell(whole: Results) -> Report:
         Figure("maps", MAPS, ("results.where",), figures.maps),
         Figure("coordinates", COORDINATES, ("results.where",), figures.coordinates),
         Figure("spectra", SPECTRA, ("results.pictures",), figures.spectra),
-        Figure("gains", GAINS, ("results.which", "results.verdict"), figures.gains),
+        Figure("gains", _gains_caption(results), ("results.which", "results.verdict"), figures.gains),
         Figure("confusable", CONFUSABLE, ("results.confusability",), figures.confusable),
     ]
     if unknown_law.has_curve(results.get("learned")):
@@ -119,6 +119,15 @@ CONFUSABLE = (
     "on the scale), so that one could be mistaken for the other. A circle: not detectable."
 )
 NEXT = Markdown("The references of the proposed experiment, `next_experiment.csv`.")
+
+
+def _gains_caption(results: Results) -> str:
+    """The caption, and what the gains are beside where the unknown force hid a slow one."""
+    if not results["verdict"].get("beside_still_force"):
+        return GAINS
+    return (
+        f"{GAINS} They are beside a white unknown force; one that walks at random would follow a law as slow as this."
+    )
 
 
 def _waterfall_caption(results: Results) -> str:

@@ -16,11 +16,10 @@ from diagnosis.model.residual import Candidate
 from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown, with_free_forms
 from diagnosis.which.scan import linear_columns, partial_out
 from diagnosis.which.stage import Proposal, Stage, excluded
-from diagnosis.which.stated import direction, input_delay
 from models.effects.base import Effect
 from models.effects.catalogue import every, in_order
 from models.effects.friction_laws import DirectionalFriction, FrictionDrift, Stribeck, ViscousFriction
-from models.effects.motor import Cogging, CurrentLoopLag
+from models.effects.motor import Cogging
 from models.effects.structure import CableSpring
 from models.records.record import Record
 from tests.diagnosis.tables import recorded, short, table
@@ -109,32 +108,6 @@ def test_a_law_without_a_shape_has_curves_over_its_coordinate_for_a_free_form(
         left.append(float(np.linalg.norm(free(column)) / np.linalg.norm(own(column))))
     assert left[0] < 0.5
     assert left[1] > 0.8
-
-
-def test_the_input_delay_is_one_quantity(records: tuple[Record, ...]) -> None:
-    dead, half = MACHINE.plant.dead_time, 0.5 * MACHINE.sample_time
-    plain, lagging = (input_delay(_fitted(effects, records)) for effects in ((), (CurrentLoopLag(2e-4),)))
-    assert plain.to_json()["total_s"] == pytest.approx(dead + half)
-    assert lagging.to_json()["total_s"] == pytest.approx(dead + 2e-4 + half)
-    assert plain.delivered == lagging.delivered == pytest.approx(dead + half)
-    assert 0 < plain.deviation < 2e-5
-
-
-@pytest.mark.parametrize(
-    ("law", "larger", "part"),
-    [
-        (DirectionalFriction(0.05, 2e-6, 0), "forwards", "the whole friction"),
-        (DirectionalFriction(0.0, 2e-6, 0, -400.0), "backwards", "the drag"),
-        (DirectionalFriction(-0.05, 2e-6, 0, 0.05 * 300.0), "backwards", "the contacts"),
-    ],
-)
-def test_what_differs_by_direction_is_said(
-    law: DirectionalFriction, larger: str, part: str, records: tuple[Record, ...]
-) -> None:
-    found = direction(_fitted((law, ViscousFriction(300.0)), records))
-    assert found is not None
-    assert (found.larger, found.part) == (larger, part)
-    assert direction(_fitted((), records)) is None
 
 
 def test_what_would_help_with_the_wrong_sign_is_excluded() -> None:

@@ -172,6 +172,9 @@ def test_a_second_effect_at_its_bounds_counts_only_if_it_is_large(factor: float)
         ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(-0.1, 6e-5, 1)], False),
         ([DirectionalFriction(-0.3, 5e-6, 0), Cogging(1.0, 0.03, 0.0), Cogging(0.5, 0.02, 0.0)], False),
         ([DirectionalFriction(-0.3, 5e-6, 0), FrictionDrift(1e-3)], False),  # of different classes
+        ([DirectionalFriction(-0.02, 5e-6, 0, -457.0), DirectionalFriction(-0.14, 6e-5, 0, 442.0)], True),
+        ([DirectionalFriction(-0.02, 5e-6, 0, -457.0), DirectionalFriction(-0.14, 6e-5, 0, 42.0)], False),
+        ([DirectionalFriction(-0.02, 5e-6, 0), DirectionalFriction(-0.14, 6e-5, 0)], False),  # without a drag
     ],
 )
 @pytest.mark.parametrize("owned", [0, 1])
