@@ -133,7 +133,7 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     if began >= baseline.criteria.shown_by:
         return Closure(share, interval, excess, floor)
     by_force = _closure_of_force(first, final, floor, baseline)
-    if by_force and not _left_open(by_force[1], baseline.criteria):
+    if by_force and not left_open(by_force[1], final, baseline.criteria):
         return Closure(*by_force[:2], excess, floor, by_force=True, force_excess=by_force[2])
     if not random and not final.candidate.rough:  # whose weights leave one per sample whatever is missing
         whitened = [(one / size)[known] for one in (before, left, fitted, *floor.innovations)]
@@ -147,9 +147,12 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     return Closure(share, interval, excess, floor)
 
 
-def _left_open(interval: tuple[float, float], criteria: Criteria) -> bool:
-    """Whether a closure's interval [1] allows nothing as well as enough for a name."""
-    return interval[0] <= 0 and interval[1] >= criteria.min_closure
+def left_open(interval: tuple[float, float], final: Fit, criteria: Criteria) -> bool:
+    """Whether the interval [1] of the force's closure allows nothing as well as enough for a name, or nothing where a
+    model's effects are errors of the reading: a fine one is no force that could be taken off."""
+    effects = final.candidate.added_effects
+    of_reading = bool(effects) and all(type(one).kind().side == "reading" for one in effects)
+    return interval[0] <= 0 and (of_reading or interval[1] >= criteria.min_closure)
 
 
 def _closure_of_force(

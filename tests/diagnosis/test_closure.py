@@ -19,11 +19,13 @@ from diagnosis.closure import (
     gap_share,
     held_out_closure,
     innovations_of,
+    left_open,
     simulated_floor,
     weighted,
 )
+from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import strokes, together
-from diagnosis.model.fit import fit, one_step
+from diagnosis.model.fit import Fit, fit, one_step
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
@@ -32,7 +34,9 @@ from diagnosis.null import Null, simulated_with_starts
 from diagnosis.refit import refit_within
 from diagnosis.which.stage import Stage
 from models.effects.base import Effect
+from models.effects.catalogue import in_order
 from models.effects.friction_laws import FrictionDrift
+from models.effects.scale import ScalePeriodicError
 from models.effects.structure import CableSpring
 from models.records.record import Record
 from tests.diagnosis.tables import recorded, schedules, table
@@ -138,6 +142,26 @@ def test_the_floor_is_what_a_complete_model_leaves_however_finely_its_scale_reso
     for one in floor.innovations:
         assert np.mean(one**2) / np.mean(left**2) == pytest.approx(1.0, rel=0.2)
     assert floor.gap().force < 1e-3 * float(np.dot(machine.friction.stiffness, limit))
+
+
+@pytest.mark.parametrize(
+    ("interval", "effects", "is_open"),
+    [
+        ((-0.2, 0.8), [CableSpring(15.0)], True),
+        ((-0.2, 0.3), [CableSpring(15.0)], False),  # surely not enough for a name
+        ((0.1, 0.8), [CableSpring(15.0)], False),
+        ((-0.3, -0.1), [ScalePeriodicError(2e-8, 1e-5, 0.0)], True),  # no force, so none could be taken off
+        ((0.1, 0.8), [ScalePeriodicError(2e-8, 1e-5, 0.0)], False),  # one that looks like a force
+        ((-0.3, -0.1), [ScalePeriodicError(2e-8, 1e-5, 0.0), CableSpring(15.0)], False),
+        ((-0.3, -0.1), [], False),
+    ],
+)
+def test_the_force_leaves_a_closure_open(interval: tuple[float, float], effects: list[Effect], is_open: bool) -> None:
+    """A fine error of the reading with a chi-square of 1711, on a table of seed 202631, took off no force at all."""
+    layout = parameters(table(), 1)
+    candidate, nothing = Candidate(layout, np.zeros(layout.count), in_order(effects)), np.zeros((3, 0))
+    final = Fit(candidate, (), (), np.zeros(3), nothing, nothing, 0.0, 0.0)
+    assert left_open(interval, final, Criteria()) == is_open
 
 
 ALIKE = Null({}, ((1.0,),), (4.0,))
