@@ -17,6 +17,9 @@ from design.trajectory.nlp import Program, Solver
 from models.identification.solving import interruptible
 
 
+COUNT = 30_000  # unknowns of the program without end
+
+
 class EndedError(Exception):
     """What a handler raises here."""
 
@@ -44,9 +47,10 @@ def soon(number: signal.Signals) -> Iterator[None]:
 
 
 def endless() -> Solver:
-    """A program whose solve takes minutes: a Rosenbrock valley with terms without end."""
+    """A program whose solve takes many times as long as the signal: a Rosenbrock valley with terms without end. With a
+    tenth of them it was solved on a fast machine before the signal came."""
     program = Program()
-    x = program.variable("x", np.ones(3000), -5.0, 5.0)
+    x = program.variable("x", np.ones(COUNT), -5.0, 5.0)
     y = x
     for _ in range(30):
         y = ca.sin(y) + 1e-3 * y**2 + x
@@ -64,7 +68,7 @@ def test_an_interrupted_solve_raises_what_the_handler_raised(number: signal.Sign
 
     solver = endless()
     with handling(number, end), soon(number), pytest.raises(EndedError):
-        solver.solve({"weight": 100.0}, {"x": np.full(3000, -1.2)})
+        solver.solve({"weight": 100.0}, {"x": np.full(COUNT, -1.2)})
 
 
 def test_an_exception_that_is_swallowed_leaves_the_block_and_the_handler_is_put_back() -> None:
