@@ -16,7 +16,6 @@ import pytest
 from design.trajectory.nlp import Program, Solver
 from models.identification.solving import interruptible
 
-
 COUNT = 30_000  # unknowns of the program without end
 
 
