@@ -20,7 +20,8 @@ from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import shifted
 from diagnosis.verdict import Explanation, Outcome, verdict
 from diagnosis.which.kinds import Form, forms, of_kind, periods_shown, repeats
-from diagnosis.which.prune import Pruned, shrinking
+from diagnosis.which.prune import Pruned, prune, shrinking
+from diagnosis.which.slow import hidden, slow_force
 from diagnosis.which.stage import Carrier, Stage, strongest_first
 from diagnosis.which.table import unsure
 from models.effects.base import Effect, Kind
@@ -45,6 +46,23 @@ def answered(stages: tuple[Stage, ...], pruned: Pruned, baseline: Baseline, seed
     """The answer of some stages of the search, with the forms of its laws and with what the log shows."""
     answer = largest_adequate(stages, baseline, seed)
     return with_the_log(with_forms(answer, pruned, baseline, seed), pruned, baseline, seed)
+
+
+def explanations(
+    pruned: Pruned, baseline: Baseline, disabled: Collection[str] = (), seed: int = 0
+) -> tuple[tuple[Pruned, Answer], ...]:
+    """The answer that the search gives; before it that with a slow effect, where the search found nothing for a force
+    that innovations do not show, and one explains it."""
+    answer = answered(pruned.stages, pruned, baseline, seed)
+    plain = ((pruned, answer),)
+    if answer.names or not hidden(answer.closure, baseline.criteria):
+        return plain
+    stages = slow_force(pruned.stages[0], baseline, disabled)
+    if stages is None:
+        return plain
+    slow = prune(stages, baseline)
+    with_it = answered(slow.stages, slow, baseline, seed)
+    return ((slow, with_it), *plain) if with_it.outcome is Outcome.ATTRIBUTED else plain
 
 
 def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -> Answer:
@@ -188,7 +206,7 @@ def small_beside(stages: Sequence[Stage], criteria: Criteria) -> dict[str, str]:
     for name, kind in kinds.items():
         same = [other for other in kinds if other != name and kinds[other] == kind]
         first = max(same, key=lambda other: gained.get(other, 0.0), default=name)
-        if gained.get(name, 0.0) < criteria.form_part * gained.get(first, 0.0):
+        if same and gained.get(name, 0.0) < criteria.form_part * gained.get(first, 0.0):
             found[name] = first
     return found
 

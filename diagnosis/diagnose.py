@@ -3,6 +3,7 @@
 refit and null     the nominal model re-fitted; what the search gains by chance       baseline.py, refit.py, null.py
 select             forwards: one effect more while it gains more than chance          which/select.py, detectors.py
 prune              backwards: without what the others make useless; shares            which/prune.py
+slow               what a random force that walks would follow, where nothing is found which/slow.py
 closure            how far the gap shrinks on motions that nothing was fitted to      closure.py, how_far.py
 verdict            the rules by which an answer is given                              verdict.py, criteria.py
 """
@@ -18,7 +19,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.answer import Answer, answered, as_spring, bent_spring, closes_too_little, doubted, form_parts, rivalling
+from diagnosis.answer import (
+    Answer,
+    answered,
+    as_spring,
+    bent_spring,
+    closes_too_little,
+    doubted,
+    explanations,
+    form_parts,
+    rivalling,
+)
 from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
@@ -35,7 +46,6 @@ from diagnosis.where.law_curve import LawCurve, law_curve
 from diagnosis.which.kinds import Form
 from diagnosis.which.prune import Pruned, prune, without
 from diagnosis.which.select import select
-from diagnosis.which.slow import hidden, slow_force
 from diagnosis.which.stage import Stage, excluded, strongest_first
 from diagnosis.which.table import EffectRow, table
 from models.effects.base import Effect
@@ -136,16 +146,12 @@ def diagnosed(
     """The second half: which effects explain what the baseline leaves, and how far the gap shrinks."""
     say = progress or (lambda _share, _text: None)
     say(0.5, "every effect of the catalogue against what is left")
-    pruned = prune(select(baseline, disabled, lambda text: say(0.7, text)), baseline)
+    searched = prune(select(baseline, disabled, lambda text: say(0.7, text)), baseline)
     say(0.9, "how far the gap shrinks")
-    answer = answered(pruned.stages, pruned, baseline, seed)
-    if not answer.names and hidden(answer.closure, baseline.criteria):
-        say(0.92, "slow effects, which the filter's own random force follows")
-        slow = prune(slow_force(pruned.stages[0], baseline, disabled), baseline)
-        with_slow = answered(slow.stages, slow, baseline, seed)
-        if with_slow.outcome is Outcome.ATTRIBUTED:
-            pruned, answer = slow, with_slow
-    found = _diagnosis(answer, pruned, baseline)
+    for pruned, answer in explanations(searched, baseline, disabled, seed):
+        found = _diagnosis(answer, pruned, baseline)
+        if found.outcome in NAMED:
+            break
     if found.outcome in NAMED and (less := doubted(answer, found.told, baseline)):
         found = _diagnosis(answered(without(pruned, less), pruned, baseline, seed), pruned, baseline)
     return found
@@ -175,8 +181,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
         return _diagnosis(replace(answer, outcome=Outcome.NONE), pruned, baseline)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()
-    rough = stages[-1].fitted.candidate.rough
-    doubtful = [name for name in named if rough or answer.forms.get(name) is Form.OTHER]
+    untried = stages[-1].fitted.candidate.rough or bool(stages[0].still)
+    doubtful = [name for name in named if untried or answer.forms.get(name) is Form.OTHER]
     which = table(told, criteria, named, rivals, closure.closure, baseline.segment, doubtful)
     if outcome is Outcome.NONE:
         names = ()
@@ -235,7 +241,7 @@ def to_json(found: Diagnosis) -> dict[str, Any]:
             "direction": way.to_json() if (way := direction(found.told)) else None,
             "input_delay": input_delay(found.told, found.baseline.segment).to_json(),
             "unexplained_fraction": found.unexplained,
-            **({"beside_still_force": True} if found.stages[0].still else {}),
+            **({"beside_still_force": True} if found.stages[0].still and found.outcome in NAMED else {}),
         },
         "which": [
             {**_row(row), "measured": _measured(found, row.name), "acts": _acts(found, row.name)} for row in found.which

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.answer import answered, doubted, form_parts, rivalling
+from diagnosis.answer import answered, doubted, explanations, form_parts, rivalling
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread
@@ -51,8 +51,7 @@ class Look:
 @on_single_blas_thread
 def look(baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = ()) -> Look:
     """Which effects explain what the baseline leaves, if any; disabled: effects that are not to be used; SI."""
-    pruned = prune(select(baseline, disabled), baseline)
-    answer = answered(pruned.stages, pruned, baseline, seed)
+    pruned, answer = explanations(prune(select(baseline, disabled), baseline), baseline, disabled, seed)[0]
     if less := doubted(answer, answer.stages[-1].fitted, baseline):
         answer = answered(without(pruned, less), pruned, baseline, seed)
     parts = form_parts(answer.stages, baseline)

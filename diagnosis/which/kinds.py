@@ -115,7 +115,8 @@ def beside_free_forms(
 
 
 def with_free_forms(own: NuisanceProjection, fitted: Fit, records: Sequence[Record]) -> NuisanceProjection:
-    """The projection that partials out the free forms of the added effects as well, within FREE of each one's size."""
+    """The projection that partials out the free forms of the added effects as well, each member
+    within FREE of its effect's size."""
     added, parts = fitted.candidate.added_effects, [own.basis]
     begin = 0
     for effect in fitted.candidate.effects:
@@ -134,14 +135,14 @@ def with_free_forms(own: NuisanceProjection, fitted: Fit, records: Sequence[Reco
 
 
 def _drawn(effect: Effect, fitted: Fit, records: Sequence[Record], own: NuisanceProjection) -> Iterator[Array]:
-    """What curves over the coordinate of a law do that has no shape of its own, such as a drag: columns (n, k) of unit
-    energy [1], where the coordinate is one of those that a law can be measured over."""
+    """What curves can do over the coordinate of a law that has no shape of its own, such as a drag: columns (n, k) of
+    unit energy [1], where the coordinate is one of those that a law can be measured over."""
     kind = type(effect).kind()
     shaped = any(item.role in {"shape", "period", "width"} for item in parameters(type(effect)))
     if shaped or kind.memory or kind.side != "force" or kind.coordinate not in UNITS:
         return
-    odd = "odd" if kind.coordinate in SIGNED else "directional"
-    for curve in curves_over(kind.coordinate, [odd if kind.parity == "odd" else "plain"], fitted, records):
+    symmetries = ("odd", "even") if kind.coordinate in SIGNED else ("directional", "plain")
+    for curve in curves_over(kind.coordinate, [symmetries[kind.parity != "odd"]], fitted, records):
         hats = curve.units_of_force()
         for begin in range(0, len(hats), BATCH):
             whole = own(np.hstack(linear_columns(hats[begin : begin + BATCH], fitted, records)))

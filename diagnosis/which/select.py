@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 
 ITERATIONS: Final = 8  # of the fit of an effect with everything else
 ITERATIONS_OF_A_FORCE: Final = 4  # of a random force, beside which little else moves
-LITTLE: Final = 0.5  # of the largest amplitude of a class, that the sum over its members is at least
 
 
 @dataclass(frozen=True)
@@ -275,26 +274,20 @@ def _too_fast(fitted: Fit) -> bool:
 
 
 def _draws_more(trial: Trial, before: Fit, search: Search) -> bool:
-    """Whether a further member of a class is of a period of which the travel does not show that it repeats, as the
-    first is not: it draws what the others leave, and no form of the class could be told from it."""
-    name = trial.proposal.name
+    """Whether a further member of a class has a period that the travel does not show to repeat, beside one that it
+    does: it draws what the others leave, and no form of the class could be told from it."""
+    name, least = trial.proposal.name, search.criteria.min_periods
 
-    def members(fitted: Fit) -> list[float]:
-        return [search.periods(one) for one in fitted.candidate.added_effects if one.name == name]
+    def shown(fitted: Fit) -> list[bool]:
+        return [search.periods(one) >= least for one in fitted.candidate.effects if one.name == name]
 
-    least = search.criteria.min_periods
-    shown = [periods for periods in members(before) if periods >= least]
-    return bool(shown) and min(members(trial.fitted), default=least) < least
+    return any(shown(before)) and shown(trial.fitted).count(False) > shown(before).count(False)
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this class, the machine file's among them, take from each other: their first amplitudes have
-    both signs, or another one's sum is small beside the largest."""
-    sizes = np.array([amplitudes(effect) for effect in fitted.candidate.effects if effect.name == name])
-    if not sizes.size:
-        return False
-    cancel = np.abs(sizes.sum(axis=0)) < LITTLE * np.max(np.abs(sizes), axis=0)
-    return bool(np.min(sizes[:, 0]) < 0 < np.max(sizes[:, 0]) or np.any(cancel[1:]))
+    """Whether members of this class, the machine file's among them, have first amplitudes of both signs."""
+    sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)[:1]]
+    return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
 
 
 def _takes_force(trial: Trial, stages: Sequence[Stage], search: Search) -> bool:

@@ -71,14 +71,15 @@ class Proposal:
 @dataclass(frozen=True)
 class Stage:
     """One stage of the search: the fitted model, what was added to reach it (None at the first), what the detectors
-    propose beside it, and the effects that were tried for it, each with the chi-square that it left [1]; still: whether
-    proposals are those beside an unknown force that does not walk."""
+    propose beside it, and the effects that were tried for it, each with the chi-square that it left [1]; still: what
+    was proposed beside an unknown force that does not walk, where the next stage is due to that: its rivals' chi-square
+    is then this stage's less what they gain there."""
 
     fitted: Fit
     proposals: tuple[Proposal, ...] = ()
     added: str | None = None
     rivals: tuple[tuple[str, float], ...] = ()
-    still: bool = False
+    still: tuple[Proposal, ...] = ()
 
     def carried_by(self, carrier: Carrier) -> tuple[Proposal, ...]:
         """The proposals of one carrier."""

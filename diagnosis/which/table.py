@@ -73,7 +73,7 @@ def _best_scanned(stages: Sequence[Stage]) -> dict[str, Proposal]:
     """By effect the scan's proposal with the largest gain, of all stages."""
     best: dict[str, Proposal] = {}
     for stage in stages:
-        for proposal in stage.scanned:
+        for proposal in (*stage.scanned, *stage.still):
             known = best.get(proposal.name)
             best[proposal.name] = proposal if known is None or proposal.gain > known.gain else known
     return best

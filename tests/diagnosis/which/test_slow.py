@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from diagnosis.baseline import Baseline, refit_and_null
 from diagnosis.closure import Closure, NoiseFloor
 from diagnosis.criteria import Criteria
-from diagnosis.diagnose import diagnosed
+from diagnosis.diagnose import NAMED, diagnosed
 from diagnosis.verdict import Outcome
 from diagnosis.which.select import select
 from diagnosis.which.slow import hidden, slow_force
@@ -42,7 +43,8 @@ def searched(slow: Baseline) -> Stage:
 
 def test_a_spring_that_innovations_do_not_show_is_named(slow: Baseline, searched: Stage) -> None:
     """Beside a force that walks it gains less than chance may; beside one that stands still, hundreds of times that."""
-    assert max((one.gain for one in searched.scanned if one.name == SPRING.name), default=0.0) < CRITERIA.min_gain
+    (proposal,) = (one for one in searched.scanned if one.name == SPRING.name)
+    assert proposal.gain < CRITERIA.min_gain
     found = diagnosed(slow)
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, (SPRING.name,))
     (spring,) = found.told.candidate.added_effects
@@ -52,16 +54,24 @@ def test_a_spring_that_innovations_do_not_show_is_named(slow: Baseline, searched
     assert row.gain > 100 * row.threshold  # as the report shows it, beside a force that stands still
 
 
-def test_one_that_must_not_be_used_is_not(slow: Baseline, searched: Stage) -> None:
-    stages = slow_force(searched, slow, {SPRING.name})
-    assert SPRING.name not in {one.name for one in stages[0].scanned}
-    assert SPRING.name not in {stage.added for stage in stages}
+def test_with_its_entry_disabled_no_other_law_is_named_for_it(slow: Baseline) -> None:
+    """A cogging of less than two periods would draw it."""
+    found = diagnosed(slow, disabled={SPRING.name})
+    assert found.outcome not in NAMED
 
 
 def test_without_such_a_force_nothing_takes_off_enough(null_cache: Path) -> None:
     baseline = _baseline((), null_cache)
     (stage,) = select(baseline)
-    assert slow_force(stage, baseline) == (stage,)
+    assert slow_force(stage, baseline) is None
+
+
+def test_a_spring_that_the_machine_file_has_is_not_taken_from(slow: Baseline) -> None:
+    """A file's spring that is too stiff does not get a second one with the other sign."""
+    stiff = replace(MACHINE, effects=(replace(SPRING, stiffness=8.0),))
+    baseline = refit_and_null(stiff, slow.records)
+    stages = slow_force(Stage(baseline.nominal), baseline)
+    assert stages is None or stages[1].added != SPRING.name
 
 
 @pytest.mark.parametrize(
