@@ -148,8 +148,8 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
 
 
 def left_open(interval: tuple[float, float], final: Fit, criteria: Criteria) -> bool:
-    """Whether the interval [1] of the force's closure allows nothing as well as enough for a name, or nothing where a
-    model's effects are errors of the reading: a fine one is no force that could be taken off."""
+    """Whether the interval [1] of the force's closure allows nothing as well as enough for a name; or nothing, where
+    all effects of a model are errors of the reading: a fine one is no force that could be taken off."""
     effects = final.candidate.added_effects
     of_reading = bool(effects) and all(type(one).kind().side == "reading" for one in effects)
     return interval[0] <= 0 and (of_reading or interval[1] >= criteria.min_closure)

@@ -55,10 +55,19 @@ def member_columns(
     """The linear parts of a free form's members (SI), and by how much each changes the innovations after the
     projection: columns (n, k) of unit energy [1]."""
     made = members(effect)
-    given = [linear_columns(made[i : i + BATCH], fitted, records) for i in range(0, len(made), BATCH)]
+    parts = tuple(part for member in made for part in linear_parts(member))
+    return parts, unit_columns(made, fitted, records, projection)
+
+
+def unit_columns(
+    effects: Sequence[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
+) -> Array:
+    """By how much the linear parts of effects change the innovations after the projection: columns (n, k) of unit
+    energy [1]."""
+    given = [linear_columns(effects[i : i + BATCH], fitted, records) for i in range(0, len(effects), BATCH)]
     whole = projection(np.hstack([column for batch in given for column in batch]))
     whole /= np.maximum(np.sqrt(np.sum(whole**2, axis=0)), 1e-300)
-    return tuple(part for member in made for part in linear_parts(member)), whole
+    return np.asarray(whole)
 
 
 def members(effect: Effect) -> tuple[Effect, ...]:

@@ -15,8 +15,8 @@ from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import curves_over
 from diagnosis.model.fit import Fit, coordinates
-from diagnosis.which.free_form import free_form, member_columns
-from diagnosis.which.scan import BATCH, NuisanceProjection, by_segment, judged, linear_columns, partial_out
+from diagnosis.which.free_form import free_form, member_columns, unit_columns
+from diagnosis.which.scan import NuisanceProjection, by_segment, judged, linear_columns, partial_out
 from diagnosis.which.stage import Proposal
 from models.effects.base import Effect, Kind, parameters
 from models.effects.measured import SIGNED, UNITS
@@ -143,10 +143,7 @@ def _drawn(effect: Effect, fitted: Fit, records: Sequence[Record], own: Nuisance
         return
     symmetries = ("odd", "even") if kind.coordinate in SIGNED else ("directional", "plain")
     for curve in curves_over(kind.coordinate, [symmetries[kind.parity != "odd"]], fitted, records):
-        hats = curve.units_of_force()
-        for begin in range(0, len(hats), BATCH):
-            whole = own(np.hstack(linear_columns(hats[begin : begin + BATCH], fitted, records)))
-            yield whole / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), 1e-300)
+        yield unit_columns(curve.units_of_force(), fitted, records, own)
 
 
 def repeats(kind: type[Effect]) -> bool:

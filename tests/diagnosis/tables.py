@@ -19,6 +19,7 @@ from diagnosis.experiments.schedules import (
 )
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import applied, bounded, parameters
+from diagnosis.model.residual import Candidate
 from models.controller import Controller, References
 from models.effects.base import Effect
 from models.effects.base import parameters as ranges_of
@@ -106,6 +107,12 @@ def recorded(
         )
         made.append(run.record.last(schedule.target.size))
     return tuple(made)
+
+
+def nominal_with(machine: Machine, effects: Sequence[Effect], records: Sequence[Record]) -> Fit:
+    """The model at its nominal values with effects in it, nothing fitted."""
+    layout = parameters(machine, 1)
+    return fit(Candidate(layout, np.zeros(layout.count), in_order(effects)), records, iterations=0, walk=4e-3)
 
 
 def fitted_with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> Fit:

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from diagnosis.handover.stated import direction, input_delay
-from diagnosis.model.fit import Fit, fit
-from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import Candidate
-from models.effects.base import Effect
-from models.effects.catalogue import in_order
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.effects.motor import CurrentLoopLag
 from models.records.record import Record
-from tests.diagnosis.tables import recorded, short, table
+from tests.diagnosis.tables import nominal_with, recorded, short, table
 
 MACHINE = table()
-
-
-def _fitted(effects: tuple[Effect, ...], records: tuple[Record, ...]) -> Fit:
-    layout = parameters(MACHINE, 1)
-    return fit(Candidate(layout, np.zeros(layout.count), in_order(effects)), records, iterations=0, walk=4e-3)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +20,7 @@ def records() -> tuple[Record, ...]:
 
 def test_the_input_delay_is_one_quantity(records: tuple[Record, ...]) -> None:
     dead, half = MACHINE.plant.dead_time, 0.5 * MACHINE.sample_time
-    plain, lagging = (input_delay(_fitted(effects, records)) for effects in ((), (CurrentLoopLag(2e-4),)))
+    plain, lagging = (input_delay(nominal_with(MACHINE, effects, records)) for effects in ((), (CurrentLoopLag(2e-4),)))
     assert plain.to_json()["total_s"] == pytest.approx(dead + half)
     assert lagging.to_json()["total_s"] == pytest.approx(dead + 2e-4 + half)
     assert plain.delivered == lagging.delivered == pytest.approx(dead + half)
@@ -49,7 +38,7 @@ def test_the_input_delay_is_one_quantity(records: tuple[Record, ...]) -> None:
 def test_what_differs_by_direction_is_said(
     law: DirectionalFriction, larger: str, part: str, records: tuple[Record, ...]
 ) -> None:
-    found = direction(_fitted((law, ViscousFriction(300.0)), records))
+    found = direction(nominal_with(MACHINE, (law, ViscousFriction(300.0)), records))
     assert found is not None
     assert (found.larger, found.part) == (larger, part)
-    assert direction(_fitted((), records)) is None
+    assert direction(nominal_with(MACHINE, (), records)) is None

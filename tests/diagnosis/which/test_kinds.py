@@ -9,7 +9,7 @@ import pytest
 
 from diagnosis.answer import drawn_curves
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, fit
+from diagnosis.model.fit import Fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
@@ -17,12 +17,12 @@ from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown, with
 from diagnosis.which.scan import linear_columns, partial_out
 from diagnosis.which.stage import Proposal, Stage, excluded
 from models.effects.base import Effect
-from models.effects.catalogue import every, in_order
+from models.effects.catalogue import every
 from models.effects.friction_laws import DirectionalFriction, FrictionDrift, Stribeck, ViscousFriction
 from models.effects.motor import Cogging
 from models.effects.structure import CableSpring
 from models.records.record import Record
-from tests.diagnosis.tables import recorded, short, table
+from tests.diagnosis.tables import nominal_with, recorded, short, table
 
 MACHINE, CRITERIA = table(), Criteria()
 SPEED = Stribeck.kind()
@@ -63,11 +63,6 @@ def test_a_pitch_beyond_the_travel_beside_its_kind_draws_any_curve() -> None:
         assert drawn_curves(effects, [_record(0.05)], CRITERIA) == drawn
 
 
-def _fitted(effects: tuple[Effect, ...], records: tuple[Record, ...]) -> Fit:
-    layout = parameters(MACHINE, 1)
-    return fit(Candidate(layout, np.zeros(layout.count), in_order(effects)), records, iterations=0, walk=4e-3)
-
-
 @pytest.fixture(scope="module")
 def records() -> tuple[Record, ...]:
     return recorded(MACHINE, (short(MACHINE),), seed=1)
@@ -75,14 +70,14 @@ def records() -> tuple[Record, ...]:
 
 def test_a_second_law_that_the_first_ones_free_form_draws_gains_less(records: tuple[Record, ...]) -> None:
     """A fall of friction over ten times the fitted speed goes into the free form; a cogging does not."""
-    fitted = _fitted((Stribeck(0.1, 2e-3),), records)
+    fitted = nominal_with(MACHINE, (Stribeck(0.1, 2e-3),), records)
     own = partial_out(fitted, numbered(pieces(records), records))
     far = Proposal("directional_friction", 1e6, 20.0, effect=DirectionalFriction(0.05, 2e-6, 0))
     same = Proposal("viscous_friction", 1e6, 20.0, effect=ViscousFriction(30.0))
     less = {one.name: one.gain for one in beside_free_forms((far, same), fitted, records, own)}
     assert less["directional_friction"] < 1e6  # no more than it has in truth, which is nothing
     assert less["viscous_friction"] == 1e6  # of the same kind: left to the refits
-    plain = _fitted((), records)
+    plain = nominal_with(MACHINE, (), records)
     none = partial_out(plain, numbered(pieces(records), records))
     assert beside_free_forms((far, same), plain, records, none) == (far, same)
 
@@ -99,7 +94,7 @@ def test_a_law_without_a_shape_has_curves_over_its_coordinate_for_a_free_form(
 ) -> None:
     """It explains another law over that coordinate and leaves one over another. A drag that grows with the square of
     speed, too, had left 63 of chi-square to a cogging that was not there."""
-    fitted = _fitted((law,), records)
+    fitted = nominal_with(MACHINE, (law,), records)
     own = partial_out(fitted, numbered(pieces(records), records))
     free = with_free_forms(own, fitted, records)
     left = []
