@@ -13,16 +13,19 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.model.units import with_units
+from diagnosis.refit import refit_within
 from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown, with_free_forms
-from diagnosis.which.scan import linear_columns, partial_out
+from diagnosis.which.scan import linear_columns, partial_out, scan
 from diagnosis.which.stage import Proposal, Stage, excluded
 from models.effects.base import Effect
 from models.effects.catalogue import every
 from models.effects.friction_laws import DirectionalFriction, FrictionDrift, Stribeck, ViscousFriction
+from models.effects.measured import Measured
 from models.effects.motor import Cogging
 from models.effects.structure import CableSpring
 from models.records.record import Record
-from tests.diagnosis.tables import nominal_with, recorded, short, table
+from tests.diagnosis.tables import fitted_with, nominal_with, recorded, short, table
 
 MACHINE, CRITERIA = table(), Criteria()
 SPEED = Stribeck.kind()
@@ -103,6 +106,24 @@ def test_a_law_without_a_shape_has_curves_over_its_coordinate_for_a_free_form(
         left.append(float(np.linalg.norm(free(column)) / np.linalg.norm(own(column))))
     assert left[0] < 0.5
     assert left[1] > 0.8
+
+
+@pytest.mark.parametrize("beside", [(), (Cogging(0.5, 0.02, 0.3),)])
+def test_beside_a_drag_in_another_form_a_second_law_gains_what_is_its_own(beside: tuple[Effect, ...]) -> None:
+    """The drag grows with the square of speed alone. A straight one leaves twice of what chance may gain to a friction
+    over the position that is not there; a cogging that is keeps all it gains."""
+    speeds = np.linspace(0.0, 0.3, 60)
+    drag = Measured("speed", tuple(speeds), tuple(-10.0 * speeds**2), "odd")
+    made = recorded(MACHINE, (short(MACHINE),), (drag, *beside), seed=3, wrong=0.5)
+    fitted = fitted_with(refit_within(with_units(MACHINE, made), made), ViscousFriction(30.0), made)
+    own = partial_out(fitted, numbered(pieces(made), made))
+    least = CRITERIA.min_gain
+    found = [Proposal(one.effect.name, one.held_out, least, effect=one.effect) for one in scan(fitted, made, own)[0]]
+    less = {one.name: one.gain for one in beside_free_forms(found, fitted, made, own)}
+    best = found[0]
+    assert best.name == (beside[0].name if beside else "position_dependent_friction")
+    assert best.gain > 2 * least
+    assert less[best.name] > 0.95 * best.gain if beside else less[best.name] < 0.5 * least
 
 
 def test_what_would_help_with_the_wrong_sign_is_excluded() -> None:
