@@ -209,7 +209,7 @@ def _times(count: int) -> str:
 
 def _against_force(record: Record, facts: Facts) -> Iterator[str]:
     """A wrong unit between the command and the motion that it makes, by mass, thrust and stiffness."""
-    speed, acceleration, force = (part[SMOOTHED:-SMOOTHED] for part in smoothed(record, SMOOTHED))
+    _, speed, acceleration, force = (part[SMOOTHED:-SMOOTHED] for part in smoothed(record, SMOOTHED))
     if force.size < SMOOTHED or np.std(force) == 0:
         return
     way = float(np.ptp(record.position))

@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.records.checks import check_length, check_movement, check_one_machine, check_sample_time, rolling_mass
+from models.records.checks import (
+    SAME_MASS,
+    check_length,
+    check_movement,
+    check_one_machine,
+    check_sample_time,
+    rolling_mass,
+)
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
@@ -63,6 +70,35 @@ def test_strokes_of_a_few_samples_show_the_mass_behind_a_late_force() -> None:
     for other in (MASS / 1.5, 1.5 * MASS):
         with pytest.raises(RecordError, match="of two machines"):
             check_one_machine([moving(), strokes(other)], "ab", far)
+
+
+def on_a_spring(record: Record, stiffness: float, drag: float = 0.0) -> Record:
+    """A record whose axis is held by a spring [N/m], relaxed at 3 mm, with a drag [N s/m]."""
+    speed = np.gradient(record.position, record.sample_time)
+    return replace(record, command=record.command + stiffness * (record.position - 3e-3) + drag * speed)
+
+
+def test_a_spring_makes_no_second_machine_of_slow_motions() -> None:
+    """Beside a spring of 1.5 kN/m motions of 1 and 3 Hz show less than the mass, and strokes of 12 ms nearly all of it.
+    Masses that differ are told from one on a spring, and so they are where nothing tells the two apart: in a sine."""
+    slow = moving()
+    phase = 2 * np.pi * TS * np.arange(4000)
+    x = 0.015 * np.sin(3 * phase) + 0.02 * np.sin(phase)
+    slow = replace(slow, position=x, command=MASS * np.gradient(np.gradient(x, TS), TS))
+    slow = replace(slow, command=slow.command + FRICTION * np.sign(np.gradient(x, TS)))
+    pair = [on_a_spring(record, 1.5e3, 10.0) for record in (slow, strokes())]
+    masses = [rolling_mass(record, PRESLIDING) for record in pair]
+    assert masses[0] is not None
+    assert masses[0] < MASS / SAME_MASS, "the spring hides in the mass"
+    assert masses[1] == pytest.approx(MASS, rel=0.01)
+    check_one_machine(pair, "ab", PRESLIDING)
+    for one, other in (
+        (replace(slow, command=0.58 * slow.command), strokes()),
+        (pair[0], on_a_spring(strokes(2 * MASS), 1.5e3, 10.0)),
+        (on_a_spring(moving(), 3e3), strokes()),
+    ):
+        with pytest.raises(RecordError, match="of two machines"):
+            check_one_machine([one, other], "ab", PRESLIDING)
 
 
 STILL = replace(moving(), position=np.full(4000, 1e-5))
