@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from studies.gap_diagnosis import report
 from studies.gap_diagnosis.answer import elsewhere, sentences
 
 
@@ -247,3 +250,11 @@ def test_a_nominal_value_that_is_off_is_told_with_its_size(results: dict[str, An
     rows["payload_mass"]["moved"] = 4800.0
     shifts = [{"name": name, **row} for name, row in rows.items()]
     assert "payload mass by 72 times," in sentences({**results, "verdict": verdict, "shifts": shifts})["which"]
+
+
+@pytest.mark.parametrize("still", [False, True])
+def test_the_figure_of_gains_says_what_they_are_beside(still: bool, quick: Path, results: dict[str, Any]) -> None:
+    whole = json.loads((quick / "results.json").read_text())
+    whole["results"] = {**results, "verdict": {**results["verdict"], "beside_still_force": still}}
+    captions = {figure.name: str(figure.caption) for figure in report.tell(whole).figures}
+    assert ("beside a white unknown force" in captions["gains"]) == still
