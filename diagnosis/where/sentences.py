@@ -229,7 +229,8 @@ def _coordinates(where: Where) -> Iterator[Statement]:
         if one.is_stated(criteria) or (one.share > criteria.stated_share and one.low > criteria.certain_share)
     ]
     for one in stated:
-        yield Statement(Topic.COORDINATE, _explains(one), one.low * (SLOW_CLOCK if one.name == "time" else 1.0))
+        told = _explains(one, where.samples.units.travel)
+        yield Statement(Topic.COORDINATE, told, one.low * (SLOW_CLOCK if one.name == "time" else 1.0))
     if not stated:
         best = where.dependence.coordinates[0]
         yield Statement(
@@ -239,8 +240,12 @@ def _coordinates(where: Where) -> Iterator[Statement]:
         )
 
 
-def _explains(one: Explained) -> str:
-    modulo = f" modulo {show(one.pitch, 'm', 3)}" if one.pitch else ""
+def _explains(one: Explained, travel: float) -> str:
+    """travel [m]: what does not repeat within it is told as a sine, and not as periodic."""
+    modulo = ""
+    if one.pitch:
+        period, repeats = show(one.pitch, "m", 3), 2 * one.pitch <= travel
+        modulo = f" modulo {period}" if repeats else f", as a sine of {period} over a travel of {show(travel, 'm', 3)},"
     turns = ""
     if one.turning > 0.5 * one.share:
         of_it = "its change" if one.name == "command" else "motion"

@@ -17,7 +17,7 @@ from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitche
 from diagnosis.where.energy import PHASES, Samples, label_samples, shares
 from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
 from diagnosis.where.locate import Where, locate
-from diagnosis.where.sentences import statements
+from diagnosis.where.sentences import Topic, statements
 from diagnosis.where.serialise import pictures, to_json
 from diagnosis.where.side import force_or_reading
 from models.records.record import Record
@@ -112,6 +112,16 @@ def test_what_depends_on_the_place_is_found_with_its_pitch() -> None:
     assert pitch.share > 0.8
     assert pitch.p < 0.02
     assert pitch.turning < 0.1
+    travel = found.samples.units.travel
+    others = [one for one in found.dependence.coordinates if one.name not in {"pitch", "position"}]
+    for factor, words in (
+        (0.5, "The position modulo"),
+        (0.51, "The position, as a sine of"),
+        (1.2, "over a travel of"),
+    ):
+        along = replace(found.dependence, coordinates=(replace(pitch, pitch=factor * travel), *others))
+        told = next(one.text for one in statements(replace(found, dependence=along)) if one.topic == Topic.COORDINATE)
+        assert words in told, "what does not repeat within the travel is not periodic"
     turning = next(
         one for one in answers("position_dependent_friction").dependence.coordinates if one.name == "position"
     )
