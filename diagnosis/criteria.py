@@ -173,6 +173,13 @@ class Criteria:
     random_force_steadiness: float = _criterion(
         0.5, "1", "part of a random force's mean power that is there half of the time; less is locked to the motions"
     )
+    random_force_evenness: float = _criterion(
+        0.5,
+        "1",
+        "what a random force gains a sample at rest, or in motion, over what it gains a sample in all, at least",
+        "a floor's is 1 by nature: 0.95 to 1.2 where it gains 300 or more; a load that knocks in its clearance gained "
+        "nothing at rest, a play next to nothing in motion",
+    )
     random_force_apart: float = _criterion(
         0.25,
         "1",

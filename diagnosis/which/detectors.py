@@ -89,9 +89,12 @@ def random_force(seen: View) -> Detected:
     if found is None:
         return Detected()
     threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)
-    if seen.fitted.candidate.added_effects:  # what is left of another form looks like noise about some frequency
+    surely_even, maybe_even = (bound >= criteria.random_force_evenness for bound in found.even)
+    if (
+        seen.fitted.candidate.added_effects and not surely_even
+    ):  # another form leaves what looks like noise about a line
         threshold = max(threshold, criteria.random_force_beside * (seen.baseline.nominal.cost - seen.fitted.cost))
-    if found.steady < criteria.random_force_steadiness or found.gain <= threshold:
+    if found.steady < criteria.random_force_steadiness or not maybe_even or found.gain <= threshold:
         return Detected()
     if is_locked(seen.fitted, seen.baseline, found.resonance.frequency):
         return Detected()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, Resonance
-from diagnosis.model.residual import Candidate, Residual, evaluate
+from diagnosis.model.residual import Candidate, evaluate
 from diagnosis.model.units import friction_force, loop_time, white_force
 from diagnosis.which.scan import NuisanceProjection, adjoints
 from models.effects.base import parameters
@@ -40,16 +40,19 @@ WITHIN: Final = 0.9  # of half the sampling rate: up to there forces about a fre
 BELOW_MODES: Final = 0.5  # of the lowest mode's frequency: above, what a wrong mode leaves would pass for one
 TRIED: Final = 3  # frequencies
 BLOCK: Final = 415.0  # loop times over which power is averaged
+STANDS: Final = 1e-3  # of its fastest step: a reference that steps less stands still
+ENOUGH: Final = 0.05  # of all samples, at rest and in motion, from which on the two are compared
 
 
 @dataclass(frozen=True)
 class RandomForce:
     """A random force and what it gains of -2 log likelihood with everything else held; steady: how much of its mean
-    power is there half of the time [1]."""
+    power is there half of the time [1]; even: the bounds of its `evenness` [1]."""
 
     resonance: Resonance
     gain: float
     steady: float = 1.0
+    even: tuple[float, float] = (1.0, 1.0)
 
 
 def with_sines(candidate: Candidate) -> Candidate:
@@ -64,20 +67,48 @@ def strongest_random_force(
     """The random force that gains the most beside what is in the model; its gain over that of its neighbours. None
     where the records are sampled too slowly for any."""
     best: RandomForce | None = None
-    before = _likelihood(fitted.residuals)
     for frequency in _frequencies(fitted, records, projection):
         for bandwidth in BANDWIDTHS:
-            found = _strongest(fitted, records, frequency, bandwidth, before)
+            found = _strongest(fitted, records, frequency, bandwidth)
             if best is None or found.gain > best.gain:
                 best = found
     if best is None:
         return None
     line = best.resonance
-    aside = max(_tried(fitted, records, replace(line, frequency=line.frequency * f), before).gain for f in ASIDE)
+    beside = [_reductions(fitted, records, replace(line, frequency=line.frequency * f)) for f in ASIDE]
+    aside = max(beside, key=_whole)
+    whole, slow = (np.concatenate(one) for one in (_reductions(fitted, records, line), aside))
+    own = whole - slow if np.sum(slow) > 0 else whole
     innovations = [seen.innovations for seen in fitted.residuals]
     loop = loop_time(fitted.candidate.nominal)
     steady = steadiness(innovations, line.frequency, records[0].sample_time, loop)
-    return replace(best, gain=best.gain - max(aside, 0.0), steady=steady)
+    after = round(loop / records[0].sample_time)
+    resting = np.concatenate([at_rest(record.reference, after)[STARTING:] for record in records])
+    low, high = zip(evenness(own, resting), evenness(whole, resting), strict=True)
+    return RandomForce(line, float(np.sum(own)), steady, (min(low), min(high)))
+
+
+def at_rest(reference: Array, after: int) -> NDArray[np.bool_]:
+    """Whether a reference (n,) [m] stands still and has for more than so many samples: (n,)."""
+    step = np.abs(np.diff(reference, prepend=reference[0]))
+    moved = np.flatnonzero(step > STANDS * np.max(step, initial=0.0))
+    if moved.size == 0:
+        return np.ones(reference.size, bool)
+    samples = np.arange(reference.size)
+    since = samples - moved[np.maximum(np.searchsorted(moved, samples, "right") - 1, 0)]
+    return np.asarray((since > after) | (samples < moved[0]))
+
+
+def evenness(gained: Array, resting: NDArray[np.bool_]) -> tuple[float, float]:
+    """What a force gains a sample at rest, over what it gains a sample in all, or in motion where that is less, as
+    bounds two deviations of a gain apart [1]: a floor shakes the same whatever the axis does. Gains (n,) of -2 log
+    likelihood; (0, infinity) where nothing tells, as one of the two is next to never."""
+    shares = np.array([np.mean(resting), 1 - np.mean(resting)])
+    expected = shares * float(np.sum(gained))
+    if np.min(shares) < ENOUGH or np.min(expected) <= 0:
+        return 0.0, math.inf
+    parts, chance = np.array([np.sum(gained[resting]), np.sum(gained[~resting])]), 4 * np.sqrt(expected)
+    return float(np.min((parts - chance) / expected)), float(np.min((parts + chance) / expected))
 
 
 def levels(white: float, friction: float) -> tuple[float, ...]:
@@ -88,14 +119,13 @@ def levels(white: float, friction: float) -> tuple[float, ...]:
     return tuple(least * 10 ** (0.5 * i) for i in range(max(count, FEWEST)))
 
 
-def _strongest(
-    fitted: Fit, records: Sequence[Record], frequency: float, bandwidth: float, before: float
-) -> RandomForce:
+def _strongest(fitted: Fit, records: Sequence[Record], frequency: float, bandwidth: float) -> RandomForce:
     """The random force about a frequency [Hz] at the level from which on a larger one gains less."""
     nominal = fitted.candidate.nominal
     best: RandomForce | None = None
     for level in levels(white_force(nominal), friction_force(nominal)):
-        found = _tried(fitted, records, Resonance(frequency, bandwidth, level), before)
+        resonance = Resonance(frequency, bandwidth, level)
+        found = RandomForce(resonance, _whole(_reductions(fitted, records, resonance)))
         if best is not None and found.gain < best.gain:
             break
         best = found
@@ -117,18 +147,20 @@ def steadiness(
     return float(np.median(power) / np.mean(power))
 
 
-def _tried(fitted: Fit, records: Sequence[Record], resonance: Resonance, before: float) -> RandomForce:
+def _reductions(fitted: Fit, records: Sequence[Record], resonance: Resonance) -> list[Array]:
+    """By how much a random force reduces -2 log likelihood, sample by sample (n,) of each record [1]."""
     candidate = replace(fitted.candidate, random_forces=(*fitted.candidate.random_forces, resonance))
-    return RandomForce(resonance, before - _likelihood(evaluate(candidate, records, fitted.paths, fitted.walk)))
+    made = evaluate(candidate, records, fitted.paths, fitted.walk)
+    return [
+        before.innovations[STARTING:] ** 2
+        - after.innovations[STARTING:] ** 2
+        + 2 * math.log(before.deviation / after.deviation)
+        for before, after in zip(fitted.residuals, made, strict=True)
+    ]
 
 
-def _likelihood(residuals: Sequence[Residual]) -> float:
-    """-2 log, but for a constant."""
-    return sum(
-        float(np.sum(one.innovations[STARTING:] ** 2))
-        + 2 * (one.innovations.size - STARTING) * float(np.log(one.deviation))
-        for one in residuals
-    )
+def _whole(reductions: Sequence[Array]) -> float:
+    return sum(float(np.sum(one)) for one in reductions)
 
 
 def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[float]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -11,11 +13,36 @@ from diagnosis.model.fit import fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.which.random_force import levels, steadiness, strongest_random_force
+from diagnosis.which.random_force import at_rest, evenness, levels, steadiness, strongest_random_force
 from diagnosis.which.scan import partial_out
+from models.effects.base import Effect, Numbers, Place, T, V, hook
+from models.effects.parameter import parameter
 from models.effects.priors import Priors
 from models.effects.structure import FloorVibration
 from tests.diagnosis.slow import leg, moved
+
+SLOW = 0.02  # m/s, below which the leg counts as at rest
+
+
+@hook
+def _shaking(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:  # noqa: ARG001
+    size = p[0] if abs(now[V]) > SLOW else p[2]
+    return value + size * math.sin(2 * math.pi * p[1] * now[T])
+
+
+@dataclass(frozen=True)
+class Shaking(Effect):
+    """A line of one size in motion and of another at rest."""
+
+    name: ClassVar = "shaking"
+    family: ClassVar = "structure"
+    equation: ClassVar = "d"
+    source: ClassVar = "a test"
+    hooks: ClassVar = {Place.FORCE: _shaking}
+    depends_on_time: ClassVar = True
+    moving: float = parameter("N", "size in motion", 0.1, 10.0, "amplitude")
+    frequency: float = parameter("Hz", "frequency", 1.0, 100.0, "shape", above=0)
+    resting: float = parameter("N", "size at rest", 0.1, 10.0, "amplitude")
 
 
 def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
@@ -28,6 +55,47 @@ def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
 
     assert steadiness([floor + noise], 8.0, ts) > 0.8
     assert steadiness([slosh + noise], 8.0, ts) < 0.2
+
+
+def test_a_reference_rests_once_it_has_stood_still_for_a_while() -> None:
+    reference = np.concatenate([np.zeros(4), np.linspace(0, 1, 6), np.ones(5), 1 + 1e-5 * np.arange(3)])
+    found = at_rest(reference, 2)
+    assert found.tolist() == [True] * 5 + [False] * 7 + [True] * 6, "a step of 1e-5 of the fastest is none"
+    assert at_rest(np.full(7, 0.1), 3).all()
+    assert np.array_equal(at_rest(reference * 1e-6, 2), found)
+
+
+def test_a_floor_shakes_as_much_at_rest_as_in_motion() -> None:
+    """Gains of a force that is there at all times, of one in motion only and of one at rest only, beside chance."""
+    rng = np.random.default_rng(8)
+    resting = np.arange(9000) % 30 < 20
+    always, moving, still = (
+        0.3 * there + rng.standard_normal(9000) for there in (np.ones(9000), 3.0 * ~resting, 1.5 * resting)
+    )
+    low, high = evenness(always, resting)
+    assert 0.5 < low < 1 < high
+    for locked in (moving, still):
+        assert evenness(locked, resting)[1] < 0.3
+    assert evenness(always / 30, resting)[0] < 0.5 < evenness(always / 30, resting)[1], "so small a gain tells neither"
+    assert evenness(always, np.zeros(9000, bool)) == (0.0, np.inf), "nothing tells where the axis never rests"
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_line_that_is_there_in_motion_only_is_no_floor(share: float) -> None:
+    """Nearly a third of the friction in motion, and a share of that at rest."""
+    machine = leg(500.0)
+    machine = replace(machine, scale=replace(machine.scale, resolution=1e-7, noise=3e-8))
+    record = moved(replace(machine, effects=(Shaking(0.2, 37.0, 0.2 * share),)), seed=2, count=6000)
+    layout = parameters(machine, 1)
+    fitted = fit(Candidate(layout, np.zeros(layout.count)), [record])
+    found = strongest_random_force(fitted, [record], partial_out(fitted, numbered(pieces([record]), [record])))
+    assert found is not None
+    assert found.resonance.frequency == pytest.approx(37.0, abs=0.2)
+    assert found.gain > 300
+    if share:
+        assert found.even == pytest.approx((1.0, 1.0), abs=0.2)
+    else:
+        assert found.even[1] < 0.5
 
 
 @pytest.mark.parametrize("size", [1.0, 0.025, 40.0])
