@@ -21,7 +21,7 @@ from diagnosis.how_far import force_share
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left
-from diagnosis.which.select import min_gain_beside_others
+from diagnosis.which.select import min_gain_beside_others, runs_to_bounds
 from diagnosis.which.stage import Stage
 from models.records.record import Record
 
@@ -63,18 +63,28 @@ def _needed(names: Sequence[str], fits: Mapping[Names, Fit], baseline: Baseline)
 
 def _useless(kept: Names, fits: Mapping[Names, Fit], baseline: Baseline) -> str | None:
     """The name that is needed the least, if it isn't needed; one that gains little is, where it takes off a good part
-    of a slow force."""
+    of a slow force. One that has since run to a bound has to take off as
+    much, or to gain what the search asks of such a one."""
     criteria, thresholds = baseline.criteria, baseline.thresholds
     worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
     limit = {name: thresholds.get(name, criteria.min_gain) for name in worth}
     gained = fits[frozenset()].cost - fits[kept].cost
-    for name in sorted(worth, key=lambda name: (worth[name] - limit[name], name)):
+    ordered = sorted(worth, key=lambda name: (worth[name] - limit[name], name))
+
+    def slow(name: str) -> bool:
+        taken = force_share(*(force_left(fits[one], baseline.records) for one in (kept - {name}, kept)))
+        return taken >= criteria.force_share_of_slow
+
+    for name in ordered:
+        little = worth[name] < criteria.min_gain_at_bound * (gained - worth[name])
+        if little and runs_to_bounds(fits[kept], name) and not slow(name):
+            return name
+    for name in ordered:
         without = fits[kept - {name}]
         left = float(without.innovations @ without.innovations)
         if worth[name] >= max(limit[name], min_gain_beside_others(gained, left, baseline.floors, criteria)):
             return None
-        slow = force_share(*(force_left(one, baseline.records) for one in (without, fits[kept])))
-        if worth[name] < limit[name] or slow < criteria.force_share_of_slow:
+        if worth[name] < limit[name] or not slow(name):
             return name
     return None
 

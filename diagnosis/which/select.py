@@ -256,12 +256,12 @@ def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], search: Searc
     names |= {trial.proposal.name for trial in trials if _draws_more(trial, here, search)}
     if here.candidate.added_effects:
         large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
-        bounded = [trial for trial in trials if _at_bounds(trial.fitted, trial.proposal.name)]
+        bounded = [trial for trial in trials if runs_to_bounds(trial.fitted, trial.proposal.name)]
         names |= {trial.proposal.name for trial in bounded if here.cost - trial.fitted.cost < large}
     return names
 
 
-def _at_bounds(fitted: Fit, name: str) -> bool:
+def runs_to_bounds(fitted: Fit, name: str) -> bool:
     """Whether an effect of this class had to leave its prior range."""
     priors = fitted.candidate.nominal.priors
     return any(at_bounds(effect, priors) for effect in fitted.candidate.added_effects if effect.name == name)

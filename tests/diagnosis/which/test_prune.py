@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from diagnosis.answer import form_parts, small_beside
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, fit
+from diagnosis.model.fit import Fit, bounds_of, fit
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.null import Null
@@ -19,8 +20,9 @@ from diagnosis.refit import refit
 from diagnosis.which.prune import prune, shares
 from diagnosis.which.stage import Stage
 from models.effects.base import Effect
+from models.effects.base import parameters as effect_parameters
 from models.effects.catalogue import in_order
-from models.effects.friction_laws import ViscousFriction
+from models.effects.friction_laws import Stribeck, ViscousFriction
 from models.effects.motor import Cogging
 from models.effects.structure import CableSpring
 from tests.diagnosis.tables import recorded, schedules, table
@@ -58,6 +60,34 @@ def test_an_effect_that_another_makes_useless_is_taken_out() -> None:
     assert found.shares == {"cogging": 1.0}
     assert [effect.name for effect in found.stages[-1].fitted.candidate.effects] == ["cogging"]
     assert found.stages[-1].fitted.cost < both.cost + 20.0
+
+
+@pytest.fixture(scope="module")
+def bounded() -> tuple[list[Stage], Baseline]:
+    """A table with a cogging and a friction that falls over four times the speeds that are looked for."""
+    machine = table()
+    (speed,) = (item for item in effect_parameters(Stribeck, machine.priors) if item.name == "speed")
+    highest = bounds_of(speed)[1]
+    wrong = (Cogging(1.5, 0.035, 1.0), Stribeck(0.1, 4 * highest))
+    records = recorded(machine, schedules(machine), wrong, seed=2)
+    nominal = refit(parameters(machine, len(records)), records)
+    first = _with(nominal, wrong[0], records)
+    both = _with(first, Stribeck(0.1, highest / 1.1), records)
+    stages = [Stage(nominal), Stage(first, added="cogging"), Stage(both, added="stribeck")]
+    nothing = Null({}, tuple((0.0,) * len(records) for _ in range(2)), (4.0, 4.0))
+    return stages, Baseline(nominal, records, pieces(records), nothing)
+
+
+@pytest.mark.parametrize(("least", "kept"), [(0.3, {"cogging"}), (0.0, {"cogging", "stribeck"})])
+def test_what_has_run_to_a_bound_has_to_gain_a_good_part_of_what_the_others_do(
+    bounded: tuple[list[Stage], Baseline], least: float, kept: set[str]
+) -> None:
+    """When it was tried it may have been within its range still."""
+    stages, baseline = bounded
+    first, second = (one.fitted.cost - after.fitted.cost for one, after in itertools.pairwise(stages))
+    assert 100 < second < 0.3 * first
+    found = prune(stages, replace(baseline, criteria=Criteria(min_gain_at_bound=least, form_error=0.0)))
+    assert set(found.shares) == kept
 
 
 @pytest.fixture(scope="module")
