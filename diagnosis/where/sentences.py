@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+import numpy as np
+
 from diagnosis.criteria import Criteria
 from diagnosis.where.added import OMITTED, Added
 from diagnosis.where.controller import Replayed
@@ -229,7 +231,7 @@ def _coordinates(where: Where) -> Iterator[Statement]:
         if one.is_stated(criteria) or (one.share > criteria.stated_share and one.low > criteria.certain_share)
     ]
     for one in stated:
-        told = _explains(one, where.samples.units.travel)
+        told = _explains(one, _longest_period(where))
         yield Statement(Topic.COORDINATE, told, one.low * (SLOW_CLOCK if one.name == "time" else 1.0))
     if not stated:
         best = where.dependence.coordinates[0]
@@ -240,12 +242,19 @@ def _coordinates(where: Where) -> Iterator[Statement]:
         )
 
 
-def _explains(one: Explained, travel: float) -> str:
-    """travel [m]: what does not repeat within it is told as a sine, and not as periodic."""
+def _longest_period(where: Where) -> float:
+    """The longest period [m] that the travel shows to repeat; 0 without travel."""
+    ways = [np.ptp(one.values[where.samples.counts]) for one in where.coordinates if one.name == "position"]
+    return float(max(ways, default=0.0)) / where.criteria.min_periods
+
+
+def _explains(one: Explained, longest: float) -> str:
+    """longest [m]: what repeats over more does not show that it does, and is told as a sine."""
     modulo = ""
     if one.pitch:
-        period, repeats = show(one.pitch, "m", 3), 2 * one.pitch <= travel
-        modulo = f" modulo {period}" if repeats else f", as a sine of {period} over a travel of {show(travel, 'm', 3)},"
+        period = show(one.pitch, "m", 3)
+        few = f", as a sine with a period of {period} that the travel does not show to repeat,"
+        modulo = f" modulo {period}" if one.pitch <= longest else few
     turns = ""
     if one.turning > 0.5 * one.share:
         of_it = "its change" if one.name == "command" else "motion"

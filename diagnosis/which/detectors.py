@@ -89,12 +89,13 @@ def random_force(seen: View) -> Detected:
     if found is None:
         return Detected()
     threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)
-    surely_even, maybe_even = (bound >= criteria.random_force_evenness for bound in found.even)
-    if (
-        seen.fitted.candidate.added_effects and not surely_even
-    ):  # another form leaves what looks like noise about a line
+    low, high = found.even
+    # What another form leaves looks like a line in noise, but not as much at rest as in motion.
+    if seen.fitted.candidate.added_effects and low < criteria.random_force_evenness:
         threshold = max(threshold, criteria.random_force_beside * (seen.baseline.nominal.cost - seen.fitted.cost))
-    if found.steady < criteria.random_force_steadiness or not maybe_even or found.gain <= threshold:
+    if high < criteria.random_force_evenness or found.steady < criteria.random_force_steadiness:
+        return Detected()
+    if found.gain <= threshold:
         return Detected()
     if is_locked(seen.fitted, seen.baseline, found.resonance.frequency):
         return Detected()

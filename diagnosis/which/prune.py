@@ -63,8 +63,8 @@ def _needed(names: Sequence[str], fits: Mapping[Names, Fit], baseline: Baseline)
 
 def _useless(kept: Names, fits: Mapping[Names, Fit], baseline: Baseline) -> str | None:
     """The name that is needed the least, if it isn't needed; one that gains little is, where it takes off a good part
-    of a slow force. One that has since run to a bound has to take off as
-    much, or to gain what the search asks of such a one."""
+    of a slow force. One at a bound of its range is needed only where it takes off as much, or gains what the search
+    asks of such a one: within its range it may have gained more when it was tried."""
     criteria, thresholds = baseline.criteria, baseline.thresholds
     worth = {name: fits[kept - {name}].cost - fits[kept].cost for name in sorted(kept)}
     limit = {name: thresholds.get(name, criteria.min_gain) for name in worth}
@@ -75,6 +75,8 @@ def _useless(kept: Names, fits: Mapping[Names, Fit], baseline: Baseline) -> str 
         taken = force_share(*(force_left(fits[one], baseline.records) for one in (kept - {name}, kept)))
         return taken >= criteria.force_share_of_slow
 
+    if worth[ordered[0]] < limit[ordered[0]]:
+        return ordered[0]
     for name in ordered:
         little = worth[name] < criteria.min_gain_at_bound * (gained - worth[name])
         if little and runs_to_bounds(fits[kept], name) and not slow(name):
@@ -82,9 +84,9 @@ def _useless(kept: Names, fits: Mapping[Names, Fit], baseline: Baseline) -> str 
     for name in ordered:
         without = fits[kept - {name}]
         left = float(without.innovations @ without.innovations)
-        if worth[name] >= max(limit[name], min_gain_beside_others(gained, left, baseline.floors, criteria)):
+        if worth[name] >= min_gain_beside_others(gained, left, baseline.floors, criteria):
             return None
-        if worth[name] < limit[name] or not slow(name):
+        if not slow(name):
             return name
     return None
 

@@ -14,11 +14,12 @@ from typing import Final
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, Resonance
 from diagnosis.model.residual import Candidate, evaluate
-from diagnosis.model.units import friction_force, loop_time, white_force
+from diagnosis.model.units import contact_length, friction_force, loop_time, white_force
 from diagnosis.which.scan import NuisanceProjection, adjoints
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
@@ -40,7 +41,10 @@ WITHIN: Final = 0.9  # of half the sampling rate: up to there forces about a fre
 BELOW_MODES: Final = 0.5  # of the lowest mode's frequency: above, what a wrong mode leaves would pass for one
 TRIED: Final = 3  # frequencies
 BLOCK: Final = 415.0  # loop times over which power is averaged
-STANDS: Final = 1e-3  # of its fastest step: a reference that steps less stands still
+STANDS: Final = (
+    0.05  # of a contact's length, and of the friction: a reference, and a feedforward, that go less stand still
+)
+SETTLES: Final = 5.5  # loop times after which an axis has come to rest
 ENOUGH: Final = 0.05  # of all samples, at rest and in motion, from which on the two are compared
 
 
@@ -82,27 +86,33 @@ def strongest_random_force(
     innovations = [seen.innovations for seen in fitted.residuals]
     loop = loop_time(fitted.candidate.nominal)
     steady = steadiness(innovations, line.frequency, records[0].sample_time, loop)
-    after = round(loop / records[0].sample_time)
-    resting = np.concatenate([at_rest(record.reference, after)[STARTING:] for record in records])
+    resting = np.concatenate([at_rest(record, fitted.candidate.nominal)[STARTING:] for record in records])
+    # A line of a law that acts at rest only may gain evenly over its neighbours, and one of motions evenly by itself.
     low, high = zip(evenness(own, resting), evenness(whole, resting), strict=True)
     return RandomForce(line, float(np.sum(own)), steady, (min(low), min(high)))
 
 
-def at_rest(reference: Array, after: int) -> NDArray[np.bool_]:
-    """Whether a reference (n,) [m] stands still and has for more than so many samples: (n,)."""
-    step = np.abs(np.diff(reference, prepend=reference[0]))
-    moved = np.flatnonzero(step > STANDS * np.max(step, initial=0.0))
-    if moved.size == 0:
-        return np.ones(reference.size, bool)
-    samples = np.arange(reference.size)
-    since = samples - moved[np.maximum(np.searchsorted(moved, samples, "right") - 1, 0)]
-    return np.asarray((since > after) | (samples < moved[0]))
+def at_rest(record: Record, machine: Machine) -> NDArray[np.bool_]:
+    """Whether a record's reference [m] stands still, has for SETTLES, and no feedforward [N] excites the axis: (n,)."""
+    samples = max(round(SETTLES * loop_time(machine) / record.sample_time), 1)
+    excitation = friction_force(machine) or machine.drive.rated_thrust
+    still = _range(record.reference, samples) <= STANDS * contact_length(machine)
+    return np.asarray(still & (_range(record.feedforward, samples) <= STANDS * excitation))
+
+
+def _range(signal: Array, samples: int) -> Array:
+    """How far a signal (n,) has gone within the last so many samples: (n,), in its unit [any]."""
+    window = {"size": samples + 1, "origin": samples // 2, "mode": "nearest"}
+    return np.asarray(maximum_filter1d(signal, **window) - minimum_filter1d(signal, **window))
 
 
 def evenness(gained: Array, resting: NDArray[np.bool_]) -> tuple[float, float]:
     """What a force gains a sample at rest, over what it gains a sample in all, or in motion where that is less, as
-    bounds two deviations of a gain apart [1]: a floor shakes the same whatever the axis does. Gains (n,) of -2 log
-    likelihood; (0, infinity) where nothing tells, as one of the two is next to never."""
+    bounds two deviations to either side [1]: a floor shakes the same whatever the axis does. Gains (n,) of -2 log
+    likelihood, whose deviation is that of white innovations beside a force of steady power; (0, infinity) where nothing
+    tells, as one of the two is next to never."""
+    if gained.size == 0:
+        return 0.0, math.inf
     shares = np.array([np.mean(resting), 1 - np.mean(resting)])
     expected = shares * float(np.sum(gained))
     if np.min(shares) < ENOUGH or np.min(expected) <= 0:

@@ -32,7 +32,8 @@ STILL: Final = 5.0  # steps of the scale: a position that stays within them does
 SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which they are of two machines
 ROLLING: Final = 0.05  # of the highest speed: below, a record hardly shows on which way the axis is
 FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
-SPRING: Final = 0.5  # of what two masses leave of two records: one mass on a spring that leaves less is believed
+LEAVES_LESS: Final = 0.5  # of what two masses leave of two records: one mass on a spring that leaves less is believed
+NO_WORSE: Final = 1.1  # of the same, in either record
 INERTIA: Final = 0.8  # share of the smoothed command's variance that inertia must explain for a mass to be read off
 
 
@@ -119,9 +120,7 @@ def check_one_machine(records: Sequence[Record], names: Sequence[str], preslidin
                 f"{show(steps[0][0], 'm')} and {show(step, 'm')}; diagnose each with its own machine file"
             )
     shown = [
-        (rolling, name)
-        for record, name in zip(records, names, strict=True)
-        if (rolling := _rolling(record, presliding))
+        (found, name) for record, name in zip(records, names, strict=True) if (found := rolling(record, presliding))
     ]
     for other, name in shown[1:]:
         if not 1 / SAME_MASS < other.mass / shown[0][0].mass < SAME_MASS and not _one_mass(shown[0][0], other):
@@ -194,7 +193,7 @@ def _constant(record: Record) -> None:
 
 
 @dataclass(frozen=True)
-class _Rolling:
+class Rolling:
     """The samples (n,) of a record in which its axis rolls: position [m], speed [m/s], acceleration [m/s2], the command
     [N] that made them, what `mass` [kg], friction and an offset leave of it [N]."""
 
@@ -206,15 +205,11 @@ class _Rolling:
     left: Array
 
 
-def rolling_mass(record: Record, presliding: float) -> float | None:
-    """The mass [kg] that a record shows where the axis has gone beyond `presliding` [m] since it turned, smoothed over
-    40 samples; None if friction hides it."""
-    rolling = _rolling(record, presliding)
-    return None if rolling is None else rolling.mass
+def rolling(record: Record, presliding: float) -> Rolling | None:
+    """Where the axis has gone beyond `presliding` [m] since it turned, smoothed over 40 samples; None if friction hides
+    the mass.
 
-
-def _rolling(record: Record, presliding: float) -> _Rolling | None:
-    """Dead time and current loop move the force behind its command, which in strokes of a few samples takes off a third
+    Dead time and current loop move the force behind its command, which in strokes of a few samples takes off a third
     of the mass. So the command is taken as many samples earlier, up to LONGEST_SHIFT, as leave the least."""
     position, speed, acceleration, force = smoothed(record, 40)
     rolls = np.abs(speed) > ROLLING * float(np.max(np.abs(speed)))
@@ -229,27 +224,38 @@ def _rolling(record: Record, presliding: float) -> _Rolling | None:
     inertia, rest = float(np.var(mass * acceleration[at])), float(np.var(left))
     if inertia <= INERTIA * (inertia + rest):
         return None
-    return _Rolling(position[at], speed[at], acceleration[at], force[at - best], mass, left)
+    return Rolling(position[at], speed[at], acceleration[at], force[at - best], mass, left)
 
 
-def _one_mass(one: _Rolling, other: _Rolling) -> bool:
-    """Whether one mass on a spring, with a drag, leaves less than SPRING of what a mass each leaves, in variance and in
-    the geometric mean over both records, as their forces may be of any size.
+def _one_mass(one: Rolling, other: Rolling) -> bool:
+    """Whether one mass explains two records: with a drag alone, or on a spring that leaves less than LEAVES_LESS of
+    what a mass each leaves, in variance and in the geometric mean over both, and fits neither worse.
 
     In slow or short motions the force of a spring is taken for inertia, or takes some off it: beside a cable of 9 N/m
     slow strokes showed 4.3 kg of 7. Where all motion is of one frequency nothing tells the two apart, and the records
     pass for those of two machines."""
-    columns, force = [], []
-    for i, rolling in enumerate((one, other)):
-        own = np.zeros((rolling.speed.size, 4))  # friction and offset of each record
-        own[:, 2 * i], own[:, 2 * i + 1] = np.sign(rolling.speed), 1.0
-        shared = np.column_stack([rolling.acceleration, rolling.position, rolling.speed])
-        size = max(float(np.std(rolling.left)), 1e-300)
-        columns.append(np.column_stack([shared, own]) / size)
-        force.append(rolling.force / size)
-    left = _least_squares(np.concatenate(columns), np.concatenate(force))[1]
-    shares = [float(np.var(part)) for part in np.split(left, [one.speed.size])]
-    return math.sqrt(math.prod(shares)) < SPRING
+    none = np.zeros_like
+    masses = (np.append(one.acceleration, none(other.speed)), np.append(none(one.speed), other.acceleration))
+    each, left = _together(one, other, masses)
+    if 1 / SAME_MASS < each[1] / each[0] < SAME_MASS:
+        return True
+    position = np.append(one.position, other.position)
+    alike, less = _together(one, other, (masses[0] + masses[1], position))
+    shares = [after / before for before, after in zip(left, less, strict=True)]
+    return min(alike[:2]) > 0 and max(shares) < NO_WORSE and math.sqrt(math.prod(shares)) < LEAVES_LESS
+
+
+def _together(one: Rolling, other: Rolling, wanted: tuple[Array, Array]) -> tuple[Array, list[float]]:
+    """The weights of two columns (n,) in the forces of two records, beside a drag of both and a friction and an offset
+    of each, and the variance [N2] that is left of each."""
+    own = np.zeros((one.speed.size + other.speed.size, 4))
+    for i, (moved, rows) in enumerate(((one, slice(one.speed.size)), (other, slice(one.speed.size, None)))):
+        own[rows, 2 * i], own[rows, 2 * i + 1] = np.sign(moved.speed), 1.0
+    columns = np.column_stack([*wanted, np.append(one.speed, other.speed), own])
+    sizes = [np.full(moved.speed.size, max(float(np.std(moved.left)), 1e-300)) for moved in (one, other)]
+    size = np.concatenate(sizes)
+    weights, left = _least_squares(columns / size[:, None], np.append(one.force, other.force) / size)
+    return weights, [float(np.var(part)) for part in np.split(left * size, [one.speed.size])]
 
 
 def _since_turned(speed: Array) -> Array:

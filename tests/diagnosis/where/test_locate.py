@@ -112,13 +112,9 @@ def test_what_depends_on_the_place_is_found_with_its_pitch() -> None:
     assert pitch.share > 0.8
     assert pitch.p < 0.02
     assert pitch.turning < 0.1
-    travel = found.samples.units.travel
+    travel = np.ptp(next(one for one in found.coordinates if one.name == "position").values[found.samples.counts])
     others = [one for one in found.dependence.coordinates if one.name not in {"pitch", "position"}]
-    for factor, words in (
-        (0.5, "The position modulo"),
-        (0.51, "The position, as a sine of"),
-        (1.2, "over a travel of"),
-    ):
+    for factor, words in ((0.49, "The position modulo"), (0.51, "does not show to repeat"), (1.2, "as a sine with")):
         along = replace(found.dependence, coordinates=(replace(pitch, pitch=factor * travel), *others))
         told = next(one.text for one in statements(replace(found, dependence=along)) if one.topic == Topic.COORDINATE)
         assert words in told, "what does not repeat within the travel is not periodic"

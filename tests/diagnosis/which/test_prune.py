@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,6 +20,7 @@ from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.null import Null
 from diagnosis.refit import refit
+from diagnosis.which import prune as module
 from diagnosis.which.prune import prune, shares
 from diagnosis.which.stage import Stage
 from models.effects.base import Effect
@@ -88,6 +92,44 @@ def test_what_has_run_to_a_bound_has_to_gain_a_good_part_of_what_the_others_do(
     assert 100 < second < 0.3 * first
     found = prune(stages, replace(baseline, criteria=Criteria(min_gain_at_bound=least, form_error=0.0)))
     assert set(found.shares) == kept
+
+
+def fake_fits(bound: set[str]) -> dict[frozenset[str], SimpleNamespace]:
+    """Costs of which b explains what a does, and more, and runs to a bound with it."""
+    costs = {"": 1000.0, "a": 600.0, "b": 525.0, "ab": 520.0}
+    return {
+        frozenset(names): SimpleNamespace(cost=cost, innovations=np.full(1, cost**0.5), bound=bound & set(names))
+        for names, cost in costs.items()
+    }
+
+
+@pytest.mark.parametrize("bound", [set(), {"a"}, {"b"}, {"a", "b"}])
+def test_what_is_useless_goes_before_what_runs_to_a_bound(bound: set[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """a gains 5 beside b, less than chance; it may be what drove b to its bound."""
+    monkeypatch.setattr(module, "runs_to_bounds", lambda fitted, name: name in fitted.bound)
+    monkeypatch.setattr(module, "force_left", lambda _fitted, _records: 1.0)
+    baseline: Any = SimpleNamespace(criteria=Criteria(), thresholds={"a": 40.0}, floors=(4.0, 4.0), records=())
+    fits: Any = fake_fits(bound)
+    assert module._needed(["a", "b"], fits, baseline) == {"b"}
+
+
+@pytest.mark.parametrize(("least", "kept"), [(0.5, {"a", "b"}), (0.7, {"a"})])
+def test_what_takes_off_the_force_may_run_to_a_bound(
+    least: float, kept: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a pair of which b gains a fifth of what a does and takes off 0.64 of the force's energy."""
+    costs = {"": 1000.0, "a": 500.0, "b": 900.0, "ab": 400.0}
+    fits: Any = {
+        frozenset(names): SimpleNamespace(
+            cost=cost, innovations=np.full(1, cost**0.5), force=0.6 if "b" in names else 1
+        )
+        for names, cost in costs.items()
+    }
+    monkeypatch.setattr(module, "runs_to_bounds", lambda _fitted, name: name == "b")
+    monkeypatch.setattr(module, "force_left", lambda fitted, _records: fitted.force)
+    criteria = Criteria(force_share_of_slow=least)
+    baseline: Any = SimpleNamespace(criteria=criteria, thresholds={}, floors=(4.0, 4.0), records=())
+    assert module._needed(["a", "b"], fits, baseline) == kept
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from diagnosis.model.fit import fit
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.model.units import contact_length, loop_time
 from diagnosis.which.random_force import at_rest, evenness, levels, steadiness, strongest_random_force
 from diagnosis.which.scan import partial_out
 from models.effects.base import Effect, Numbers, Place, T, V, hook
@@ -57,12 +58,26 @@ def test_a_force_that_is_there_after_some_motions_only_is_not_steady() -> None:
     assert steadiness([slosh + noise], 8.0, ts) < 0.2
 
 
-def test_a_reference_rests_once_it_has_stood_still_for_a_while() -> None:
-    reference = np.concatenate([np.zeros(4), np.linspace(0, 1, 6), np.ones(5), 1 + 1e-5 * np.arange(3)])
-    found = at_rest(reference, 2)
-    assert found.tolist() == [True] * 5 + [False] * 7 + [True] * 6, "a step of 1e-5 of the fastest is none"
-    assert at_rest(np.full(7, 0.1), 3).all()
-    assert np.array_equal(at_rest(reference * 1e-6, 2), found)
+def test_an_axis_rests_once_its_reference_has_stood_still_for_a_while() -> None:
+    """5.5 loop times of the leg are as many samples; a slow move is none beside a fast one, nor is the scale's step."""
+    machine = leg(500.0)
+    record = moved(machine, seed=2, count=3000)
+    samples = round(5.5 * loop_time(machine) / record.sample_time)
+    contact = contact_length(machine)
+    way = np.concatenate([np.zeros(500), np.linspace(0, 0.3, 100), np.full(900, 0.3)])
+    slow = 0.3 + contact * np.concatenate([np.linspace(0, 2, 500), np.full(1000, 2)])
+    reference = np.concatenate([way, slow])
+    found = at_rest(replace(record, reference=reference, feedforward=np.zeros(3000)), machine)
+    begins = [501, 600 + samples, 1501, 2000 + samples]
+    assert found[: begins[0]].all()
+    assert not found[begins[0] : begins[1] - 1].any()
+    assert found[begins[1] : begins[2]].all()
+    assert not found[begins[2] + samples : begins[3] - samples].any()
+    assert found[begins[3] :].all()
+    noisy = reference + 0.01 * contact * np.sin(np.arange(3000))
+    assert np.mean(at_rest(replace(record, reference=noisy, feedforward=np.zeros(3000)), machine) == found) > 0.95
+    excited = replace(record, reference=reference, feedforward=np.sin(np.arange(3000)))
+    assert not at_rest(excited, machine)[1:].any(), "what the feedforward excites does not rest"
 
 
 def test_a_floor_shakes_as_much_at_rest_as_in_motion() -> None:
@@ -78,6 +93,7 @@ def test_a_floor_shakes_as_much_at_rest_as_in_motion() -> None:
         assert evenness(locked, resting)[1] < 0.3
     assert evenness(always / 30, resting)[0] < 0.5 < evenness(always / 30, resting)[1], "so small a gain tells neither"
     assert evenness(always, np.zeros(9000, bool)) == (0.0, np.inf), "nothing tells where the axis never rests"
+    assert evenness(np.zeros(0), np.zeros(0, bool)) == (0.0, np.inf)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

@@ -14,7 +14,7 @@ from models.records.checks import (
     check_movement,
     check_one_machine,
     check_sample_time,
-    rolling_mass,
+    rolling,
 )
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
@@ -33,20 +33,25 @@ def moving(amplitude: float = 0.02, mass: float = MASS, step: float = 0.0) -> Re
     return Record(TS, x, x, np.zeros_like(x), command, read)
 
 
+def shown_mass(record: Record, presliding: float) -> float | None:
+    found = rolling(record, presliding)
+    return None if found is None else found.mass
+
+
 def test_a_rolling_record_shows_its_mass_beside_friction_and_offset() -> None:
-    assert rolling_mass(moving(), PRESLIDING) == pytest.approx(MASS, rel=0.01)
+    assert shown_mass(moving(), PRESLIDING) == pytest.approx(MASS, rel=0.01)
 
 
 def test_motions_of_micrometres_show_no_mass() -> None:
-    assert rolling_mass(moving(20e-6), PRESLIDING) is None, "the axis never leaves the presliding region"
+    assert shown_mass(moving(20e-6), PRESLIDING) is None, "the axis never leaves the presliding region"
     crawling = moving(0.02, mass=1e-3)
-    assert rolling_mass(crawling, PRESLIDING) is None, "friction is nearly all of its command"
+    assert shown_mass(crawling, PRESLIDING) is None, "friction is nearly all of its command"
 
 
 def test_whether_an_axis_rolls_is_a_matter_of_its_friction_and_not_of_its_speed() -> None:
     """The same motions of 20 um, on contacts that slip within 0.1 um, and strokes of 20 mm on contacts of 50 mm."""
-    assert rolling_mass(moving(20e-6, 1e3 * MASS), 1e-7) == pytest.approx(1e3 * MASS, rel=0.01)
-    assert rolling_mass(moving(), 0.05) is None
+    assert shown_mass(moving(20e-6, 1e3 * MASS), 1e-7) == pytest.approx(1e3 * MASS, rel=0.01)
+    assert shown_mass(moving(), 0.05) is None
 
 
 def strokes(mass: float = MASS, late: int = 3) -> Record:
@@ -64,8 +69,8 @@ def test_strokes_of_a_few_samples_show_the_mass_behind_a_late_force() -> None:
     """As of a galvo, with its dead time and current loop of three samples: taken as they are, these strokes show
     13.8 kg of 20, and the tool's own strokes were refused beside its own suite as of two machines."""
     far = 4e-3  # presliding [m]
-    assert rolling_mass(strokes(late=0), far) == pytest.approx(MASS, rel=1e-3)
-    assert rolling_mass(strokes(), far) == pytest.approx(MASS, rel=1e-3)
+    assert shown_mass(strokes(late=0), far) == pytest.approx(MASS, rel=1e-3)
+    assert shown_mass(strokes(), far) == pytest.approx(MASS, rel=1e-3)
     check_one_machine([moving(), strokes()], "ab", far)
     for other in (MASS / 1.5, 1.5 * MASS):
         with pytest.raises(RecordError, match="of two machines"):
@@ -78,27 +83,39 @@ def on_a_spring(record: Record, stiffness: float, drag: float = 0.0) -> Record:
     return replace(record, command=record.command + stiffness * (record.position - 3e-3) + drag * speed)
 
 
-def test_a_spring_makes_no_second_machine_of_slow_motions() -> None:
-    """Beside a spring of 1.5 kN/m motions of 1 and 3 Hz show less than the mass, and strokes of 12 ms nearly all of it.
-    Masses that differ are told from one on a spring, and so they are where nothing tells the two apart: in a sine."""
-    slow = moving()
+def two_sines(mass: float = MASS, fast: float = 3.0) -> Record:
+    """Two seconds of motion of 1 Hz and of a faster one [Hz], of a mass [kg] with Coulomb friction."""
     phase = 2 * np.pi * TS * np.arange(4000)
-    x = 0.015 * np.sin(3 * phase) + 0.02 * np.sin(phase)
-    slow = replace(slow, position=x, command=MASS * np.gradient(np.gradient(x, TS), TS))
-    slow = replace(slow, command=slow.command + FRICTION * np.sign(np.gradient(x, TS)))
-    pair = [on_a_spring(record, 1.5e3, 10.0) for record in (slow, strokes())]
-    masses = [rolling_mass(record, PRESLIDING) for record in pair]
+    x = 0.02 * np.sin(phase) + 0.045 / fast * np.sin(fast * phase)
+    speed = np.gradient(x, TS)
+    return replace(moving(), position=x, command=mass * np.gradient(speed, TS) + FRICTION * np.sign(speed))
+
+
+def test_a_spring_makes_no_second_machine_of_slow_motions() -> None:
+    """Beside a spring of 1.5 kN/m motions of 1 and 3 Hz show less than the mass, and strokes of 12 ms nearly all of
+    it."""
+    pair = [on_a_spring(record, 1.5e3, 10.0) for record in (two_sines(), strokes())]
+    masses = [shown_mass(record, PRESLIDING) for record in pair]
     assert masses[0] is not None
     assert masses[0] < MASS / SAME_MASS, "the spring hides in the mass"
     assert masses[1] == pytest.approx(MASS, rel=0.01)
     check_one_machine(pair, "ab", PRESLIDING)
-    for one, other in (
-        (replace(slow, command=0.58 * slow.command), strokes()),
-        (pair[0], on_a_spring(strokes(2 * MASS), 1.5e3, 10.0)),
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (two_sines(0.58 * MASS), strokes()),
+        (on_a_spring(two_sines(), 1.5e3, 10.0), on_a_spring(strokes(2 * MASS), 1.5e3, 10.0)),
+        (on_a_spring(two_sines(), 0.0, 300.0), on_a_spring(two_sines(1.5 * MASS, 5.0), 0.0, 300.0)),
+        (on_a_spring(two_sines(), -3e3), strokes()),
         (on_a_spring(moving(), 3e3), strokes()),
-    ):
-        with pytest.raises(RecordError, match="of two machines"):
-            check_one_machine([one, other], "ab", PRESLIDING)
+    ],
+    ids=["no spring", "beside a spring", "beside a drag", "what pushes away is no spring", "one sine tells no spring"],
+)
+def test_two_masses_are_two_machines(one: Record, other: Record) -> None:
+    with pytest.raises(RecordError, match="of two machines"):
+        check_one_machine([one, other], "ab", PRESLIDING)
 
 
 STILL = replace(moving(), position=np.full(4000, 1e-5))
