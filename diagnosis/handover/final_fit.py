@@ -138,7 +138,8 @@ def _widened(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
             continue
         kind = type(candidate.effects[one.number])
         (item,) = (item for item in parameters_of(kind, layout.machine.priors) if item.name == one.name)
-        ranges[one.part, one.name] = (item.widest[0] / ROOM, item.widest[1] * ROOM)
+        ends = (item.low, item.high) if item.stated else item.widest
+        ranges[one.part, one.name] = (ends[0] / ROOM, ends[1] * ROOM)
     dead = layout.of("dead_time")
     low[dead] = np.maximum(low[dead], -layout.machine.plant.dead_time)
     machine = replace(layout.machine, priors=Priors.of(ranges, layout.machine.priors.units))

@@ -32,6 +32,8 @@ BY_UNIT: Final[Mapping[str, Powers]] = {
 # The shortest period that is looked for along the travel has so many in it, and the longest one of a scale so many.
 MOST_PERIODS, FEWEST_PERIODS = 120, 15
 MOST_OF_NYQUIST: Final = 0.8  # up to which a frequency is looked for
+MOST_SAMPLED: Final = 0.99  # of the same, up to which a mode is in a machine that states its range
+STATED_ROOM: Final = 1.5  # times the largest frequency that is stated, up to which a fit may go
 DENSEST: Final = 3  # times the points of a grid over the reference's travel, up to which a longer one has a grid
 
 
@@ -102,9 +104,15 @@ def looked_for(item: Parameter) -> Parameter:
 
 
 def stated(item: Parameter, ends: tuple[float, ...] | None) -> Parameter:
-    """The parameter with the sizes [SI] that a machine states; one that may have either sign may still."""
+    """The parameter with the sizes [SI] that a machine states; one that may have either sign may still. A mode stays
+    below what the controller samples, whatever room a fit gives it."""
     if ends is None:
         return item
     low, high = ends
+    sought: Range = ()
+    if item.is_resonance and item.sought:
+        most = MOST_SAMPLED / MOST_OF_NYQUIST * item.sought[1]
+        low, high = low if low < most else most / STATED_ROOM, min(high, most)
+        sought = (low, min(STATED_ROOM * high, most))
     typical = (low * high) ** 0.5
-    return replace(item, low=-high if item.low < 0 else low, high=high, typical=typical, stated=True, sought=())
+    return replace(item, low=-high if item.low < 0 else low, high=high, typical=typical, stated=True, sought=sought)

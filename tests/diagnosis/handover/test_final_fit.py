@@ -9,13 +9,16 @@ import pytest
 
 from diagnosis.experiments.schedules import strokes
 from diagnosis.handover.files import judged, machine_of, starts_of
-from diagnosis.handover.final_fit import at_bounds, finished
+from diagnosis.handover.final_fit import at_bounds, finished, with_room
 from diagnosis.how_far import errors_of
-from diagnosis.model.fit import Fit, fit
+from diagnosis.model.fit import Fit, bounds_of, fit
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.start_states import static_equilibrium_start
+from diagnosis.model.units import with_units
+from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
+from models.effects.structure import AdditionalMode
 from models.machine import Machine, load
 from models.records.record import Record
 from tests.diagnosis.tables import recorded
@@ -54,6 +57,23 @@ def test_a_value_at_its_bound_gets_twice_the_room_once() -> None:
     _, record = _with_offset(60.0)
     found = finished(_searched(record), [record])
     assert "amplifier_offset" in [one.name for one in found.at_bound]
+
+
+def test_more_room_leads_no_mode_beyond_what_the_controller_samples() -> None:
+    """A mode at the end of what is looked for got twice the room, twice: a file of 1.1 kHz at 2 kHz cannot be read."""
+    _, record = _with_offset(0.0)
+    layout = parameters(with_units(AXIS, [record]), 1)
+    nyquist = 0.5 / AXIS.sample_time
+    for _ in range(3):
+        (item,) = (one for one in parameters_of(AdditionalMode, layout.machine.priors) if one.name == "frequency")
+        most = bounds_of(item)[1]
+        assert most < nyquist
+        effects = in_order((*AXIS.effects, AdditionalMode(1e-3, most, 0.02)))
+        candidate = Candidate(layout, static_equilibrium_start(layout, [record]), effects)
+        assert ("additional_mode", "frequency") in [(one.part, one.name) for one in at_bounds(candidate)]
+        roomy = with_room(fit(candidate, [record], iterations=1), [record])
+        layout = roomy.candidate.layout
+    judged(machine_of(AXIS, roomy.candidate), starts_of(roomy.candidate))
 
 
 def test_the_file_keeps_the_machine_files_priors_and_leaves_no_constant_force() -> None:

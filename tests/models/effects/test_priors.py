@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.model.fit import OF_PERIOD, at_bounds, fine_step
+from diagnosis.model.fit import OF_PERIOD, at_bounds, bounds_of, fine_step
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import SIZES, every, looked_for, range_declarations
 from models.effects.friction_laws import DirectionalFriction, Stribeck, VelocityStrengthening
@@ -20,6 +20,7 @@ from models.effects.motor import Cogging, DacQuantisation
 from models.effects.parameter import POSITIVE
 from models.effects.priors import USUAL, Priors
 from models.effects.scale import ScalePeriodicError
+from models.effects.structure import AdditionalMode
 from models.machine import MachineError, load, to_json
 from models.machine import parameters as values
 from models.machine_file import to_toml
@@ -193,3 +194,16 @@ def test_every_mistake_gets_its_sentence(tmp_path: Path, text: str, sentence: st
     path.write_text(f"{text}\n{plain}" if text.startswith("priors") else f"{plain}\n{text}\n", encoding="utf-8")
     with pytest.raises(MachineError, match=re.escape(sentence)):
         load(path)
+
+
+@pytest.mark.parametrize("ends", [(300.0, 400.0), (300.0, 950.0), (900.0, 4000.0), (2000.0, 4000.0)])
+def test_a_mode_that_is_stated_stays_below_what_the_controller_samples(ends: tuple[float, float]) -> None:
+    """A fit may go half beyond the range, but to no frequency that a machine file refuses."""
+    machine = load()
+    nyquist = 0.5 / machine.sample_time
+    priors = Priors.of({("additional_mode", "frequency"): ends}, machine.priors.units)
+    (item,) = (one for one in parameters(AdditionalMode, priors) if one.name == "frequency")
+    low, high = bounds_of(item)
+    assert 0 < low < high < nyquist
+    assert high == pytest.approx(min(1.5 * ends[1], 0.99 * nyquist))
+    assert item.low == (ends[0] if ends[0] < nyquist else pytest.approx(0.66 * nyquist))
