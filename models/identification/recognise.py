@@ -41,6 +41,7 @@ def read(
         mass=machine.plant.mass,
         limit=machine.drive.rated_thrust,
         resolution=machine.scale.resolution,
+        scatter=machine.scale.noisy().reading_deviation,
         stiffness=float(sum(machine.friction.stiffness)),
         rotary=machine.axis == "rotary",
     )

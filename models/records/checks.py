@@ -29,6 +29,9 @@ SATURATED: Final = 3  # samples in a row at the extreme of the command
 SHORTEST: Final = 1000  # samples that a diagnosis needs, of all records together
 SAME_TIME: Final = 1e-3  # relative difference between a record's sample time and the machine's that is tolerated
 STILL: Final = 5.0  # steps of the scale: a position that stays within them does not count as moving
+STANDS: Final = 256  # samples of a reference that stands still, after which an axis counts as at rest
+FEWEST_STRETCHES: Final = 4  # of a quarter of these, that a record has to rest to show its scale's noise
+NOISIER: Final = 2.0  # times what a machine file says: a reading that scatters more at rest is told
 SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which they are of two machines
 ROLLING: Final = 0.05  # of the highest speed: below, a record hardly shows on which way the axis is
 FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
@@ -50,7 +53,8 @@ class Facts:
     """What is nominally known of a machine [SI], to see more in its records; None: not known.
 
     The feedback that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N],
-    the resolution of the scale [m], the stiffness of the friction at rest [N/m], and whether the axis turns.
+    the resolution of the scale [m], the deviation of a reading [m], the stiffness of the friction at rest [N/m], and
+    whether the axis turns.
     """
 
     pid: Feedback | None = None
@@ -59,6 +63,7 @@ class Facts:
     mass: float | None = None
     limit: float | None = None
     resolution: float | None = None
+    scatter: float | None = None
     stiffness: float | None = None
     rotary: bool | None = None
 
@@ -66,7 +71,7 @@ class Facts:
 def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, ...]:
     """Sentences on a record that can be used; raises RecordError for one that can't. given: signals of the file."""
     _constant(record)
-    sentences = [*_saturation(record, facts.limit), *_step(record)]
+    sentences = [*_saturation(record, facts.limit), *_step(record), *_scatter(record, facts.scatter)]
     if facts.pid is not None and {"reference", "command"} <= set(given):
         sentences += _shift(record, facts.pid, facts.reference_delay)
     return tuple(sentences)
@@ -313,6 +318,35 @@ def _step(record: Record) -> Iterator[str]:
     force = quantisation(record.command)
     if force > 1e-3 * float(np.std(record.command)):
         yield f"The command has steps of {show(force, 'N')}."
+
+
+def _scatter(record: Record, stated: float | None) -> Iterator[str]:
+    """A reading that scatters more at rest than the machine file says [m]: what the scale adds would pass for force."""
+    shown = scatter_at_rest(record)
+    if stated is not None and shown is not None and shown > NOISIER * stated:
+        yield (
+            f"At rest the reading scatters by {show(shown, 'm', 2)} from sample to sample, where the scale of the "
+            f"machine file has {show(stated, 'm', 2)}, noise and rounding together; state the noise in [scale], or the "
+            "drive is taken for rougher than it is."
+        )
+
+
+def scatter_at_rest(record: Record) -> float | None:
+    """The deviation [m] of the reading at rest that no motion makes; None where the record hardly rests.
+
+    What moves changes little from sample to sample, and its fourth difference less; that of white noise is 70 times its
+    variance. It is taken where reference and feedforward have stood still for STANDS samples, as the median over
+    stretches of a quarter of that, of which vibrations and what is left of a motion spoil few.
+    """
+    still = (np.diff(record.reference, prepend=np.nan) == 0) & (np.diff(record.feedforward, prepend=np.nan) == 0)
+    samples, length = np.arange(still.size), STANDS // 4
+    since = samples - np.maximum.accumulate(np.where(still, -1, samples))
+    ends = np.flatnonzero((since >= STANDS) & (since % length == 0)) + 1
+    if ends.size < FEWEST_STRETCHES:
+        return None
+    fourth = np.diff(record.position, 4)
+    power = [float(np.mean(fourth[end - length : end - 4] ** 2)) for end in ends]
+    return math.sqrt(float(np.median(power)) / 70)
 
 
 def _shift(record: Record, feedback: Feedback, reference_delay: int) -> Iterator[str]:

@@ -10,11 +10,14 @@ import pytest
 
 from models.records.checks import (
     SAME_MASS,
+    Facts,
     check_length,
     check_movement,
     check_one_machine,
     check_sample_time,
+    findings,
     rolling,
+    scatter_at_rest,
 )
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
@@ -116,6 +119,36 @@ def test_a_spring_makes_no_second_machine_of_slow_motions() -> None:
 def test_two_masses_are_two_machines(one: Record, other: Record) -> None:
     with pytest.raises(RecordError, match="of two machines"):
         check_one_machine([one, other], "ab", PRESLIDING)
+
+
+def resting(noise: float, step: float = 0.0) -> Record:
+    """Strokes of 20 mm, each with a rest of a second that begins with a vibration of 300 Hz; noise, step [m] of the
+    scale."""
+    rng, t = np.random.default_rng(4), TS * np.arange(2000)
+    shape = 0.02 * np.clip(np.arange(2400) / 400, 0, 1)
+    ring = np.append(np.zeros(400), 1e-5 * np.exp(-t / 0.01) * np.sin(2 * np.pi * 300 * t))
+    reference = np.tile(np.append(shape, 0.02 - shape), 3)
+    x = reference + np.tile(np.append(ring, -ring), 3) + noise * rng.standard_normal(reference.size)
+    read = np.round(x / step) * step if step else x
+    return Record(TS, reference, reference, np.zeros_like(x), 20 * np.sin(np.arange(x.size)), read)
+
+
+@pytest.mark.parametrize(("noise", "step"), [(6e-9, 0.0), (6e-9, 5e-9), (2e-7, 1e-8)])
+def test_a_rest_shows_what_the_scale_adds(noise: float, step: float) -> None:
+    expected = np.hypot(noise, step / 12**0.5)
+    assert scatter_at_rest(resting(noise, step)) == pytest.approx(expected, rel=0.1)
+    assert scatter_at_rest(moving()) is None, "it never rests"
+
+
+def test_a_scale_that_is_noisier_than_the_file_says_is_told() -> None:
+    """A user's encoder of 5 nm with a noise of 6 nm, which the machine file did not state: its drive had passed for one
+    that is rougher than its model by 2.7 N."""
+    record = resting(6e-9, 5e-9)
+    (told,) = (one for one in findings(record, (), Facts(scatter=2.1e-9)) if "scatters" in one)
+    assert "by 6.1 nm from sample to sample" in told
+    assert "2.1 nm" in told
+    for facts in (Facts(), Facts(scatter=6e-9)):
+        assert not any("scatters" in one for one in findings(record, (), facts))
 
 
 STILL = replace(moving(), position=np.full(4000, 1e-5))
