@@ -111,7 +111,8 @@ def _against_feedback(record: Record, facts: Facts) -> Iterator[str]:
         case Mistake.SWAPPED:
             yield (
                 "reference and position look swapped: the stated controller makes the logged command where the two are "
-                "exchanged, and not as they are; map each to its column"
+                "exchanged, and not as they are; map each to its column, or turn both by "
+                '"NAME * -1" where they count against the command'
             )
         case Mistake.TURNED:
             yield (

@@ -37,7 +37,8 @@ def _run(arguments: Sequence[str] | None) -> int:
     text = starter({name: answer for name, answer in given.items() if answer is not None}, file.stem)
     write_at_once(file, text)
     print(f"written: {file}")
-    print(f"next: python -m studies.deadbeat_design --machine {file}")
+    print(f"next, to know the axis: python -m studies.identify_machine --machine {file} --write-references references")
+    print(f"or, a first design on these values: python -m studies.deadbeat_design --machine {file}")
     return DONE
 
 

@@ -39,6 +39,14 @@ def test_a_file_from_ten_answers_meets_its_specification_as_it_stands(axis: str,
     assert "identify it from slow loops" in dict(answer.summary)["WARNING, friction"]
 
 
+def test_what_to_do_next_is_to_know_the_axis_or_to_design(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "axis.toml"
+    assert main(command(file, middle())) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert any(f"identify_machine --machine {file} --write-references" in line for line in told)
+    assert any(f"deadbeat_design --machine {file}" in line for line in told)
+
+
 def test_the_file_holds_the_answers_and_says_of_every_value_where_it_is_from(tmp_path: Path) -> None:
     file = tmp_path / "axis.toml"
     assert main(command(file, middle(), "--dead-time", "300 us", "--offset", "-60 N", "--travel", "40 mm")) == 0

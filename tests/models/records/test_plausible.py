@@ -48,6 +48,14 @@ def test_what_the_table_makes_is_not_doubted(kind: str, records: Mapping[str, Re
     assert list(doubts(records[kind], GIVEN, OF_THE_LOOP)) == []
 
 
+def test_an_axis_that_counts_against_its_command_is_told_how_to_turn_it(records: Mapping[str, Record]) -> None:
+    """To a feedback of the error it is the same as reference and position exchanged."""
+    record = records["motions"]
+    turned = replace(record, target=-record.target, reference=-record.reference, position=-record.position)
+    told = [doubt for doubt in doubts(turned, GIVEN, OF_THE_LOOP) if 'by "NAME * -1"' in doubt]
+    assert told
+
+
 @pytest.mark.parametrize("factor", [0.1, 0.5, 2.0, 10.0])
 @pytest.mark.parametrize("signal", ["position", "reference"])
 @pytest.mark.parametrize("kind", ["excitation", "hysteresis", "motions"])
