@@ -49,11 +49,14 @@ def test_what_the_table_makes_is_not_doubted(kind: str, records: Mapping[str, Re
 
 
 def test_an_axis_that_counts_against_its_command_is_told_how_to_turn_it(records: Mapping[str, Record]) -> None:
-    """To a feedback of the error it is the same as reference and position exchanged."""
+    """To a feedback of the error, beside a feedforward, it is the same as reference and position exchanged."""
     record = records["motions"]
-    turned = replace(record, target=-record.target, reference=-record.reference, position=-record.position)
-    told = [doubt for doubt in doubts(turned, GIVEN, OF_THE_LOOP) if 'by "NAME * -1"' in doubt]
-    assert told
+    ahead = 5.0 * np.sign(np.sin(np.arange(record.position.size) / 300))
+    record = replace(record, feedforward=record.feedforward + ahead, command=record.command + ahead)
+    late = np.append(np.full(OF_THE_LOOP.reference_delay, record.reference[0]), record.reference)[: ahead.size]
+    turned = replace(record, target=-record.target, reference=-late, position=-record.position)
+    (told,) = (doubt for doubt in doubts(turned, GIVEN, replace(OF_THE_LOOP, reference_delay=0)) if "swapped" in doubt)
+    assert 'turn both by "NAME * -1"' in told
 
 
 @pytest.mark.parametrize("factor", [0.1, 0.5, 2.0, 10.0])
