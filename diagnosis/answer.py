@@ -277,12 +277,12 @@ def drawn_curves(effects: Sequence[Effect], records: Sequence[Record], criteria:
     }
 
 
-def closes_too_little(names: Sequence[str], fitted: Fit, interval: tuple[float, float], criteria: Criteria) -> bool:
-    """Whether the file with the effects surely closes less than what a name needs, by the 95 % interval [1] of its
-    closure. What the search weighs by frequency may be a small part of the force that is left; what the log or the
-    noise floor carries closes nothing of it."""
+def closes_too_little(names: Sequence[str], fitted: Fit, interval: tuple[float, float], least: float) -> bool:
+    """Whether the file with the effects surely closes less than `least` [1], by the 95 % interval [1] of its closure.
+    What the search weighs by frequency may be a small part of the force that is left; what the log or the noise floor
+    carries closes nothing of it."""
     inside = {effect.name for effect in fitted.candidate.added_effects}
-    return inside.issuperset(names) and interval[1] < criteria.min_closure
+    return inside.issuperset(names) and interval[1] < least
 
 
 def strongest_at_bound(stages: Sequence[Stage]) -> bool:

@@ -262,7 +262,11 @@ class Criteria:
         "names 0.88 to 1 (0.64 to 0.94)",
     )
     min_closure_at_floor: float = _criterion(
-        0.25, "1", "the same for a single effect, where what is left is as small as the noise floor"
+        0.25,
+        "1",
+        "the same for a single effect, and for the file with what is named, where what is left is as small as the noise "
+        "floor",
+        "of 420 simulated cases whose names a file holds, none but a converter's was right that surely closed less",
     )
     max_excess_at_floor: float = _criterion(
         2.0, "1", "standard deviations by which what is left may exceed the noise floor to count as small"

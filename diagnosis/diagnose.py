@@ -201,14 +201,23 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
 
 def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar, criteria: Criteria) -> bool:
     """Whether the file with the named effects closes too little for them to stand. Where the search left nothing above
-    the floor, unless that is as rough as what is left, or where effects are not in the file as their phases belong to
-    single records, it does not tell. On a drive that is rougher than its model a name has to be seen in the force: the
-    position goes with whatever else makes the machine's response another one."""
+    the floor, unless that is as rough as what is left, little is enough, and of a converter's steps, as fine as noise,
+    nothing is asked; where effects are not in the file as their phases belong to single records, it does not tell. On
+    a drive that is rougher than its model a name has to be seen in the force: the position goes with whatever else
+    makes the machine's response another one."""
     rough = fitted.candidate.rough
-    at_floor = closure.excess < criteria.max_excess_at_floor and not closure.by_force and not rough
-    if at_floor or far.left_out:
+    if far.left_out:
         return False
-    return (rough and far.terms.measure != "force") or closes_too_little(names, fitted, far.interval, criteria)
+    if closure.excess < criteria.max_excess_at_floor and not closure.by_force and not rough:
+        fine = any(_has_steps(effect) for effect in fitted.candidate.added_effects if effect.name in names)
+        return not fine and closes_too_little(names, fitted, far.interval, criteria.min_closure_at_floor)
+    too_little = closes_too_little(names, fitted, far.interval, criteria.min_closure)
+    return too_little or (rough and far.terms.measure != "force")
+
+
+def _has_steps(effect: Effect) -> bool:
+    """Whether a law is a staircase, as a converter's is."""
+    return any(item.role == "width" and item.periodic_in for item in parameters_of(type(effect)))
 
 
 def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:

@@ -105,7 +105,7 @@ def test_a_part_of_a_form_has_no_rivals() -> None:
 
 def test_what_surely_closes_less_than_half_is_no_answer_unless_something_else_carries_it() -> None:
     fitted = _fit(100.0, [Cogging.typical()])
-    assert closes_too_little(["cogging"], fitted, (0.1, 0.4), CRITERIA)
-    assert closes_too_little(["cogging"], fitted, (-1.0, -1.0), CRITERIA)
-    assert not closes_too_little(["cogging"], fitted, (0.1, 0.6), CRITERIA)
-    assert not closes_too_little(["controller_mismatch", "cogging"], fitted, (0.0, 0.0), CRITERIA)
+    assert closes_too_little(["cogging"], fitted, (0.1, 0.4), 0.5)
+    assert closes_too_little(["cogging"], fitted, (-1.0, -1.0), 0.5)
+    assert not closes_too_little(["cogging"], fitted, (0.1, 0.6), 0.5)
+    assert not closes_too_little(["controller_mismatch", "cogging"], fitted, (0.0, 0.0), 0.5)

@@ -20,7 +20,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import ViscousFriction
-from models.effects.motor import Cogging
+from models.effects.motor import Cogging, DacQuantisation
 from models.machine import load
 
 
@@ -122,4 +122,23 @@ def test_a_file_without_the_effects_of_single_records_takes_no_name_back(
     fitted: Any = SimpleNamespace(candidate=ripple)
     closure = Closure(0.94, (0.89, 0.97), excess, unused, by_force=by_force)
     assert taken_back(("cogging",), fitted, closure, far, Criteria()) == (not kept_out)
-    assert not taken_back(("cogging",), fitted, replace(closure, excess=1.0, by_force=False), far, Criteria())
+    at_floor = replace(closure, excess=1.0, by_force=False)
+    assert taken_back(("cogging",), fitted, at_floor, far, Criteria()) == (not kept_out)
+    assert not taken_back(("cogging",), fitted, at_floor, replace(far, interval=(-0.004, 0.3)), Criteria())
+
+
+def test_where_nothing_is_left_a_file_that_surely_closes_next_to_nothing_takes_a_name_back() -> None:
+    """A thrust ripple of a motor whose thrust fades, by -0.04 to 0.015; a converter's steps are as fine as noise, and a
+    right name closed -0.14 to 0.11."""
+    layout = parameters(load(), 1)
+    unused: Any = None
+    terms = Terms(0.1, 0.0036, 0.0036, 0.0011)
+    closure = Closure(0.94, (0.89, 0.97), 0.5, unused)
+    for effect, high, back in (
+        (Cogging(1.0, 0.0025, 1.0), 0.015, True),
+        (Cogging(1.0, 0.0025, 1.0), 0.3, False),
+        (DacQuantisation.typical(), 0.11, False),
+    ):
+        fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), (effect,)))
+        far = HowFar((), Gap(1.0, 1.0, None), "simulated", terms, (-0.14, high), unused, 1.0)
+        assert taken_back((effect.name,), fitted, closure, far, Criteria()) == back
