@@ -264,8 +264,8 @@ class Criteria:
     min_closure_at_floor: float = _criterion(
         0.25,
         "1",
-        "the same for a single effect, and for the file with what is named, where what is left is as small as the noise "
-        "floor",
+        "the same for a single effect, and for the file with what is named, where what is left is as small as the "
+        "noise floor",
         "of 420 simulated cases whose names a file holds, none but a converter's was right that surely closed less",
     )
     max_excess_at_floor: float = _criterion(
