@@ -209,15 +209,11 @@ def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar,
     if far.left_out:
         return False
     if closure.excess < criteria.max_excess_at_floor and not closure.by_force and not rough:
-        fine = any(_has_steps(effect) for effect in fitted.candidate.added_effects if effect.name in names)
+        named = [type(effect) for effect in fitted.candidate.added_effects if effect.name in names]
+        fine = any(item.is_step for kind in named for item in parameters_of(kind))
         return not fine and closes_too_little(names, fitted, far.interval, criteria.min_closure_at_floor)
     too_little = closes_too_little(names, fitted, far.interval, criteria.min_closure)
     return too_little or (rough and far.terms.measure != "force")
-
-
-def _has_steps(effect: Effect) -> bool:
-    """Whether a law is a staircase, as a converter's is."""
-    return any(item.role == "width" and item.periodic_in for item in parameters_of(type(effect)))
 
 
 def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:

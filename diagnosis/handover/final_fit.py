@@ -107,7 +107,7 @@ def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
         found.append(AtBound("nominal", layout.names[i], float(away[i]), "deviations of its tolerance", i))
     for number, effect in enumerate(candidate.effects):
         for item in parameters_of(type(effect), candidate.nominal.priors):
-            if item.role in POSITIVE and not (item.role == "width" and item.periodic_in):
+            if item.role in POSITIVE and not item.is_step:
                 low, high = bounds_of(item)
                 size = float(getattr(effect, item.name))
                 if not low * 1.02 < size < high / 1.02:

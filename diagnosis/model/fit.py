@@ -204,8 +204,7 @@ def at_bounds(effect: Effect, priors: Priors) -> bool:
     it is not a sign of a wrong law.
     """
     for item in parameters(type(effect), priors):
-        staircase = item.role == "width" and item.periodic_in
-        if item.role in POSITIVE and not staircase:
+        if item.role in POSITIVE and not item.is_step:
             low, high = bounds_of(item)
             if not low * 1.02 < getattr(effect, item.name) < high / 1.02:
                 return True

@@ -61,6 +61,11 @@ class Parameter:
         return self.role == "shape" and self.unit == "Hz"
 
     @property
+    def is_step(self) -> bool:
+        """Whether it is the width of a staircase's steps."""
+        return self.role == "width" and bool(self.periodic_in)
+
+    @property
     def widest(self) -> Range:
         """The least and the greatest size [SI] that is looked for."""
         return self.sought or (self.low, self.high)

@@ -31,6 +31,7 @@ SAME_TIME: Final = 1e-3  # relative difference between a record's sample time an
 STILL: Final = 5.0  # steps of the scale: a position that stays within them does not count as moving
 STANDS: Final = 256  # samples of a reference that stands still, after which an axis counts as at rest
 FEWEST_STRETCHES: Final = 4  # of a quarter of these, that a record has to rest to show its scale's noise
+SHAKES: Final = 2.0  # times the variance by fourth differences, above which that by second ones is a motion's
 NOISIER: Final = 2.0  # times what a machine file says: a reading that scatters more at rest is told
 SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which they are of two machines
 ROLLING: Final = 0.05  # of the highest speed: below, a record hardly shows on which way the axis is
@@ -70,9 +71,12 @@ class Facts:
 
 def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, ...]:
     """Sentences on a record that can be used; raises RecordError for one that can't. given: signals of the file."""
+    given = set(given)
     _constant(record)
-    sentences = [*_saturation(record, facts.limit), *_step(record), *_scatter(record, facts.scatter)]
-    if facts.pid is not None and {"reference", "command"} <= set(given):
+    sentences = [*_saturation(record, facts.limit), *_step(record)]
+    if "reference" in given:  # without one nothing tells when the axis rests
+        sentences += _scatter(record, facts.scatter)
+    if facts.pid is not None and {"reference", "command"} <= given:
         sentences += _shift(record, facts.pid, facts.reference_delay)
     return tuple(sentences)
 
@@ -332,11 +336,12 @@ def _scatter(record: Record, stated: float | None) -> Iterator[str]:
 
 
 def scatter_at_rest(record: Record) -> float | None:
-    """The deviation [m] of the reading at rest that no motion makes; None where the record hardly rests.
+    """The deviation [m] of the reading at rest that no motion makes; None where the record hardly rests, or shakes.
 
     What moves changes little from sample to sample, and its fourth difference less; that of white noise is 70 times its
     variance. It is taken where reference and feedforward have stood still for STANDS samples, as the median over
-    stretches of a quarter of that, of which vibrations and what is left of a motion spoil few.
+    stretches of a quarter of that, of which vibrations and what is left of a motion spoil few. Where an excitation that
+    is not in the record moves the axis, second differences, of which noise has 6 times its variance, show more.
     """
     still = (np.diff(record.reference, prepend=np.nan) == 0) & (np.diff(record.feedforward, prepend=np.nan) == 0)
     samples, length = np.arange(still.size), STANDS // 4
@@ -344,9 +349,12 @@ def scatter_at_rest(record: Record) -> float | None:
     ends = np.flatnonzero((since >= STANDS) & (since % length == 0)) + 1
     if ends.size < FEWEST_STRETCHES:
         return None
-    fourth = np.diff(record.position, 4)
-    power = [float(np.mean(fourth[end - length : end - 4] ** 2)) for end in ends]
-    return math.sqrt(float(np.median(power)) / 70)
+    second, fourth = (np.diff(record.position, order) for order in (2, 4))
+    coarse, fine = (
+        float(np.median([np.mean(one[end - length : end - 4] ** 2) for end in ends])) / times
+        for one, times in ((second, 6), (fourth, 70))
+    )
+    return math.sqrt(fine) if coarse < SHAKES * fine else None
 
 
 def _shift(record: Record, feedback: Feedback, reference_delay: int) -> Iterator[str]:

@@ -144,11 +144,20 @@ def test_a_scale_that_is_noisier_than_the_file_says_is_told() -> None:
     """A user's encoder of 5 nm with a noise of 6 nm, which the machine file did not state: its drive had passed for one
     that is rougher than its model by 2.7 N."""
     record = resting(6e-9, 5e-9)
-    (told,) = (one for one in findings(record, (), Facts(scatter=2.1e-9)) if "scatters" in one)
+    (told,) = (one for one in findings(record, {"reference"}, Facts(scatter=2.1e-9)) if "scatters" in one)
     assert "by 6.1 nm from sample to sample" in told
     assert "2.1 nm" in told
-    for facts in (Facts(), Facts(scatter=6e-9)):
-        assert not any("scatters" in one for one in findings(record, (), facts))
+    for given, facts in (({"reference"}, Facts()), ({"reference"}, Facts(scatter=6e-9)), ((), Facts(scatter=2.1e-9))):
+        assert not any("scatters" in one for one in findings(record, given, facts))
+
+
+@pytest.mark.parametrize("frequency", [20.0, 200.0, 400.0])
+def test_what_shakes_under_a_reference_that_stands_still_is_not_the_scales(frequency: float) -> None:
+    """An excitation that the log does not hold, of a fifth of a micrometre."""
+    record = resting(6e-9)
+    shaken = record.position + 2e-7 * np.sin(2 * np.pi * frequency * TS * np.arange(record.position.size))
+    found = scatter_at_rest(replace(record, position=shaken))
+    assert found is None or found < 12e-9
 
 
 STILL = replace(moving(), position=np.full(4000, 1e-5))
