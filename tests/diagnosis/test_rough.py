@@ -35,6 +35,7 @@ from tests.diagnosis.tables import recorded, table
 
 MACHINE = table()
 PLAN = (sequence(MACHINE, repeats=2), repeated_strokes(MACHINE, passes=4))
+STROKES = PLAN[1:]  # enough for a whole diagnosis
 SIZE = 2.0  # N
 SEED = 21
 
@@ -82,8 +83,8 @@ def fitted(rough: tuple[Record, ...]) -> Fit:
 
 
 @pytest.fixture(scope="module")
-def found(rough: tuple[Record, ...], null_cache: Path) -> Diagnosis:
-    return diagnose(MACHINE, rough, cache=null_cache)
+def found(null_cache: Path) -> Diagnosis:
+    return diagnose(MACHINE, recorded(MACHINE, STROKES, [KNOCKS], seed=SEED, wrong=0.0), cache=null_cache)
 
 
 def test_the_white_force_of_a_rough_drive_is_found(fitted: Fit) -> None:
@@ -213,7 +214,7 @@ def test_on_a_rough_drive_shares_are_of_what_a_law_s_own_kind_gains(found: Diagn
 
 
 def test_an_effect_on_a_rough_drive_is_named(null_cache: Path) -> None:
-    records = recorded(MACHINE, PLAN, [KNOCKS, ViscousFriction(200.0)], seed=SEED, wrong=0.0)
+    records = recorded(MACHINE, STROKES, [KNOCKS, ViscousFriction(200.0)], seed=SEED, wrong=0.0)
     found = diagnose(MACHINE, records, cache=null_cache)
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))
     (drag,) = found.final.candidate.effects
@@ -225,7 +226,7 @@ def test_an_effect_on_a_rough_drive_is_named(null_cache: Path) -> None:
 
 def test_a_strong_effect_on_a_smooth_table_makes_it_no_rough_one(null_cache: Path) -> None:
     """It leaves as much as a rough drive does, and every time the same."""
-    records = recorded(MACHINE, PLAN, [ViscousFriction(400.0)], seed=SEED, wrong=0.0)
+    records = recorded(MACHINE, STROKES, [ViscousFriction(400.0)], seed=SEED, wrong=0.0)
     found = diagnose(MACHINE, records, cache=null_cache)
     assert np.mean(found.baseline.nominal.innovations**2) > 10.0
     assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("viscous_friction",))

@@ -16,7 +16,7 @@ from studies.full_circle import benches, policies, scoring, trial
 from studies.full_circle.__main__ import STUDY
 from studies.full_circle.trial import case_of
 
-NAMED, OFF, EXCLUDED = (5, 84), (2, 28), (5, 39)  # seed and case: one effect, parameters, one that may not be named
+NAMED, OFF, EXCLUDED = (6, 4), (2, 28), (5, 39)  # seed and case: one effect, parameters, one that may not be named
 QUIET = {"settling_s": 1e-3, "dispersion_m": 1e-9}
 
 
@@ -85,7 +85,7 @@ def made_from(machine: tuple[int, int], goal: str, seconds: float = 0.0, records
 
 @pytest.fixture(scope="module")
 def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where three sealed machines, all with a slow controller, are worked on."""
+    """Where three sealed machines are worked on."""
     made = tmp_path_factory.mktemp("circle")
     (made / "sealed" / "null").mkdir(parents=True)
     return made
@@ -93,12 +93,12 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_sealed_machine_is_asked_until_its_effect_is_sure(output: Path) -> None:
     """Within the limits of time and records; what it is in truth comes from its sealer."""
-    found = trial._worked(output, "asked", made_from(NAMED, "name", 20.0, 3))
+    found = trial._worked(output, "asked", made_from(NAMED, "name", 40.0, 3))
     label = trial._opened(output, "asked-opened", {**made_from(NAMED, ""), "design": False})["label"]
     one = policies.scored("asked", "active", found, label)
     assert (one.failed, one.refused, one.effects, one.named) == ("", 0, ("cogging",), ("cogging",))
     assert one.right
-    assert found["begun_s"] < one.seconds <= 20.0
+    assert found["begun_s"] < one.seconds <= 40.0
     assert [names for _, names in one.looks] == [(), (), ("cogging",)]
     curve = trial.told_of([one])["of"]["active"]["right_over_time"]
     assert (curve[0]["hits"], curve[-1]["hits"], curve[-1]["tries"]) == (0, 1, 1)
