@@ -38,15 +38,20 @@ def chosen(designs: Sequence[Design], predictions: Sequence[Prediction], machine
     Better: the whole interval of its gain, run by run on the same machines, is above 0 in settling or in 3 sigma, and
     in neither is it worse by more than WORSE in the median; and it does not saturate the drive in more than
     SATURATED of the runs, or at least in no more than the design before it.
+
+    Of two new ones around the same feedback, both surely better than the old one, a record will show one or the other,
+    and neither is there yet to be kept: so the later one is also taken where it is better in both on average.
     """
     best, reasons = 0, dict[str, str]()
     for i in range(1, len(designs)):
         why = _why_not(predictions[best], predictions[i], machine)
-        if why:
+        on_average = bool(why) and best > 0 and _stands_in(designs, predictions, best, i, machine)
+        if why and not on_average:
             reasons[designs[i].name] = f"{why} (against {designs[best].name})"
         else:
             if best > 0:
-                reasons[designs[best].name] = f"{designs[i].name} is surely better"
+                how = "better on average" if on_average else "surely better"
+                reasons[designs[best].name] = f"{designs[i].name} is {how}"
             best = i
     gains = {name: _gain(predictions[0], predictions[best], name) for name in UNITS}
     return Chosen(designs[best], best == 0, reasons, gains)
@@ -72,6 +77,18 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
         for name, gain in gains.items()
     )
     return f"its gain is not sure: {told}"
+
+
+def _stands_in(
+    designs: Sequence[Design], predictions: Sequence[Prediction], best: int, new: int, machine: Machine
+) -> bool:
+    """Whether a new design may run in place of another new one: surely better than the old one, too, around the same
+    feedback, and better than the other in both quantities on average."""
+    if designs[best].controller.feedback != designs[new].controller.feedback:
+        return False
+    means = [[float(np.mean(getattr(predictions[one], name))) for name in UNITS] for one in (best, new)]
+    better = all(after < before for before, after in zip(*means, strict=True))
+    return better and not _why_not(predictions[0], predictions[new], machine)
 
 
 def least(machine: Machine) -> dict[str, float]:

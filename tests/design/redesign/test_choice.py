@@ -57,6 +57,28 @@ def test_a_richer_design_has_to_be_surely_better_than_the_simpler_one() -> None:
     assert among(first, Prediction(SETTLING - 15e-3, DISPERSION)).design.name == "second"
 
 
+def test_of_two_new_designs_the_better_one_on_average_runs() -> None:
+    """The second is better by far on a quarter of the machines, and slower on the others."""
+    first = Prediction(np.where(np.arange(40) % 4 == 0, 30e-3, 10e-3), 0.5 * DISPERSION)
+    second = Prediction(np.full(40, 12e-3), 0.4 * DISPERSION)
+    found = among(first, second)
+    assert found.design.name == "second"
+    assert found.reasons["first"] == "second is better on average"
+    assert among(second, first).design.name == "first"  # the order does not matter
+    slower = Prediction(np.full(40, 16e-3), 0.4 * DISPERSION)
+    assert among(first, slower).design.name == "first"
+    assert among(first, Prediction(np.full(40, 12e-3), 0.6 * DISPERSION)).design.name == "first"
+    assert among(first, Prediction(np.full(40, 12e-3), 0.4 * DISPERSION, saturated=9)).design.name == "first"
+
+
+def test_another_feedback_has_to_be_surely_better() -> None:
+    first = Prediction(np.where(np.arange(40) % 4 == 0, 30e-3, 10e-3), 0.5 * DISPERSION)
+    second = Prediction(np.full(40, 12e-3), 0.4 * DISPERSION)
+    other = OLD.controller.with_feedback(replace(OLD.controller.pid, kp=0.9 * OLD.controller.pid.kp))
+    designs = [replace(OLD, name="old"), replace(OLD, name="first"), replace(OLD, name="second", controller=other)]
+    assert chosen(designs, (BEFORE, first, second), KNOWN).design.name == "first"
+
+
 def test_a_verification_is_worse_beyond_five_per_cent_and_noise() -> None:
     before = Outcome(40e-3, 1e-6, 10, 0)
     assert worse(before, replace(before, settling=41.5e-3), KNOWN) == ()
