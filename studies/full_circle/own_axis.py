@@ -38,7 +38,7 @@ from studies.full_circle.verification import JUST, Tried, last, tried
 from studies.gap_diagnosis.compute import answered, given_of
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded_of
-from studies.identify_machine.shown import results_of
+from studies.identify_machine.shown import results_of, warnings_of
 from studies.options import BadInputError
 from studies.sticking import found_in
 from studies.sticking import rows as sticking_rows
@@ -47,6 +47,7 @@ from studies.study import Answer, Progress
 RUNS: Final = 40  # machines that could be this one, on which each design is tried
 FEW: Final = 10  # of them in a quick run
 OPEN: Final = ("ambiguous", "none_of_these")  # outcomes of a diagnosis that ask for another experiment
+STILL_OPEN: Final = "the experiment that was asked for left open what is wrong; this one excites nearly all"
 SAME_MODEL: Final = "the other designs are judged with the same model"
 FILES: Final = {"current": "run_current.csv", "redesign": "run_redesign.csv"}
 
@@ -94,7 +95,7 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
         "mode": "records",
         "quick": options.quick,
         "records": [_shown(one) for one in circle.given],
-        "identified": known and {name: known[name] for name in ("estimates", "said")},
+        "identified": known and {name: known[name] for name in ("estimates", "warnings", "said")},
         "diagnosis": found and {name: found[name] for name in ("answer", "verdict", "how_far", "probabilities")},
         "redesign": redesign["shown"],
         "pictures": _pictures(circle, redesign, judged),
@@ -138,6 +139,7 @@ def _identified(circle: Circle) -> tuple[Machine, dict[str, Any] | None]:
         return {
             "machine": to_toml(with_covered(found.machine, motions, source)),
             "estimates": rows,
+            "warnings": [list(one) for one in warnings_of(found)],
             "said": list(found.remarks),
         }
 
@@ -276,12 +278,14 @@ def _experiment(
     """The experiment to run next: its file, its table and the reason; None where none is needed or known."""
     if found is None:
         return "suite.csv", _suite(circle), "no record is there to be diagnosed; this one excites nearly all"
-    if found["next_experiment"] and found["verdict"]["outcome"] in OPEN:
+    is_open = bool(found["next_experiment"]) and found["verdict"]["outcome"] in OPEN
+    asked_for = found["next_experiment"] and not _was_run(circle, found["next_experiment"])
+    if is_open and asked_for:
         return "next_experiment.csv", found["next_experiment"], str(found["verdict"]["next_experiment"])
-    why = _why_further(shown, verified)
+    why = STILL_OPEN if is_open else _why_further(shown, verified)
     if not why:
         return None
-    if found["next_experiment"] and not _was_run(circle, found["next_experiment"]):
+    if asked_for:
         return "next_experiment.csv", found["next_experiment"], why
     usual = to_csv(suite(circle.machine, SUITE_SAMPLES), circle.machine.sample_time)
     had = any(one.table is not None and one.table.kind == "suite" for one in circle.given)
@@ -367,6 +371,8 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows, shown, verified = list[tuple[str, str]](), results["redesign"], results["verified"]
     counts = {role: sum(one["role"] == role for one in results["records"]) for role in ("identify", "diagnose")}
     rows.append(("records", f"{counts['identify']} to identify from, {counts['diagnose']} to diagnose"))
+    if results["identified"] is not None:
+        rows += [(f"WARNING, {name}", said) for name, said in results["identified"]["warnings"]]
     if results["diagnosis"] is not None:
         rows += [(part, results["diagnosis"]["answer"][part]) for part in ("outcome", "which")]
     rows.append(("design to run", shown["chosen"]))

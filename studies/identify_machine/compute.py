@@ -12,7 +12,6 @@ from design.judging.known_range import with_covered
 from models.friction import branch
 from models.identification import motion
 from models.identification.force.fit import SURE
-from models.identification.modal.remarks import ResponseStep, on_turning
 from models.identification.pipeline import identify
 from models.identification.recognise import read, recognised, replayable
 from models.machine import Machine, Parameter, parameters
@@ -26,7 +25,7 @@ from studies.beforehand import require_controller
 from studies.effort import IDENTIFIED, IDENTIFYING, foresee, seconds_a_sample
 from studies.identify_machine import controllers, own_records, round_trip, size_of_force
 from studies.identify_machine.options import IdentificationOptions
-from studies.identify_machine.shown import checks_of, results_of
+from studies.identify_machine.shown import checks_of, results_of, warnings_of
 from studies.options import BadInputError
 from studies.record_columns import mapped
 from studies.study import Answer, Check, Progress
@@ -94,10 +93,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         )
         for row, unit in zip(shown["estimates"], units, strict=True)
     ]
-    responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
-    summary[:0] = [(f"WARNING, {name}", said) for name, gave in responses for said in on_turning(gave.measured)]
-    summary[:0] = [(f"WARNING, {one.name}", f"left out: {one.why}") for one in found.left_out]
-    summary[:0] = [(f"WARNING, {what}", said) for what, said in (*others, *sizes)]
+    summary[:0] = [(f"WARNING, {what}", said) for what, said in (*others, *sizes, *warnings_of(found))]
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
     )

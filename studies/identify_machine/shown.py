@@ -18,7 +18,7 @@ from models.identification.into_machine import WAYS, Holdable
 from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, half_of
 from models.identification.joint.steps import Difference, Identified, MotionStep, Step, record_of
 from models.identification.modal.order import SAME, Order
-from models.identification.modal.remarks import ResponseStep, bent
+from models.identification.modal.remarks import ResponseStep, bent, on_turning
 from models.records.record import Record
 from studies.study import Check
 
@@ -55,6 +55,14 @@ def results_of(found: Identified) -> dict[str, Any]:
             )
         ]
     return {**results, "estimates": estimates}
+
+
+def warnings_of(found: Identified) -> list[tuple[str, str]]:
+    """What is wrong with records, each with the record's name: those that were left out, and why; and responses that
+    are bent as the axis turned back."""
+    left_out = [(one.name, f"left out: {one.why}") for one in found.left_out]
+    responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
+    return left_out + [(name, said) for name, gave in responses for said in on_turning(gave.measured)]
 
 
 def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,3 +43,22 @@ def test_a_size_beyond_an_end_that_is_not_allowed_itself_is_just_within() -> Non
 def test_what_a_file_may_state_stays_to_the_last_digit() -> None:
     effect = CableSpring(stiffness=1234.5678901234567)
     assert written(effect) == effect
+
+
+def test_a_value_that_left_its_stated_deviation_far_behind_says_so() -> None:
+    """A mode that a sweep showed to a thousandth, moved by two hundredths within the file's tolerance."""
+    (_, first, *_), name = MACHINE.plant.modes, "plant.modes.2.frequency"
+    stated = replace(MACHINE.sources[name], std=1e-3 * first.frequency)
+    known = replace(MACHINE, sources={**MACHINE.sources, name: stated})
+    layout = parameters(known, 1)
+    theta = np.zeros(layout.count)
+    theta[layout.of("mode_frequency")[0]] = np.log(1.02)
+    moved = Candidate(layout, theta, ())
+    assert machine_of(known, moved).sources[name].detail == (
+        "diagnosis, 20 stated standard deviations from the file's value"
+    )
+    usual = parameters(MACHINE, 1)
+    assert (
+        "within the tolerance of the file's value"
+        in machine_of(MACHINE, replace(moved, layout=usual)).sources[name].detail
+    )

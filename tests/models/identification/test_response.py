@@ -22,6 +22,7 @@ from models.records.files import Loaded
 from models.records.record import Record
 from studies.identify_machine import own_records
 from studies.identify_machine.round_trip import WITHIN, judged, true_modes
+from studies.identify_machine.shown import warnings_of
 
 Array = NDArray[np.float64]
 
@@ -196,6 +197,9 @@ def test_a_sweep_that_turned_the_axis_back_is_left_out_of_the_plant(force: float
     assert any("strong.csv went backwards, and is left out" in said for said in both.remarks)
     assert any("% of the samples the axis moved backwards" in said for said in bent.remarks)
     assert bent.machine.plant != alone.machine.plant
+    assert [name for name, _ in warnings_of(both)] == ["strong.csv"]
+    assert "backwards" in warnings_of(both)[0][1]
+    assert warnings_of(alone) == []
 
 
 def test_a_tone_beside_one_sweep_is_no_part_of_the_plant() -> None:

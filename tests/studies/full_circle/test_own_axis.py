@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from design.redesign.outcome import judged_target
+from diagnosis.experiments.schedules import suite, to_csv
 from models.controller import References, load
 from models.machine import Machine
 from models.machine_file import to_toml
@@ -197,6 +198,27 @@ def test_a_suite_leaves_room_for_the_records_that_are_there(begun: Path, tmp_pat
     assert "--most-samples" not in further["why"]
 
 
+def test_an_experiment_that_was_run_is_not_asked_for_again_where_it_left_all_open(begun: Path) -> None:
+    """The suite comes in its place, as long as no record of that is there."""
+    options = CircleOptions(machine=begun / "my.toml", records=begun / "records")
+    ran, another = (begun / "strokes.csv").read_text(encoding="utf-8"), to_csv(suite(KNOWN, 20_000), KNOWN.sample_time)
+    given = loaded(KNOWN, options, (asked.asked("next_experiment", ran),), Progress())
+    circled = own_axis.Circle(KNOWN, options, given, Steps(begun / "nowhere", ""), Progress())
+    verdict = {"outcome": "none_of_these", "next_experiment": "run it"}
+    shown: dict[str, list[Any]] = {"unmet": [], "designs": []}
+    verified = {"met": True}
+
+    def next_of(table: str, circle: own_axis.Circle) -> tuple[str, str, str] | None:
+        return own_axis._experiment(circle, {"next_experiment": table, "verdict": verdict}, shown, verified)
+
+    assert next_of(another, circled) == ("next_experiment.csv", another, "run it")
+    asked_again = next_of(ran, circled)
+    assert asked_again is not None
+    assert (asked_again[0], asked_again[2]) == ("suite.csv", own_axis.STILL_OPEN)
+    of_suite = tuple(replace(one, table=asked.asked("suite", ran)) for one in given)
+    assert next_of(ran, replace(circled, given=of_suite)) is None
+
+
 def test_more_samples_than_the_option_says_are_refused(
     begun: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -227,6 +249,7 @@ def test_a_folder_that_holds_only_what_is_identified_from_asks_for_more(begun: P
     assert [one["role"] for one in results["records"]] == ["identify"]
     assert results["diagnosis"] is None
     assert results["identified"]["estimates"]
+    assert results["identified"]["warnings"] == []
     assert {"suite.csv", "run_current.csv"} <= {one["file"] for one in results["next"]}
     for one in results["next"]:
         assert (base / "out" / one["file"]).is_file()
