@@ -31,6 +31,7 @@ from diagnosis.handover.final_fit import still_fit
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights, without
 from diagnosis.model.motions import Piece, repeated, rms, scatter
+from diagnosis.model.parameters import bounded
 from diagnosis.model.residual import Candidate, Residual, evaluate, smooth
 from diagnosis.model.units import noise
 from diagnosis.model.unknown_force import unknown_less_means
@@ -176,7 +177,7 @@ def _closure_of_force(
     after = before if final is first else still_fit(final.candidate, records, final.paths)
     fold, left = partial_out(final, motion).fold[motion], np.zeros(begun.size)
     for number in range(FOLDS):
-        apart = replace(after, candidate=without(after, records, fold == number))
+        apart = replace(after, candidate=begun_as(after, without(after, records, fold == number)))
         left += np.where(fold == number, unknown_less_means(apart, records)[0], 0.0)
     sums = np.stack([np.bincount(motion, one) for one in (begun**2, left**2, least**2 * used)])
     drawn = sums @ bootstrap_counts(sums.shape[1], 0).T
@@ -186,6 +187,14 @@ def _closure_of_force(
     over, scatter = 0.5 * float(np.log(sums[1].sum() / sums[2].sum())), float(np.std(np.log(chance)))
     excess = over / scatter if scatter > 0 else math.copysign(math.inf, over)
     return float(_closed(sums.sum(axis=1))), (float(low), float(high)), excess
+
+
+def begun_as(fitted: Fit, candidate: Candidate) -> Candidate:
+    """The candidate with the friction elements at the start of each record where they are in the fit: what the motions
+    that were left out begin from is no effect, and without a record's first one nothing else tells it."""
+    layout = candidate.layout
+    start = np.isin(np.arange(layout.count), layout.of("initial_friction_state"))
+    return replace(candidate, theta=bounded(layout, np.where(start, fitted.candidate.theta, candidate.theta)))
 
 
 def _repeated_floor(stage: Stage, baseline: Baseline) -> NoiseFloor | None:
