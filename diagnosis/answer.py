@@ -69,6 +69,7 @@ def largest_adequate(stages: tuple[Stage, ...], baseline: Baseline, seed: int) -
     """As many stages of the search as explain enough together; all of them where none do."""
     answers = []
     random, series = stages[-1].carried_by(Carrier.FLOOR), overfitting_series(stages, baseline.criteria)
+    series |= broadband(stages, baseline.criteria)
     series |= drawn_curves(stages[-1].fitted.candidate.added_effects, baseline.records, baseline.criteria)
     acting = tuple(proposal.name for proposal in random)
     for count in range(len(stages), min(len(stages), 2) - 1, -1):
@@ -264,6 +265,17 @@ def overfitting_series(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
     return {
         name for name, gain in first.items() if members[name] > 1 and gains.get(name, 0.0) > criteria.series_gain * gain
     }
+
+
+def broadband(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
+    """Forces at random about a frequency whose third line would still gain: a floor rings in one or two; what takes a
+    third one is random over all frequencies, as that of commands which are late now and then."""
+    gains: dict[str, list[float]] = {}
+    for before, added in [*((one, after.added) for one, after in pairwise(stages)), (stages[-1], None)]:
+        for one in before.proposals:
+            if one.random_force is not None and added in (one.name, None):
+                gains.setdefault(one.name, []).append(one.gain)
+    return {name for name, own in gains.items() if own[2:] and own[2] > criteria.random_force_third * own[0]}
 
 
 def drawn_curves(effects: Sequence[Effect], records: Sequence[Record], criteria: Criteria) -> set[str]:

@@ -166,7 +166,8 @@ def _closure_of_force(
     Both are fitted once more beside a force that does not walk: the search's walk follows the very force that this is
     about, so that the sizes of what makes it hang on little else than their priors.
     """
-    if floor.random or floor.source != SIMULATION or first.candidate.roughness != final.candidate.roughness:
+    weighed_alike = first.candidate.roughness == final.candidate.roughness
+    if floor.random or (floor.source == SIMULATION and not weighed_alike):
         return None
     records, motion = baseline.records, baseline.segment
     before = still_fit(first.candidate, records, first.paths)

@@ -179,6 +179,12 @@ class Criteria:
         "what a random force gains a sample at rest, or in motion, over what it gains a sample in all, at least",
         "a floor's is 1 by nature, and 0.8 to 1 was seen; a load that knocks in its clearance gained nothing at rest",
     )
+    random_force_third: float = _criterion(
+        0.1,
+        "1",
+        "part of a random force's first gain above which its third line makes it one over all frequencies",
+        "floors' third lines gained 0.002 or nothing at all, late commands' 0.22 and 0.34",
+    )
     random_force_apart: float = _criterion(
         0.25,
         "1",

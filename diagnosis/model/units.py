@@ -28,15 +28,31 @@ WITHOUT_FRICTION: Final = 0.02
 WALK: Final = 0.05  # usual white forces a sample, by which the unknown force walks in the last step of a re-fit at most
 WALK_IN_A_LOOP: Final = 0.14  # the same in a loop time: a random walk goes with the square root of time
 READABLE: Final = 1.3e-5  # of the contacts' length: noise of a reading that is said to have none
+SOFT: Final = 1e-3  # of the loop's stiffness: contacts that are softer do not hold an axis, and
+SLIGHT: Final = 1e-2  # of the rated thrust: friction that is less is not what its forces are like
+OF_THRUST: Final = 0.1  # of the rated thrust: what stands for the friction of an axis that has next to none
 SHORTEST_TRAVEL: Final = 1280.0  # contacts' lengths: what happens along the way does not happen within less
 
 
 def contact_length(machine: Machine) -> float:
-    """By how much the friction's contacts yield before they slip [m]: friction over stiffness. Of a machine without
-    friction its tolerance."""
-    friction = machine.friction
-    stiffness, force = sum(friction.stiffness), friction_force(machine)
-    return force / stiffness if stiffness > 0 and force > 0 else machine.specification.tolerance
+    """By how much the friction's contacts yield before they slip [m]: friction over stiffness. Of a machine whose
+    friction does not hold it, its tolerance."""
+    return (
+        friction_force(machine) / sum(machine.friction.stiffness) if holds(machine) else machine.specification.tolerance
+    )
+
+
+def holds(machine: Machine) -> bool:
+    """Whether friction holds the axis where it stands: on an air bearing, whose cable chain is all the friction that
+    it has, the loop does."""
+    stiffness, force = sum(machine.friction.stiffness), friction_force(machine)
+    by_loop = machine.plant.mass / loop_time(machine) ** 2
+    return stiffness > 0 and force > 0 and (stiffness > SOFT * by_loop or force > SLIGHT * machine.drive.rated_thrust)
+
+
+def usual_force(machine: Machine) -> float:
+    """What an axis' forces are counted in [N]: the friction that holds it; without, a part of the rated thrust."""
+    return friction_force(machine) if holds(machine) else OF_THRUST * machine.drive.rated_thrust
 
 
 def loop_time(machine: Machine) -> float:
@@ -71,7 +87,7 @@ def units(machine: Machine, records: Sequence[Record] = ()) -> Units:
     contact = contact_length(machine)
     travels = [np.ptp(one.reference) or np.ptp(one.position) for one in records]
     return Units(
-        force=friction_force(machine) or machine.drive.rated_thrust,
+        force=usual_force(machine),
         thrust=machine.drive.rated_thrust,
         mass=machine.plant.mass,
         contact=contact,

@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, Resonance
 from diagnosis.model.residual import Candidate, evaluate
-from diagnosis.model.units import contact_length, friction_force, loop_time, white_force
+from diagnosis.model.units import contact_length, loop_time, usual_force, white_force
 from diagnosis.which.scan import NuisanceProjection, adjoints
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
@@ -95,9 +95,8 @@ def strongest_random_force(
 def at_rest(record: Record, machine: Machine) -> NDArray[np.bool_]:
     """Whether a record's reference [m] stands still, has for SETTLES, and no feedforward [N] excites the axis: (n,)."""
     samples = max(round(SETTLES * loop_time(machine) / record.sample_time), 1)
-    excitation = friction_force(machine) or machine.drive.rated_thrust
     still = _range(record.reference, samples) <= STANDS * contact_length(machine)
-    return np.asarray(still & (_range(record.feedforward, samples) <= STANDS * excitation))
+    return np.asarray(still & (_range(record.feedforward, samples) <= STANDS * usual_force(machine)))
 
 
 def _range(signal: Array, samples: int) -> Array:
@@ -133,7 +132,7 @@ def _strongest(fitted: Fit, records: Sequence[Record], frequency: float, bandwid
     """The random force about a frequency [Hz] at the level from which on a larger one gains less."""
     nominal = fitted.candidate.nominal
     best: RandomForce | None = None
-    for level in levels(white_force(nominal), friction_force(nominal)):
+    for level in levels(white_force(nominal), usual_force(nominal)):
         resonance = Resonance(frequency, bandwidth, level)
         found = RandomForce(resonance, _whole(_reductions(fitted, records, resonance)))
         if best is not None and found.gain < best.gain:

@@ -229,7 +229,8 @@ def _against_force(record: Record, facts: Facts) -> Iterator[str]:
                 f"{show(scatter, 'N', 3)}, {_factor(inertia / scatter)} apart (root mean square): the unit of "
                 "command or position is wrong; mark it"
             )
-    if facts.stiffness and way < wide / facts.stiffness / THOUSAND[0]:
+    against = float(np.ptp(force - (facts.mass or 0.0) * acceleration))  # what does not accelerate the axis holds it
+    if facts.stiffness and way < min(wide, against) / facts.stiffness / THOUSAND[0]:
         yield (
             f"the position moves by {show(way, 'm', 3)} under commands that differ by {show(wide, 'N', 3)}, and the "
             f"friction alone gives way by {show(wide / facts.stiffness, 'm', 3)}: the unit of command or position is "

@@ -16,6 +16,8 @@ Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
 FAR: Final = 2.0  # times its expectation, from which on chi-square per sample is said to be far from it
+AT_FLOOR: Final = 1.1  # of the noise floor, up to which a force is no more than that
+SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 OVERRUN: Final = 10.0  # of the deviations that the file states of a value: moved farther, it may stand in for a law
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
@@ -98,9 +100,13 @@ def _which(results: Results) -> str:
         off = listed([_off_by(rows[name]) if name in rows else effect(name) for name in names])
         return f"Nominal values are off, {off}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
-        told = _unsure(results) or (
-            "No effect of the catalogue, alone or with others, explains it within its prior range: "
-            + _beyond_the_catalogue(results)
+        told = (
+            _unsure(results)
+            or _never_the_same(results)
+            or (
+                "No effect of the catalogue, alone or with others, explains it within its prior range: "
+                + _beyond_the_catalogue(results)
+            )
         )
         if verdict["partly"] and not _is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
@@ -111,7 +117,8 @@ def _which(results: Results) -> str:
                 f"{'falls' if after < before else 'does not fall: it goes'} from {show(before, 'N', 3)} to "
                 f"{show(after, 'N', 3)} (rms)"
             )
-        told += f"{_rough(results)}.{unknown_law.told(results.get('learned'))}"
+        learned = "" if _never_the_same(results) else unknown_law.told(results.get("learned"))
+        told += f"{_rough(results)}.{learned}"
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return told
         return f"{told} Correct the log or the controller first, because the rest may be due to it."
@@ -123,6 +130,22 @@ def _which(results: Results) -> str:
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
     return f"It is {listed(shown)}{_rough(results)}.{by_curve}{_said_beside(results)}"
+
+
+def _never_the_same(results: Results) -> str:
+    """What is said where the re-fitted model leaves what does not repeat between equal motions, and nothing resembles
+    it; empty elsewhere."""
+    far = results["how_far"]
+    if far["floor_source"] != "repeats" or results["verdict"]["partly"]:
+        return ""
+    if far["gap_refitted"]["force_N"] > AT_FLOOR * far["floor"]["force_N"]:
+        return ""
+    off = [_off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
+    wrong = f"Nominal values are off, {listed(off)}. " if off else ""
+    return (
+        f"{wrong}What is left of the re-fitted model is another force each time that a motion is repeated, so that no "
+        "effect of the catalogue is seen to be missing"
+    )
 
 
 def _beyond_the_catalogue(results: Results) -> str:
@@ -185,9 +208,15 @@ def _rough(results: Results) -> str:
         each = listed(f"{one:.2g} in record {number}" if len(left) > 1 else f"{one:.2g}" for number, one in far)
         told += (
             f". Chi-square per sample is {each} where 1 was expected, so that the stated deviations are too "
-            f"{'small' if far[0][1] > 1 else 'large'}{_weighed(results)}"
+            f"{_small_or_large([one for _, one in far])}{_weighed(results)}"
         )
     return told
+
+
+def _small_or_large(far: Sequence[float]) -> str:
+    """What deviations are with so much chi-square per sample [1] of each record."""
+    small, large = (any(sign * math.log(one) > 0 for one in far) for sign in (1, -1))
+    return "small for some and too large for others" if small and large else "small" if small else "large"
 
 
 def _weighed(results: Results) -> str:

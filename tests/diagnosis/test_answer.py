@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.answer import (
+    broadband,
     closes_too_little,
     overfitting_series,
     rivalling,
@@ -16,6 +17,7 @@ from diagnosis.answer import (
 )
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, at_bounds
+from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.which.stage import Proposal, Stage, strongest_first
@@ -70,6 +72,20 @@ def test_an_effect_of_the_machine_files_own_neither_makes_a_series_nor_is_found_
     enough = CRITERIA.series_gain * 8000.0
     modest = _with(own, found, another, cost=900.0, promised=0.99 * enough)
     assert overfitting_series([first, second, modest], CRITERIA) == set()
+
+
+def test_a_force_over_all_frequencies_is_no_vibration() -> None:
+    """Lines that gain nearly as much as the first one, in two stages and beside them; a floor's third gains nothing."""
+
+    def of(*gains: float) -> list[Stage]:
+        lines = [Proposal("floor_vibration", one, 40.0, random_force=Resonance(10.0, 0.1, 1.0)) for one in gains]
+        names = [None, *("floor_vibration" for _ in gains)]
+        return [Stage(_fit(0.0), (line,), added=name) for line, name in zip(lines, names, strict=False)]
+
+    assert broadband(of(412.0, 270.0, 142.0), CRITERIA) == {"floor_vibration"}
+    assert broadband(of(9668.0, 48.0, 20.0), CRITERIA) == set()
+    assert broadband(of(412.0, 270.0), CRITERIA) == set()
+    assert broadband([*of(412.0, 270.0, 142.0)[:2], Stage(_fit(0.0), added="floor_vibration")], CRITERIA) == set()
 
 
 def test_a_found_effect_at_the_end_of_its_range_is_seen() -> None:

@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import (
+    SIMULATION,
     Closure,
+    NoiseFloor,
     RandomEnergy,
+    _closure_of_force,
     begun_as,
     gain_closure,
     gap_closure,
@@ -27,12 +30,13 @@ from diagnosis.closure import (
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import strokes, together
 from diagnosis.handover.final_fit import still_fit
+from diagnosis.how_far import Gap
 from diagnosis.model.fit import Fit, fit, one_step, without
 from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.units import loop_time, with_units
-from diagnosis.model.unknown_force import unknown_less_means
+from diagnosis.model.unknown_force import unknown_force, unknown_less_means
 from diagnosis.null import Null, simulated_with_starts
 from diagnosis.refit import refit_within
 from diagnosis.which.stage import Stage
@@ -222,3 +226,22 @@ def test_an_effect_that_chi_square_hardly_shows_is_judged_by_the_unknown_force()
     assert abs(vague.excess) < 0.1 * abs(found.excess)  # floors differ by 20 %, and not as white noise does
     assert vague.interval[1] - vague.interval[0] > found.interval[1] - found.interval[0]
     assert abs(vague.force_excess) < 1
+
+
+def test_on_a_rough_drive_the_force_is_held_to_what_does_not_repeat() -> None:
+    """Before and after are weighed by what each leaves, and only a floor that was simulated needs both to be alike."""
+    machine = table()
+    plan = together("far", [strokes(machine, 30e-3, (speed,)) for speed in (0.1, 0.2)])
+    spring = CableSpring(100.0)
+    records = recorded(machine, (plan,), [spring], seed=5)
+    nominal = refit_within(with_units(machine, records), records)
+    baseline = Baseline(nominal, records, pieces(records, loop_time(machine)), ALIKE)
+    candidate = replace(nominal.candidate, effects=(spring,), roughness=(3.0,))
+    with_it = fit(candidate, records, paths=nominal.paths, iterations=1, walk=nominal.walk)
+    assert nominal.candidate.roughness != with_it.candidate.roughness
+    size = float(np.sqrt(np.nanmean(np.concatenate(unknown_force(with_it.candidate, records, with_it.paths)) ** 2)))
+    floor = NoiseFloor((np.zeros(3),), (), 1.0, "repeats", lambda: Gap(size, 0.0, None))
+    found = _closure_of_force(nominal, with_it, floor, baseline)
+    assert found is not None
+    assert found[0] > 0.9
+    assert _closure_of_force(nominal, with_it, replace(floor, source=SIMULATION), baseline) is None

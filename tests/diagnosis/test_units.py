@@ -20,7 +20,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.model.kalman import predictor
 from diagnosis.model.motions import pieces
-from diagnosis.model.units import WALK, loop_time, noise, slow_walk, units, white_force, with_units
+from diagnosis.model.units import WALK, holds, loop_time, noise, slow_walk, units, white_force, with_units
 from diagnosis.null import Null
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
@@ -70,6 +70,28 @@ def test_the_same_machine_in_other_units_gets_the_same_answer(
     assert there.closure.closure == pytest.approx(here.closure.closure, abs=1e-5)
     assert there.closure.interval == pytest.approx(here.closure.interval, abs=1e-5)
     assert other == pytest.approx(gains, rel=1e-3)
+
+
+def test_an_axis_that_its_friction_does_not_hold_counts_nothing_in_it() -> None:
+    """On an air bearing with a cable chain of 0.02 N, lengths and forces are counted in tolerance and thrust;
+    with contacts that are as soft but whose force counts, as a seal's, they are not."""
+    friction = MACHINE.friction
+    chain = replace(
+        friction,
+        stiffness=tuple(1e-4 * one for one in friction.stiffness),
+        limit=tuple(10 * one for one in friction.limit),
+    )
+    air, seal = (
+        replace(MACHINE, friction=replace(chain, limit=tuple(much * one for one in chain.limit))) for much in (1, 1000)
+    )
+    assert holds(MACHINE)
+    assert holds(seal)
+    assert not holds(air)
+    found = units(air)
+    assert (found.contact, found.force) == (MACHINE.specification.tolerance, 0.1 * MACHINE.drive.rated_thrust)
+    assert noise(air) == MACHINE.scale.noisy().reading_deviation
+    for change in CHANGES:
+        assert not holds(change.machine(air))
 
 
 @pytest.mark.parametrize("change", CHANGES)

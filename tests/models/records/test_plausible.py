@@ -111,6 +111,23 @@ def test_a_unit_wrong_by_a_million_is_doubted(
     assert any("unit" in doubt for doubt in doubts(wrong, GIVEN, FACTS))
 
 
+def test_the_force_that_accelerates_an_axis_is_no_sign_that_friction_holds_it() -> None:
+    """An air bearing: its cable chain gives way by 82 mm under what takes 18 kg over 20 um and back. A command that is
+    a thousand times too large is told all the same."""
+    ts, mass = 250e-6, 18.0
+    s = np.linspace(0.0, 1.0, 80)
+    there = 20e-6 * s**3 * (10 - 15 * s + 6 * s**2)
+    once = np.concatenate([np.zeros(400), there, np.full(400, 20e-6), there[::-1]])
+    way = np.tile(once, 6)
+    force = mass * np.gradient(np.gradient(way, ts), ts) + 0.2 * np.sin(np.arange(way.size) / 300.0)
+    record = Record(ts, way, way, force, force, way)
+    facts = Facts(mass=mass, limit=300.0, resolution=5e-9, stiffness=133.0)
+    assert np.ptp(force) / facts.stiffness > 1000 * np.ptp(way)
+    assert list(doubts(record, GIVEN, facts)) == []
+    wrong = replace(record, command=1e3 * force, feedforward=1e3 * force)
+    assert any("unit" in doubt for doubt in doubts(wrong, GIVEN, replace(facts, limit=None)))
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_machine_s_own_units_do_not_matter(kind: str, records: Mapping[str, Record]) -> None:
     """The same table a thousand times as large in way and force, and so as heavy, makes what it makes."""

@@ -121,6 +121,31 @@ def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]
     assert "%" not in told["how_far"]
 
 
+def test_what_never_repeats_is_not_called_out_of_catalogue(results: dict[str, Any]) -> None:
+    """An air bearing whose thrust is noisy, with 8 % more mass than its file says: the re-fit leaves the floor."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    gap = {"force_N": 0.0185, "position_m": 5e-9, "settling_s": None}
+    far = {**results["how_far"], "floor_source": "repeats", "gap_refitted": gap, "floor": {**gap, "force_N": 0.0188}}
+    shifts = [{**row, "moved": -5.13 if row["name"] == "payload_mass" else 0.1} for row in results["shifts"]]
+    shifts = [{**row, "std": [0.015]} if row["name"] == "payload_mass" else row for row in shifts]
+    given = {**results, "verdict": verdict, "how_far": far, "shifts": shifts}
+    told = sentences(given)["which"]
+    assert told.startswith(
+        "Nominal values are off, payload mass by -7.7 %. What is left of the re-fitted model is another"
+    )
+    assert "out of catalogue" not in told
+    for still in ({**far, "floor_source": "simulated"}, {**far, "gap_refitted": {**gap, "force_N": 0.05}}):
+        assert "the cause is out of catalogue" in sentences({**given, "how_far": still})["which"]
+
+
+def test_weights_that_hold_for_no_record_are_said_in_whatever_order(results: dict[str, Any]) -> None:
+    for left in ([8.9, 0.12], [0.12, 8.9]):
+        told = sentences(
+            {**results, "chi_square_per_sample": {**results["chi_square_per_sample"], "with_effects": left}}
+        )
+        assert "are too small for some and too large for others" in told["which"]
+
+
 def test_how_far_a_part_of_an_explanation_goes_is_said(results: dict[str, Any]) -> None:
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
     gap = {"position_m": 1e-6, "settling_s": None}
