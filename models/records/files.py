@@ -225,13 +225,32 @@ def _response(table: Table, columns: Columns) -> FrequencyResponse:
 def _signal(table: Table, columns: Columns, signal: str) -> Array:
     source = columns.source(signal)
     if source.name not in table.columns:
-        close = difflib.get_close_matches(source.name, table.names, n=1, cutoff=0.0)
-        nearest = f"the nearest that the file has is {cut(close[0])}" if close else "the file has no columns"
+        close = _nearest(table, columns, signal)
+        told = f"the nearest that the file has is {cut(close)}; rename" if close else "the file has no other; log"
         raise RecordError(
-            f"column {source.name!r} for the {signal} is missing; {nearest}; rename it, or map it by "
+            f"column {source.name!r} for the {signal} is missing; {told} it, or map it by "
             f'{signal} = "NAME [unit] * factor" in the machine file\'s [record] or by --column'
         )
     return _in_si(table, columns, signal, source.name)
+
+
+def _nearest(table: Table, columns: Columns, signal: str) -> str:
+    """The column that a missing one may be: of those that are no other signal's, and where their units are stated, of
+    those in one of this signal's, the most similar by its name; empty where there is none."""
+    others = {columns.source(other).name for other in UNITS if other != signal}
+    free = [name for name in table.names if name not in others]
+    fitting = [name for name in free if table.units.get(name) and _fits(columns, signal, table.units[name])]
+    close = difflib.get_close_matches(columns.source(signal).name, fitting or free, n=1, cutoff=0.0)
+    return close[0] if close else ""
+
+
+def _fits(columns: Columns, signal: str, unit: str) -> bool:
+    """Whether a unit that a file states is one of the signal's."""
+    try:
+        columns.source(signal, unit)
+    except ValueError:
+        return False
+    return True
 
 
 def _check_units(table: Table, columns: Columns, names: Mapping[str, str], facts: Facts) -> None:

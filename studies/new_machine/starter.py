@@ -65,7 +65,9 @@ def _numbers(answers: Mapping[str, str]) -> dict[str, float]:
         except QuantityError as error:
             raise BadInputError(f"{one.option}: {error}") from error
         if one.name != "offset" and not numbers[one.name] > 0:
-            raise BadInputError(f"{one.option}: {answers[one.name]!r} must be above 0")
+            none = one.name == "friction_force" and numbers[one.name] == 0
+            instead = "; for an axis without friction, as on an air bearing, give one far below all other forces" * none
+            raise BadInputError(f"{one.option}: {answers[one.name]!r} must be above 0{instead}")
     return {"dead_time": DEAD_TIME * numbers["sample_time"], **numbers}
 
 

@@ -76,6 +76,7 @@ def test_the_file_holds_the_answers_and_says_of_every_value_where_it_is_from(tmp
     [
         ({"mass": "3 N"}, "--mass: '3 N' is in N"),
         ({"mass": "-1 kg"}, "--mass: '-1 kg' must be above 0"),
+        ({"friction_force": "0 N"}, "above 0; for an axis without friction, as on an air bearing, give one far below"),
         ({"offset": "3 N m"}, "and --offset of a rotary one; give all in"),
         ({"settling_time": "1 ms"}, "--settling-time: 1 ms are too few samples of 250 µs"),
         ({"friction_force": "300 N"}, "friction takes 300 N, all of the rated 200 N"),

@@ -234,6 +234,10 @@ WRONG: dict[str, tuple[Callable[[Table], Table], str]] = {
     "reference swapped": (swapped("reference_m", "position_m"), "reference and position look swapped"),
     "missing": (lambda table: {n.replace("position", "positon"): c for n, c in table.items()},
                 "column 'position_m' for the position is missing; the nearest that the file has is 'positon_m'"),
+    "no command": (lambda table: {n.replace("command_N", "c"): x for n, x in table.items()},
+                   "column 'command_N' for the command is missing; the nearest that the file has is 'c'"),
+    "own names": (lambda table: {{"time_s": "Zeit [ms]", "target_m": "t"}.get(n, n): x for n, x in table.items()},
+                  "column 'time_s' for the time is missing; the nearest that the file has is 'Zeit'"),
     "backward": (changed("time_s", at(40, 0.0)), "falls after row 40, once; sort the rows"),
 }  # fmt: skip
 
