@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
+WHOLE: Final = "the whole command"
+OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
 FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # factors of the derivative filter's time
 
 
@@ -214,12 +216,24 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
     if isinstance(feedback, PID):
         yield from _filters(record, feedback, delay, begin)
     error = made - record.feedforward
-    groups = [("the whole command", [made]), ("the feedback", [error])]
+    if np.ptp(record.feedforward) == 0:
+        yield _unlogged(record, made, begin)
+    groups = [(WHOLE, [made]), ("the feedback", [error])]
     if isinstance(feedback, PID):
         groups.append(_parts(record, feedback, delay))
     for words, columns in groups:
         if all(np.ptp(column) > 0 for column in columns):
             yield _scaled(record, made, words, columns, begin)
+
+
+def _unlogged(record: Record, made: Array, begin: int) -> tuple[str, float]:
+    """The replayed command with a feedforward of the reference's acceleration, where none is in the log."""
+    speed = np.gradient(record.reference, record.sample_time)
+    basis = np.column_stack([np.gradient(speed, record.sample_time), speed, np.ones(made.size)])
+    scale = np.maximum(np.max(np.abs(basis), axis=0), 1e-300)
+    factors = np.linalg.lstsq((basis / scale)[begin:], (record.command - made)[begin:], rcond=None)[0] / scale
+    words = f"a feedforward of {show(factors[0], 'kg', 3)} times the reference's acceleration, which is not in the log,"
+    return words, _rms(record, made + basis @ factors, begin)
 
 
 def _filters(record: Record, pid: PID, delay: int, begin: int) -> Iterator[tuple[str, float]]:
@@ -248,4 +262,7 @@ def _scaled(record: Record, made: Array, words: str, columns: list[Array], begin
     basis = np.column_stack([*columns, np.ones(made.size)])[begin:]
     factors = np.linalg.lstsq(basis, (record.command - rest)[begin:], rcond=None)[0][:-1]
     again = rest + sum(factor * column for factor, column in zip(factors, columns, strict=True))
-    return f"{words} times {listed(f'{factor:.4g}' for factor in factors)}", _rms(record, again, begin)
+    told = f"{words} times {listed(f'{factor:.4g}' for factor in factors)}"
+    if words == WHOLE and factors[0] > 0 and abs(np.log(factors[0])) > np.log(OTHER_UNIT):
+        told += f", as where one of the log's units is {show(1 / factors[0], 'N', 4)}"
+    return told, _rms(record, again, begin)

@@ -119,10 +119,14 @@ def added_in_words(one: Replayed, signal: Added, record: str, sample_time: float
     if signal.mapped:
         late = f" and {signal.shift}" if signal.delay else ""
         how = f"acts times {signal.gain:.4g} instead of 1{late}" if abs(signal.gain) > OMITTED else "does not act"
+        before = (
+            " Or the command is logged before the feedforward is added to it; then map a column that holds their sum."
+        )
+        logged = before if abs(signal.gain) <= OMITTED else ""
         return (
             f"The stated controller made {record}, but {signal.name}, which is mapped to the feedforward, {how}: "
             f"{rest}. As mapped, the replay differs from the logged command by up to {show(one.largest, 'N', 3)} "
-            f"({show(one.rms, 'N', 3)} rms); the diagnosis takes it as it acts."
+            f"({show(one.rms, 'N', 3)} rms); the diagnosis takes it as it acts.{logged}"
         )
     what = (
         "It is constant between its jumps, and no column that is known shows it"

@@ -69,9 +69,9 @@ def test_a_feedforward_that_does_not_act_is_said_without_a_name(plain: Record) -
     found = replayed(MACHINE, given)
     assert found.added is not None
     assert found.added.gain == pytest.approx(0.0, abs=1e-9)
-    assert "but the feedforward, which is mapped to the feedforward, does not act" in added_in_words(
-        found, found.added, "the record", 1e-3
-    )
+    told = added_in_words(found, found.added, "the record", 1e-3)
+    assert "but the feedforward, which is mapped to the feedforward, does not act" in told
+    assert told.endswith("is added to it; then map a column that holds their sum.")
 
 
 def test_of_the_columns_that_are_not_mapped_the_one_that_was_added_is_named(plain: Record) -> None:

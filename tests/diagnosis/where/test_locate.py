@@ -20,6 +20,7 @@ from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import Topic, statements
 from diagnosis.where.serialise import pictures, to_json
 from diagnosis.where.side import force_or_reading
+from models.records.checks import replay
 from models.records.record import Record
 from studies.command import to_text
 from tests.diagnosis.where.cases import case, fitted, run, schedules, table
@@ -335,6 +336,26 @@ def test_a_shifted_command_is_found_with_its_shift(record: Record, shift: int) -
     when = f"{abs(shift)} sample{'s' * (abs(shift) > 1)} {'late' if shift > 0 else 'early'}"
     assert found.remedy == f"the command logged {when}"
     assert found.remains < 1e-3 * found.rms
+
+
+def test_a_command_that_is_logged_in_another_unit_is_said_to_be(record: Record) -> None:
+    amps = replayed(table(), replace(record, command=record.command / 42))
+    assert amps.remedy == "the whole command times 0.02381, as where one of the log's units is 42 N"
+    assert amps.remains < 1e-3 * amps.rms
+
+
+def test_a_feedforward_that_is_not_logged_is_told_by_its_mass() -> None:
+    machine, ts, length = table(), table().sample_time, 4000
+    s = np.clip((np.arange(length) % 1000 - 200) / 300.0, 0.0, 1.0)
+    way = 1e-3 * s**3 * (10 - 15 * s + 6 * s**2)
+    thrust = 45.0 * np.gradient(np.gradient(way, ts), ts)
+    made = Record(ts, way, way, thrust, np.zeros(length), way - 1e-6 * np.sin(np.arange(length) / 50.0))
+    control = machine.control
+    made = replace(made, command=replay(made, control.feedback, control.reference_delay))
+    assert replayed(machine, made).replays
+    found = replayed(machine, replace(made, feedforward=np.zeros(length)))
+    assert found.remedy == "a feedforward of 45 kg times the reference's acceleration, which is not in the log,"
+    assert found.remains < 0.01 * found.rms
 
 
 def test_another_delay_and_another_gain_are_found(record: Record) -> None:
