@@ -135,9 +135,9 @@ def _which(results: Results) -> str:
 def _never_the_same(results: Results) -> str:
     """What is said where the re-fitted model leaves what does not repeat between equal motions, and nothing resembles
     it; empty elsewhere."""
-    far = results["how_far"]
-    if far["floor_source"] != "repeats" or results["verdict"]["partly"]:
+    if results["verdict"]["partly"] or results["how_far"]["floor_source"] != "repeats":
         return ""
+    far = results["how_far"]
     if far["gap_refitted"]["force_N"] > AT_FLOOR * far["floor"]["force_N"]:
         return ""
     off = [_off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
