@@ -10,12 +10,12 @@ from diagnosis.handover.files import Content
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
+from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, fitted, words
 
 Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
-FAR: Final = 2.0  # times its expectation, from which on chi-square per sample is said to be far from it
 AT_FLOOR: Final = 1.1  # of the noise floor, up to which a force is no more than that
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
@@ -30,7 +30,7 @@ def sentences(results: Results) -> dict[str, str]:
         "outcome": _outcome(results["verdict"]),
         "where": _where(results["where"]),
         "which": _which(results) + _elements(results),
-        "how_far": _how_far(results),
+        "how_far": _howfar_off(results),
     }
 
 
@@ -118,18 +118,18 @@ def _which(results: Results) -> str:
                 f"{show(after, 'N', 3)} (rms)"
             )
         learned = "" if _never_the_same(results) else unknown_law.told(results.get("learned"))
-        told += f"{_rough(results)}.{learned}"
+        told += f"{roughness(results)}.{learned}"
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return told
         return f"{told} Correct the log or the controller first, because the rest may be due to it."
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_another_form(verdict, name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
-        alike = f"{_others(verdict)}{_rough(results)}"
+        alike = f"{_others(verdict)}{roughness(results)}"
         return f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
-    return f"It is {listed(shown)}{_rough(results)}.{by_curve}{_said_beside(results)}"
+    return f"It is {listed(shown)}{roughness(results)}.{by_curve}{_said_beside(results)}"
 
 
 def _never_the_same(results: Results) -> str:
@@ -187,55 +187,11 @@ def _said_beside(results: Results) -> str:
     if verdict["excluded"]:
         told += f" Excluded, as its size would have the wrong sign: {effects_listed(verdict['excluded'])}."
     total, std, before = (1e3 * delay[name] for name in ("total_s", "std_s", "delivered_s"))
-    if std > 0 and abs(total - before) > MOVED * std and not _far(results) and not results["how_far"]["at_bounds"]:
+    if std > 0 and abs(total - before) > MOVED * std and not far_off(results) and not results["how_far"]["at_bounds"]:
         digits = max(2, 1 - math.floor(math.log10(std)))  # as many as the deviation has
         now, then = f"{total:.{digits}f} ± {std:.2g} ms", f"{before:.{digits}f} ms"
         told += f" The input delay, the hold included, is {now} instead of {then}."
     return told
-
-
-def _rough(results: Results) -> str:
-    """How rough the drive is, and whether the weights hold: what is left of each record, as a variance in that which
-    they promise."""
-    force, told = results["white_force_N"], ""
-    if force["taken"] > force["usual"]:
-        told += (
-            f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample "
-            "to sample, which no effect of the catalogue describes"
-        )
-    left, far = results["chi_square_per_sample"]["with_effects"], _far(results)
-    if far:
-        each = listed(f"{one:.2g} in record {number}" if len(left) > 1 else f"{one:.2g}" for number, one in far)
-        told += (
-            f". Chi-square per sample is {each} where 1 was expected, so that the stated deviations are too "
-            f"{_small_or_large([one for _, one in far])}{_weighed(results)}"
-        )
-    return told
-
-
-def _small_or_large(far: Sequence[float]) -> str:
-    """What deviations are with so much chi-square per sample [1] of each record."""
-    small, large = (any(sign * math.log(one) > 0 for one in far) for sign in (1, -1))
-    return "small for some and too large for others" if small and large else "small" if small else "large"
-
-
-def _weighed(results: Results) -> str:
-    """By which noise the detection limits go, where the scale's does not explain what is left."""
-    weighed = results["where"]["details"].get("weighed") or {}
-    walk = weighed.get("walk_N_per_sample")
-    if walk is None:
-        return ""
-    left = listed(f"{one:.2g}" for one in weighed["chi_square_per_sample"])
-    return (
-        f"; detection limits take what is left for a force that walks at random by {show(walk, 'N', 2)} a sample, "
-        f"beside which chi-square per sample is {left}"
-    )
-
-
-def _far(results: Results) -> list[tuple[int, float]]:
-    """The records, by number, whose chi-square per sample [1] is far from what their weights promise, and that."""
-    left = results["chi_square_per_sample"]["with_effects"]
-    return [(number, one) for number, one in enumerate(left, 1) if not 1 / FAR < one < FAR]
 
 
 def _others(verdict: Results) -> str:
@@ -260,7 +216,7 @@ def _values(parameters: Results) -> str:
     )
 
 
-def _how_far(results: Results) -> str:
+def _howfar_off(results: Results) -> str:
     far = results["how_far"]
     return " ".join([_gap_closed(results), *unknown_law.left(far), *_handed_over(results), *_overrun(results)])
 
@@ -269,7 +225,7 @@ def _overrun(results: Results) -> list[str]:
     """That values which the file knows well were moved in a model that is incomplete."""
     rows = results.get("overrun")
     incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
-    if not rows or not (_far(results) or incomplete):
+    if not rows or not (far_off(results) or incomplete):
         return []
     most = rows[0]
     before, std, now = (

@@ -1,0 +1,57 @@
+"""How rough a drive is, and whether the deviations that its model states hold, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from models.quantity import listed, show
+
+Results = Mapping[str, Any]
+
+FAR: Final = 2.0  # times its expectation, from which on chi-square per sample is said to be far from it
+
+
+def roughness(results: Results) -> str:
+    """How rough the drive is, and whether the weights hold: what is left of each record, as a variance in that which
+    they promise."""
+    force, told = results["white_force_N"], ""
+    if force["taken"] > force["usual"]:
+        told += (
+            f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample "
+            "to sample, which no effect of the catalogue describes"
+        )
+    left, far = results["chi_square_per_sample"]["with_effects"], far_off(results)
+    if far:
+        each = listed(f"{one:.2g} in record {number}" if len(left) > 1 else f"{one:.2g}" for number, one in far)
+        told += (
+            f". Chi-square per sample is {each} where 1 was expected, so that the stated deviations are too "
+            f"{_small_or_large([one for _, one in far])}{_weighed(results)}"
+        )
+    return told
+
+
+def _small_or_large(far: Sequence[float]) -> str:
+    """What deviations are with so much chi-square per sample [1] of each record."""
+    small, large = (any(sign * math.log(one) > 0 for one in far) for sign in (1, -1))
+    return "small for some and too large for others" if small and large else "small" if small else "large"
+
+
+def _weighed(results: Results) -> str:
+    """By which noise the detection limits go, where the scale's does not explain what is left."""
+    weighed = results["where"]["details"].get("weighed") or {}
+    walk = weighed.get("walk_N_per_sample")
+    if walk is None:
+        return ""
+    left = listed(f"{one:.2g}" for one in weighed["chi_square_per_sample"])
+    return (
+        f"; detection limits take what is left for a force that walks at random by {show(walk, 'N', 2)} a sample, "
+        f"beside which chi-square per sample is {left}"
+    )
+
+
+def far_off(results: Results) -> list[tuple[int, float]]:
+    """The records, by number, whose chi-square per sample [1] is far from what their weights promise, and that."""
+    left = results["chi_square_per_sample"]["with_effects"]
+    return [(number, one) for number, one in enumerate(left, 1) if not 1 / FAR < one < FAR]
