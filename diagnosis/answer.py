@@ -271,9 +271,9 @@ def broadband(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
     """Forces at random about a frequency whose third line would still gain: a floor rings in one or two; what takes a
     third one is random over all frequencies, as that of commands which are late now and then."""
     gains: dict[str, list[float]] = {}
-    for before, added in [*((one, after.added) for one, after in pairwise(stages)), (stages[-1], None)]:
-        for one in before.proposals:
-            if one.random_force is not None and added in (one.name, None):
+    for stage, then_added in zip(stages, [*(stage.added for stage in stages[1:]), None], strict=True):
+        for one in stage.proposals:
+            if one.random_force is not None and then_added in {one.name, None}:
                 gains.setdefault(one.name, []).append(one.gain)
     return {name for name, own in gains.items() if own[2:] and own[2] > criteria.random_force_third * own[0]}
 

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
-
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
 from diagnosis.handover.posterior import spreads
 from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
-from models.machine import Machine, parameters
-from models.variation import known
+from models.machine import Machine
 
 
 def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine:
@@ -37,38 +32,3 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     # Where something is left that has no name, values stand in for it by more than their deviations tell.
     stated = spreads(fitted, segment) if diagnosis.outcome is not Outcome.NONE else {}
     return machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
-
-
-@dataclass(frozen=True)
-class Overrun:
-    """A value that a file was moved away from: what it was, with the standard deviation that the file states of it, and
-    what it is now (all in its unit)."""
-
-    name: str
-    unit: str
-    before: float
-    std: float
-    now: float
-
-    @property
-    def deviations(self) -> float:
-        """By how many of the stated deviations it was moved [1]."""
-        return abs(self.now - self.before) / self.std
-
-
-def overrun(delivered: Machine, improved: Machine, least: float) -> tuple[Overrun, ...]:
-    """The values of a machine file that an improved one has elsewhere by more than `least` [1] of the deviations that
-    the file states beside them, the farthest first; of a list the number that is the farthest. Where the model lacks
-    something, they stand in for it."""
-    after = {one.name: one.number for one in parameters(improved) if not isinstance(one.number, str)}
-    found = []
-    for one in known(delivered):
-        if one.origin != "value" or np.size(after.get(one.name, ())) != len(
-            one.numbers
-        ):  # as elements that were halved
-            continue
-        rows = zip(one.numbers, one.deviations, np.atleast_1d(after[one.name]).tolist(), strict=True)
-        each = [Overrun(one.name, one.unit, *row) for row in rows if row[1] > 0]
-        found += [max(each, key=lambda row: row.deviations)] if each else []
-    far = [one for one in found if one.deviations > least]
-    return tuple(sorted(far, key=lambda one: -one.deviations))

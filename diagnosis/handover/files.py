@@ -9,11 +9,11 @@ from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.handover.overrun import OVERRUN, overrun
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import Parameters, bounded, initial_state, parameters
 from diagnosis.model.residual import Candidate
@@ -30,8 +30,6 @@ from models.quantity import declaration, nearest
 Array = NDArray[np.float64]
 
 FILE = Path("improved.toml")
-FAR: Final = 5.0  # of a value's stated standard deviations, from which on a re-fit that moves it says so
-WITHIN: Final = "within the tolerance of"
 
 
 class Content(StrEnum):
@@ -142,24 +140,19 @@ def _refitted(
     nominal: Machine, fitted: Machine, source: str, stated: Mapping[str, Spread]
 ) -> Iterator[tuple[str, Provenance]]:
     """The provenance of every value that the re-fit changed, by the value's dotted name; stated: see `machine_of`."""
-    before = {one.name: one.number for one in values_of(replace(nominal, effects=()))}
-    for one in values_of(replace(fitted, effects=())):
-        if before.get(one.name) != one.number:
-            far = _deviations(nominal.sources.get(one.name), before.get(one.name), one.number)
-            within = f"{far:,.0f} stated standard deviations from" if far > FAR else WITHIN
-            provenance = Provenance("identified", f"{source}, {within} the file's value")
+    before, after = (replace(one, effects=()) for one in (nominal, fitted))
+    delivered = {one.name: one.number for one in values_of(before)}
+    far = {one.name: one.deviations for one in overrun(before, after, OVERRUN)}
+    for one in values_of(after):
+        if delivered.get(one.name) != one.number:
+            moved = (
+                f"{far[one.name]:,.0f} stated standard deviations from"
+                if one.name in far
+                else "within the tolerance of"
+            )
+            provenance = Provenance("identified", f"{source}, {moved} the file's value")
             spread = stated.get(one.name)
             yield one.name, provenance if spread is None else _with_spread(provenance, one.number, spread)
-
-
-def _deviations(stated: Provenance | None, before: object, now: object) -> float:
-    """By how many of its stated standard deviations a value moved [1], of several the farthest; 0 without any."""
-    if stated is None or stated.std is None or before is None:
-        return 0.0
-    std, old, new = (np.atleast_1d(np.asarray(one, float)) for one in (stated.std, before, now))
-    if old.shape != new.shape or not np.all(std > 0):
-        return 0.0
-    return float(np.max(np.abs(new - old) / std))
 
 
 def _with_spread(provenance: Provenance, number: object, spread: Spread) -> Provenance:

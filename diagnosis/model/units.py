@@ -37,9 +37,9 @@ SHORTEST_TRAVEL: Final = 1280.0  # contacts' lengths: what happens along the way
 def contact_length(machine: Machine) -> float:
     """By how much the friction's contacts yield before they slip [m]: friction over stiffness. Of a machine whose
     friction does not hold it, its tolerance."""
-    return (
-        friction_force(machine) / sum(machine.friction.stiffness) if holds(machine) else machine.specification.tolerance
-    )
+    if not holds(machine):
+        return machine.specification.tolerance
+    return friction_force(machine) / sum(machine.friction.stiffness)
 
 
 def holds(machine: Machine) -> bool:

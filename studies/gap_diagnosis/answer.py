@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from diagnosis.handover.files import Content
+from diagnosis.handover.overrun import OVERRUN
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
@@ -19,7 +20,6 @@ UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-f
 AT_FLOOR: Final = 1.1  # of the noise floor, up to which a force is no more than that
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
-OVERRUN: Final = 10.0  # of the deviations that the file states of a value: moved farther, it may stand in for a law
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
 SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
@@ -30,7 +30,7 @@ def sentences(results: Results) -> dict[str, str]:
         "outcome": _outcome(results["verdict"]),
         "where": _where(results["where"]),
         "which": _which(results) + _elements(results),
-        "how_far": _howfar_off(results),
+        "how_far": _how_far(results),
     }
 
 
@@ -100,14 +100,9 @@ def _which(results: Results) -> str:
         off = listed([_off_by(rows[name]) if name in rows else effect(name) for name in names])
         return f"Nominal values are off, {off}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
-        told = (
-            _unsure(results)
-            or _never_the_same(results)
-            or (
-                "No effect of the catalogue, alone or with others, explains it within its prior range: "
-                + _beyond_the_catalogue(results)
-            )
-        )
+        never_the_same = _never_the_same(results)
+        catalogue = "No effect of the catalogue, alone or with others, explains it within its prior range: "
+        told = _unsure(results) or never_the_same or catalogue + _beyond_the_catalogue(results)
         if verdict["partly"] and not _is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
             rows = {row["effect"]: row for row in results["which"]}
@@ -117,7 +112,7 @@ def _which(results: Results) -> str:
                 f"{'falls' if after < before else 'does not fall: it goes'} from {show(before, 'N', 3)} to "
                 f"{show(after, 'N', 3)} (rms)"
             )
-        learned = "" if _never_the_same(results) else unknown_law.told(results.get("learned"))
+        learned = "" if never_the_same else unknown_law.told(results.get("learned"))
         told += f"{roughness(results)}.{learned}"
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return told
@@ -216,7 +211,7 @@ def _values(parameters: Results) -> str:
     )
 
 
-def _howfar_off(results: Results) -> str:
+def _how_far(results: Results) -> str:
     far = results["how_far"]
     return " ".join([_gap_closed(results), *unknown_law.left(far), *_handed_over(results), *_overrun(results)])
 

@@ -17,8 +17,9 @@ from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
+from diagnosis.handover.overrun import OVERRUN, overrun
 from diagnosis.handover.transfer import on_record
-from diagnosis.improved import improved_machine, overrun
+from diagnosis.improved import improved_machine
 from diagnosis.model.motions import LONGEST, Piece
 from diagnosis.model.parameters import moved, priors
 from diagnosis.model.roughness import variance_by_record
@@ -34,7 +35,7 @@ from models.records.record import Record
 from studies.beforehand import require_designable, require_stable
 from studies.effort import MOST, diagnosing, foresee, more_samples
 from studies.gap_diagnosis import own_records
-from studies.gap_diagnosis.answer import OVERRUN, sentences
+from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded

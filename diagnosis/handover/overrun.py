@@ -1,0 +1,48 @@
+"""The values of a machine file that a re-fit moved farther than the file knows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from models.machine import Machine, parameters
+from models.variation import known
+
+OVERRUN: Final = 10.0  # of the deviations that the file states of a value: moved farther, it may stand in for a law
+
+
+@dataclass(frozen=True)
+class Overrun:
+    """A value that a file was moved away from: what it was, with the standard deviation that the file states of it, and
+    what it is now (all in its unit)."""
+
+    name: str
+    unit: str
+    before: float
+    std: float
+    now: float
+
+    @property
+    def deviations(self) -> float:
+        """By how many of the stated deviations it was moved [1]."""
+        return abs(self.now - self.before) / self.std
+
+
+def overrun(delivered: Machine, improved: Machine, least: float) -> tuple[Overrun, ...]:
+    """The values of a machine file that an improved one has elsewhere by more than `least` [1] of the deviations that
+    the file states beside them, the farthest first; of a list the number that is the farthest. Where the model lacks
+    something, they stand in for it."""
+    after = {one.name: one.number for one in parameters(improved) if not isinstance(one.number, str)}
+    found = []
+    for one in known(delivered):
+        if one.origin != "value" or np.size(after.get(one.name, ())) != len(
+            one.numbers
+        ):  # as elements that were halved
+            continue
+        rows = zip(one.numbers, one.deviations, np.atleast_1d(after[one.name]).tolist(), strict=True)
+        each = [Overrun(one.name, one.unit, *row) for row in rows if row[1] > 0]
+        found += [max(each, key=lambda row: row.deviations)] if each else []
+    far = [one for one in found if one.deviations > least]
+    return tuple(sorted(far, key=lambda one: -one.deviations))
