@@ -17,7 +17,7 @@ from studies.wording import effect, fitted, words
 Results = Mapping[str, Any]
 
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
-AT_FLOOR: Final = 1.1  # of the noise floor, up to which a force is no more than that
+AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a floor far above it is of something else
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
@@ -133,7 +133,8 @@ def _never_the_same(results: Results) -> str:
     if results["verdict"]["partly"] or results["how_far"]["floor_source"] != "repeats":
         return ""
     far = results["how_far"]
-    if far["gap_refitted"]["force_N"] > AT_FLOOR * far["floor"]["force_N"]:
+    low, high = (part * far["floor"]["force_N"] for part in AT_FLOOR)
+    if not low <= far["gap_refitted"]["force_N"] <= high:
         return ""
     off = [_off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
     wrong = f"Nominal values are off, {listed(off)}. " if off else ""
