@@ -37,6 +37,7 @@ from models.identification.estimate import STRONG, Estimate, left_out, wider
 from models.identification.force.fit import DAMPING, SURE
 from models.identification.unusable import UnusableError
 from models.machine import Machine
+from models.quantity import show
 from models.records.record import Record, cut
 from models.simulation.simulator import simulate
 from models.variation import Variation, known_apart, varied
@@ -106,7 +107,7 @@ def identify(
     Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
     none. What the machine has of it is not used, nor is its offset: motions show both better.
     Raises ValueError if the record's sample time is another than the machine's, nothing moves, it is too long [s], or
-    the fit runs away (an UnusableError).
+    the fit runs away or makes nothing of the command (an UnusableError).
     """
     if record.position.size > MOST_SAMPLES:
         raise ValueError(
@@ -131,7 +132,17 @@ def identify(
     if _shows(plain, whole):
         theta, filter_ = _converged(job, whole.values[:-1], iterations)
         plain = whole = _solved(_near(job, theta, filter_), STEPS.size)
-    return _told(job, plain, whole)
+    return _made(_told(job, plain, whole))
+
+
+def _made(fit: MotionFit) -> MotionFit:
+    """The fit, of which the simulated loop makes at least a part of the command. Raises UnusableError."""
+    left, whole = float(np.std(fit.command - fit.modelled)), float(np.std(fit.command))
+    if not left < whole:  # nor is it so of nan
+        raise UnusableError(
+            f"the simulated loop leaves {show(left, 'N', 2)} of a command of {show(whole, 'N', 2)} (root mean square)"
+        )
+    return fit
 
 
 def begin(record: Record) -> int:

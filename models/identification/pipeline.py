@@ -94,9 +94,9 @@ def identify(
 
 
 def _beside_others(kind: str, found: Identified, to_come: Sequence[str]) -> bool:
-    """Whether a record of no use may be left out: a response where others give the plant, and motions where anything
-    else gave something, or yet may."""
-    if kind == "motion":
+    """Whether a record of no use may be left out: a response where others give the plant, and motions or slow loops
+    where anything else gave something, or yet may."""
+    if kind in {"motion", "hysteresis"}:
         return bool(found.steps or to_come)
     responses = {"response", "excitation"}
     return kind in responses and (found.has("response") or not responses.isdisjoint(to_come))

@@ -43,6 +43,7 @@ def read(
         resolution=machine.scale.resolution,
         scatter=machine.scale.noisy().reading_deviation,
         stiffness=float(sum(machine.friction.stiffness)),
+        friction=machine.friction.coulomb_force,
         rotary=machine.axis == "rotary",
     )
 

@@ -54,8 +54,8 @@ class Facts:
     """What is nominally known of a machine [SI], to see more in its records; None: not known.
 
     The feedback that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N],
-    the resolution of the scale [m], the deviation of a reading [m], the stiffness of the friction at rest [N/m], and
-    whether the axis turns.
+    the resolution of the scale [m], the deviation of a reading [m], the stiffness of the friction at rest [N/m], its
+    force [N], and whether the axis turns.
     """
 
     pid: Feedback | None = None
@@ -66,6 +66,7 @@ class Facts:
     resolution: float | None = None
     scatter: float | None = None
     stiffness: float | None = None
+    friction: float | None = None
     rotary: bool | None = None
 
 

@@ -67,8 +67,9 @@ def warnings_of(found: Identified) -> list[tuple[str, str]]:
 
 def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:
     """The checks that the records themselves allow."""
-    if motions := [one.name for one in found.left_out if one.kind == "motion"]:
-        yield Check("motion records that were left out", float(len(motions)), "1", 0.0, ", ".join(motions))
+    for kind, called in (("motion", "motion"), ("hysteresis", "slow")):
+        if names := [one.name for one in found.left_out if one.kind == kind]:
+            yield Check(f"{called} records that were left out", float(len(names)), "1", 0.0, ", ".join(names))
     for step in found.steps:
         if isinstance(step.gave, ResponseStep) and np.all(np.isfinite(step.gave.measured.variance)):
             name = "reduced chi-square of the frequency response"

@@ -39,6 +39,7 @@ from models.identification.force.linear import (
     slopes,
 )
 from models.identification.force.signals import SMOOTHING, Signals, Terms, filtered, limit_range, memory_ends, passes
+from models.identification.unusable import UnusableError
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ def identify(
 
     pass_band [Hz] of the low-pass; fit_until [s]: later samples are kept for judging. The elements' state is unknown
     until the path has turned after its first span, so the fit begins there.
-    Raises ValueError for a record that can't show friction.
+    Raises ValueError for a record that can't show friction, an UnusableError for one that shows none.
     """
     plain = _fitted(record, replace(terms, damped=False), pass_band, fit_until, most)
     if not terms.damped:
@@ -103,7 +104,10 @@ def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, mo
             break
         limits, lags, best = trial, shift, solved
     if limits.size == 0:
-        raise ValueError("no friction element takes anything away from the force; check signs, or record a reversal")
+        raise UnusableError(
+            "no friction element takes anything away from the force, as on an axis without friction; else check signs, "
+            "or record a reversal"
+        )
     found = _answer(data, limits, lags, tuple(criterion))
     apart = []
     for smoothing in SMOOTHING[1:]:

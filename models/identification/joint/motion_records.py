@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.identification import motion
-from models.identification.estimate import Estimate
+from models.identification.estimate import LOOSE, Estimate
 from models.identification.force.fit import SURE
 from models.identification.into_machine import (
     Found,
@@ -47,15 +47,28 @@ def from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings
         if abs(one.size) > SIGMAS * one.std
     ]
     machine, source, e = found.machine, Found(loaded, "motion"), fit.estimate
-    if not found.has("response", "dynamics"):
+    before = [step.gave.estimate for step in found.steps if isinstance(step.gave, MotionStep)]
+    if not found.has("response", "dynamics") and _surest(e, before, "mass"):
         machine = with_scaled_plant(machine, fit, source)
     if not found.has("hysteresis", "dynamics"):
-        machine = with_offset(machine, e.value("offset"), e.deviation("offset"), source)
-        machine = with_scaled_friction(machine, fit, source)
+        if all(e.deviation("offset") < one.deviation("offset") for one in before):
+            machine = with_offset(machine, e.value("offset"), e.deviation("offset"), source)
+        if _surest(e, before, "friction level", "presliding length"):
+            machine = with_scaled_friction(machine, fit, source)
     known = found.slow.lag if found.slow else None
     if known is None or fit.lag[1] <= known[1]:  # else the slow record knows the damping better
         machine = with_damping_of_motion(machine, fit, source)
     return with_step(found, machine, kind, loaded, MotionStep(fit, differences), [*remarks, *_on_motion(fit)])
+
+
+def _surest(estimate: Estimate, before: Sequence[Estimate], *names: str) -> bool:
+    """Whether a motion record shows factors [1] at all (a level of the friction with a wide deviation may be a negative one,
+    which no machine file takes), and no motion record before shows them better."""
+
+    def open_(one: Estimate) -> float:
+        return max(one.deviation(name) / max(one.value(name), 1e-300) for name in names)
+
+    return open_(estimate) < min([LOOSE, *map(open_, before)])
 
 
 def _advice(found: Identified, record: Record) -> str:

@@ -12,6 +12,7 @@ from models.controller import Controller, References
 from models.friction import elements
 from models.identification import motion
 from models.identification.pipeline import identify
+from models.identification.unusable import UnusableError
 from models.machine import Tolerance, load
 from models.records.files import Loaded
 from models.simulation.simulator import simulate
@@ -100,3 +101,13 @@ def test_motions_alone_are_no_surer_than_what_is_held_as_known(seed: int) -> Non
     errors = errors_of_file(identify(MACHINE, [record], kinds=["motion"]).machine, table)
     assert np.max(np.abs(errors)) < 4
     assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.6
+
+
+def test_a_loop_that_makes_nothing_of_the_command_gives_no_values() -> None:
+    """With gains that are not stable on it the simulated loop ran away: "offset -8e6 N +- 1.4e8 N" was in the table."""
+    record = own_records.motions(MACHINE, 11)
+    pid = MACHINE.control.pid
+    wild = replace(pid, kp=3 * pid.kp, kd=8 * pid.kd, ki=3 * pid.ki)
+    loop = replace(MACHINE, control=replace(MACHINE.control, pid=wild))
+    with pytest.raises(UnusableError, match=r"the simulated loop leaves .* of a command of .*|does not converge"):
+        motion.identify(record, loop)

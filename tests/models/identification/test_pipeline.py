@@ -24,6 +24,7 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from models.variation import Variation, varied
 from studies.identify_machine import own_records
+from studies.identify_machine.shown import checks_of
 
 MACHINE = load()
 FREQUENCY = np.geomspace(5, 400, 120)
@@ -233,3 +234,49 @@ def test_motions_of_a_derivative_of_the_position_are_replayed_as_they_ran(tmp_pa
     found, plain = (identify(one, [path], kinds=["motion"]).machine for one in (mapped, MACHINE))
     assert found.plant.mass == pytest.approx(truth.plant.mass, rel=2e-3)
     assert abs(plain.plant.mass / truth.plant.mass - 1) > 5 * abs(found.plant.mass / truth.plant.mass - 1)
+
+
+def test_what_motions_do_not_show_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On an axis with next to no friction a motion record gave a level of -0.13 +- 3.4, and the file negative
+    stiffnesses. Of two motion records the one that knows a value better gives it."""
+    record = own_records.motions(MACHINE, 1)
+    names, units = ("mass", "friction level", "presliding length", "dead time", "offset"), ("1", "1", "1", "s", "N")
+
+    def told(values: tuple[float, ...], deviations: tuple[float, ...]) -> motion.MotionFit:
+        estimate = Estimate(names, units, np.array(values), np.diag(np.square(deviations)))
+        friction = replace(
+            MACHINE.friction,
+            stiffness=tuple(k * values[1] / values[2] for k in MACHINE.friction.stiffness),
+            limit=tuple(x * values[2] for x in MACHINE.friction.limit),
+        )
+        none = np.zeros(1)
+        return motion.MotionFit(estimate, replace(MACHINE, friction=friction), none, none, none, (0.0, 1.0), (0, 0.0))
+
+    sure = told((1.1, 1.2, 0.9, 3e-4, 0.2), (0.01, 0.05, 0.05, 1e-5, 0.01))
+    loose = told((1.0, -0.13, 0.8, 3e-4, 0.5), (0.02, 3.4, 0.2, 1e-5, 0.3))
+    files = [Loaded(name, "0", record, (), ()) for name in ("a.csv", "b.csv")]
+    for fits, taken in (((loose, sure), "b.csv"), ((sure, loose), "a.csv"), ((loose, loose), None)):
+        given = iter(fits)
+        monkeypatch.setattr(motion, "identify", lambda *_, given=given, **__: next(given))
+        found = identify(MACHINE, files, kinds=["motion", "motion"])
+        sources, friction = found.machine.sources, found.machine.friction
+        assert all(k > 0 for k in friction.stiffness)
+        assert sources["plant.modes.1.gain"].record == (taken or "a.csv")
+        if taken is None:
+            assert friction == MACHINE.friction
+            assert "b.csv: This record does not show the friction level: its standard deviation is more than 10" in (
+                "".join(found.remarks)
+            )
+        else:
+            assert sources["friction.stiffness"].record == sources["drive.offset"].record == taken
+
+
+def test_a_slow_record_without_friction_is_left_out_beside_others() -> None:
+    """An axis on air: whatever else was identified stays."""
+    slow = own_records.hysteresis(MACHINE, 5)
+    still = Loaded("slow.csv", "34cd", replace(slow, command=-slow.command), (), ())
+    found = identify(MACHINE, [still, measured(MACHINE)], kinds=["hysteresis", "response"])
+    assert [step.loaded.name for step in found.steps] == ["frf.csv"]
+    (left,) = found.left_out
+    assert "as on an axis without friction" in left.why
+    assert next(checks_of(found, {})).name == "slow records that were left out"

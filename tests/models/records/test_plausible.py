@@ -23,6 +23,7 @@ FACTS = Facts(
     limit=MACHINE.drive.rated_thrust,
     resolution=MACHINE.scale.resolution,
     stiffness=float(sum(MACHINE.friction.stiffness)),
+    friction=MACHINE.friction.coulomb_force,
 )
 
 
@@ -126,6 +127,22 @@ def test_the_force_that_accelerates_an_axis_is_no_sign_that_friction_holds_it() 
     assert list(doubts(record, GIVEN, facts)) == []
     wrong = replace(record, command=1e3 * force, feedforward=1e3 * force)
     assert any("unit" in doubt for doubt in doubts(wrong, GIVEN, replace(facts, limit=None)))
+
+
+def test_a_force_that_the_file_does_not_have_is_no_wrong_unit() -> None:
+    """A file that knows of 10 mN of friction, on an axis that cogging holds by 1.5 N; its strokes are short. A command
+    that is a thousand times too large is told all the same, and a position that is as much too small."""
+    ts = 250e-6
+    way = 20e-6 * np.sin(np.arange(8000) * ts * 5.0)
+    force = 1.5 * np.sin(2 * np.pi * np.arange(8000) * ts / 0.7)
+    record = Record(ts, way, way, 0 * force, force, way)
+    facts = Facts(mass=18.0, limit=300.0, resolution=5e-9, stiffness=70.0, friction=0.01)
+    assert list(doubts(record, GIVEN, facts)) == []
+    assert any("gives way" in doubt for doubt in doubts(record, GIVEN, replace(facts, friction=None)))
+    wrong = replace(record, command=1e3 * force)
+    assert any("unit" in doubt for doubt in doubts(wrong, GIVEN, facts))
+    held = replace(record, position=1e-3 * way, reference=1e-3 * way, target=1e-3 * way)
+    assert any("gives way" in doubt for doubt in doubts(held, GIVEN, replace(facts, stiffness=7e4, friction=1.0)))
 
 
 @pytest.mark.parametrize("kind", KINDS)
