@@ -62,8 +62,8 @@ def from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings
 
 
 def _surest(estimate: Estimate, before: Sequence[Estimate], *names: str) -> bool:
-    """Whether a motion record shows factors [1] at all (a level of the friction with a wide deviation may be a negative one,
-    which no machine file takes), and no motion record before shows them better."""
+    """Whether a motion record shows factors [1] at all, and no motion record before shows them better. A level of the
+    friction that is loose may be a negative one, which no machine file takes."""
 
     def open_(one: Estimate) -> float:
         return max(one.deviation(name) / max(one.value(name), 1e-300) for name in names)
