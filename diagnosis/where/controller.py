@@ -232,7 +232,7 @@ def _unlogged(record: Record, made: Array, begin: int) -> tuple[str, float]:
     basis = np.column_stack([np.gradient(speed, record.sample_time), speed, np.ones(made.size)])
     scale = np.maximum(np.max(np.abs(basis), axis=0), 1e-300)
     factors = np.linalg.lstsq((basis / scale)[begin:], (record.command - made)[begin:], rcond=None)[0] / scale
-    words = f"a feedforward of {show(factors[0], 'kg', 3)} times the reference's acceleration, which is not in the log,"
+    words = f"a feedforward of {show(factors[0], 'kg', 3)} times the reference's acceleration (the log has none)"
     return words, _rms(record, made + basis @ factors, begin)
 
 

@@ -26,6 +26,7 @@ THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its
 APART: Final = 1.5
 CLOSELY: Final = 0.98  # correlation
 TIMES: Final = 3.0
+MADE: Final = 0.05  # of the command's deviation: the stated controller, times a factor, leaves less than this
 IDLE: Final = 1e-3  # of the command: a feedback that adds less was switched off
 PEAK: Final = 100.0  # times the rated thrust, which no drive gives
 # What holds an axis beyond so many times its friction, and within such a share of the rated thrust, is a force that the
@@ -54,6 +55,8 @@ def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | No
     yield from _against_scale(record, facts)
     yield from _jumps(record, facts)
     yield from _against_force(record, facts)
+    if "reference" in given:
+        yield from _against_unit(ran, facts)
 
 
 def _against_sample_time(record: Record, facts: Facts) -> Iterator[str]:
@@ -142,9 +145,12 @@ def _against_reference(record: Record, facts: Facts) -> Iterator[str]:
         return
     slope = float(np.polyfit(record.reference, record.position, 1)[0])
     if _off(slope):
+        counts = facts.resolution is not None and 1 / APART < abs(slope) * facts.resolution < APART
+        in_counts = f"as it would in counts of {show(facts.resolution or 0.0, 'm')}"
         yield (
-            f"the position moves {abs(slope):.4g} times as far as the reference, {_factor(slope)}: the unit of "
-            "one of them is wrong; mark it, as in [mm]"
+            f"the position moves {abs(slope):.4g} times as far as the reference, "
+            f"{in_counts if counts else _factor(slope)}: the unit of "
+            f"one of them is wrong; {_mark(facts.resolution if counts else None)}"
         )
     elif slope < 0:
         yield 'the position moves against the reference: a sign is wrong; turn it by "NAME * -1"'
@@ -154,6 +160,11 @@ def _against_reference(record: Record, facts: Facts) -> Iterator[str]:
             f"would put out {times:.3g} times the command that is logged: the unit or factor of one of them is wrong; "
             'mark it, as in [mm], or correct it, as in "NAME * 1 nm"'
         )
+
+
+def _mark(resolution: float | None) -> str:
+    """How a unit is stated; with a resolution [m]: that of counts."""
+    return "mark it, as in [mm]" if resolution is None else f'give it, as in "NAME * {show(resolution, "m")}"'
 
 
 def _asked_for(record: Record, facts: Facts) -> float:
@@ -251,6 +262,36 @@ def _unmodelled(force: float, facts: Facts) -> bool:
         return False
     more, share = UNMODELLED
     return more * facts.friction < force < share * facts.limit
+
+
+def _against_unit(record: Record, facts: Facts) -> Iterator[str]:
+    """A command in another unit than its column says, by a factor that both the controller and the mass show."""
+    if facts.pid is None or not facts.mass or np.std(record.command) == 0:
+        return
+    _, speed, acceleration, force = (part[SMOOTHED:-SMOOTHED] for part in smoothed(record, SMOOTHED))
+    if force.size < SMOOTHED or np.std(acceleration) == 0:
+        return
+    made = replay(record, facts.pid, facts.reference_delay)
+    shown, left = fitted_mass(speed, acceleration, force)
+    for column, logged in ((made, record.command), (made - record.feedforward, record.command - record.feedforward)):
+        factor, rest = _factor_of(column, logged)
+        agrees = factor > 0 and 1 / APART < shown / facts.mass / factor < APART
+        another = not 1 / APART < factor < APART and rest < MADE * float(np.std(record.command))
+        if another and agrees and float(np.var(left)) < 0.5 * float(np.var(force)):
+            yield (
+                f"the command is {factor:.4g} times what the stated controller makes, and moves {show(shown, 'kg', 3)} "
+                f"where {show(facts.mass, 'kg', 3)} are known: one of its units is {show(1 / factor, 'N', 4)}; give "
+                f'the factor, as in "NAME * {show(1 / factor, "N", 4)}"'
+            )
+            return
+
+
+def _factor_of(column: Array, logged: Array) -> tuple[float, float]:
+    """The factor [1] of a column (n,) in a logged signal, a constant aside, and the deviation that is left."""
+    if np.ptp(column) == 0:
+        return 0.0, math.inf
+    factor = float(np.cov(column, logged)[0, 1] / np.var(column, ddof=1))
+    return factor, float(np.std(logged - factor * column))
 
 
 def _against_mass(speed: Array, acceleration: Array, force: Array, mass: float) -> Iterator[str]:

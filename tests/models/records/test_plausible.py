@@ -10,6 +10,7 @@ import pytest
 
 from models.controller import PID
 from models.machine import load
+from models.quantity import show
 from models.records.checks import Facts
 from models.records.plausible import doubts
 from models.records.record import Record
@@ -143,6 +144,47 @@ def test_a_force_that_the_file_does_not_have_is_no_wrong_unit() -> None:
     assert any("unit" in doubt for doubt in doubts(wrong, GIVEN, facts))
     held = replace(record, position=1e-3 * way, reference=1e-3 * way, target=1e-3 * way)
     assert any("gives way" in doubt for doubt in doubts(held, GIVEN, replace(facts, stiffness=7e4, friction=1.0)))
+
+
+def moved(mass: float, current: float, feedforward: float) -> Record:
+    """A free mass [kg] under a PD that goes 20 mm there and back; the command and the feedforward are logged as so many
+    times what they are."""
+    ts, x, v, old = 5e-4, 0.0, 0.0, 0.0
+    s = np.clip(np.linspace(-0.3, 1.3, 800), 0.0, 1.0)
+    way = 20e-3 * s**3 * (10 - 15 * s + 6 * s**2)
+    way = np.concatenate([way, way[::-1]])
+    ahead = 0.8 * mass * np.gradient(np.gradient(way, ts), ts)
+    position, thrust = np.zeros(way.size), np.zeros(way.size)
+    for k in range(way.size):
+        position[k], error = x, way[k] - x
+        thrust[k] = mass * (3600.0 * error + 84.0 * (error - old) / ts) + ahead[k]
+        old = error
+        x, v = x + ts * v + 0.5 * ts**2 * thrust[k] / mass, v + ts * thrust[k] / mass
+    return Record(ts, way, way, feedforward * ahead, current * thrust, position)
+
+
+def test_a_position_in_counts_is_called_that(records: Mapping[str, Record]) -> None:
+    record = records["motions"]
+    counts = replace(record, position=record.position / MACHINE.scale.resolution)
+    told = next(one for one in doubts(counts, GIVEN, FACTS) if "as far as" in one)
+    step = f"{show(MACHINE.scale.resolution, 'm')}"
+    assert f"as it would in counts of {step}: the unit of one of them is wrong; give it, as in" in told
+    assert told.endswith(f'"NAME * {step}"')
+
+
+@pytest.mark.parametrize("of_feedforward", [1.0, 1 / 42])
+def test_a_command_in_amperes_is_told_by_the_controller_and_the_mass(of_feedforward: float) -> None:
+    mass = 18.0
+    pid = PID(3600.0 * mass, 0.0, 84.0 * mass, 0.0)
+    facts = Facts(pid=pid, mass=mass, limit=300.0, sample_time=5e-4)
+    record = moved(mass, 1.0, 1.0)
+    assert list(doubts(record, GIVEN, facts)) == []
+    (told,) = doubts(moved(mass, 1 / 42, of_feedforward), GIVEN, facts)
+    assert told.startswith("the command is 0.02381 times what the stated controller makes, and moves 0.4")
+    assert told.endswith('one of its units is 42 N; give the factor, as in "NAME * 42 N"')
+    # The controller's gains in another unit are not the log's fault, and the mass says so.
+    soft = replace(facts, pid=PID(3600.0 * mass / 42, 0.0, 2.0 * mass, 0.0))
+    assert not any("one of its units" in doubt for doubt in doubts(record, GIVEN, soft))
 
 
 @pytest.mark.parametrize("kind", KINDS)
