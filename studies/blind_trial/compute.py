@@ -101,7 +101,7 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     # Begun together, the few cases of a quick run would each simulate the thresholds that they share.
     answers = answer_all(trial.pack, file, conditions, tell, cluster, in_turn=options.quick)
     commit(committed, answers)
-    second = _second(trial, committed, conditions, cluster, progress)
+    second = {} if options.quick else _second(trial, committed, conditions, cluster, progress)
     results: dict[str, Any] = {
         "quick": options.quick,
         "scored": trial.scored,

@@ -93,6 +93,7 @@ class Identified:
     """The machine that the records show, each identified value with its record and standard deviation, and how.
 
     steps: what each record gave, in the order in which they were identified. left_out: records that gave nothing.
+    of_all: what is to be said of all records together.
 
     >>> pos.identify(machine, [folder / "moves.csv"])
     Identified('Linear-motor table with rolling ball guides, identified', moves.csv: motion)
@@ -101,6 +102,7 @@ class Identified:
     machine: Machine
     steps: tuple[Step, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    of_all: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """The machine's name and what each record was taken for; no unit [-]."""
@@ -118,7 +120,7 @@ class Identified:
         several records each sentence begins with the file's name."""
         several = len(self.steps) + len(self.left_out) > 1
         said = (f"{step.loaded.name}: {one}" if several else one for step in self.steps for one in step.remarks)
-        return (*(f"{one.name}: is left out: {one.why}." for one in self.left_out), *said)
+        return (*(f"{one.name}: is left out: {one.why}." for one in self.left_out), *said, *self.of_all)
 
     def earlier(self, name: str) -> list[tuple[float, float]]:
         """Value and standard deviation of a parameter [SI] in every record so far that has it."""
