@@ -288,7 +288,7 @@ def _percent(part: float, whole: float) -> str:
 
 def _in_percent(ratio: float) -> str:
     """A ratio [1] in percent, as long as that is easily read."""
-    return f"{100 * ratio:.2g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
+    return f"{float(f'{100 * ratio:.2g}'):g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
 
 
 def _handed_over(results: Results) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from studies.gap_diagnosis import report
-from studies.gap_diagnosis.answer import elsewhere, sentences
+from studies.gap_diagnosis.answer import _in_percent, elsewhere, sentences
 
 
 def test_the_answer_is_made_of_the_results(results: dict[str, Any]) -> None:
@@ -284,3 +284,7 @@ def test_the_figure_of_gains_says_what_they_are_beside(still: bool, quick: Path,
     whole["results"] = {**results, "verdict": {**results["verdict"], "beside_still_force": still}}
     captions = {figure.name: str(figure.caption) for figure in report.tell(whole).figures}
     assert ("beside a white unknown force" in captions["gains"]) == still
+
+
+def test_a_share_is_written_out() -> None:
+    assert [_in_percent(size) for size in (0.0413, 9.98, 25.2)] == ["4.1 %", "1000 %", "25 times"]
