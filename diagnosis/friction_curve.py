@@ -93,7 +93,11 @@ def halved(machine: Machine, apart: float) -> Machine:
     for name in ("stiffness", "limit", "damping"):
         source = sources.get(f"friction.{name}")
         if source and isinstance(source.std, tuple):
-            sources[f"friction.{name}"] = replace(source, std=_twice(source.std, 1 if name == "limit" else 2))
+            sources[f"friction.{name}"] = replace(
+                source,
+                std=_twice(source.std, 1 if name == "limit" else 2),
+                shares=tuple(row for row in source.shares for _ in range(2)),
+            )
     return replace(
         machine,
         friction=Friction(_twice(friction.stiffness, 2), _twice(friction.limit, 1), _twice(friction.damping, 2)),

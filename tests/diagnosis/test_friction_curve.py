@@ -82,6 +82,17 @@ def test_deviations_stay_with_their_elements() -> None:
     assert found["friction.limit"].std == (4.0, 4.0, 3.0, 3.0, 2.0, 2.0, 1.0, 1.0)
 
 
+def test_what_deviations_have_in_common_stays_with_their_elements(tmp_path: Path) -> None:
+    """As in an improved.toml, which could not be diagnosed against: a list of four beside eight numbers."""
+    rows = ((0.6, 0.8), (0.5, 0.0), (0.0, 0.3), (0.1, 0.2))
+    source = Provenance("identified", "a record", std=(4.0, 3.0, 2.0, 1.0), shares=rows)
+    twice = halved(replace(COARSE, sources={"friction.stiffness": source, "friction.limit": source}), 0.5)
+    assert twice.sources["friction.limit"].shares == tuple(row for row in rows for _ in range(2))
+    path = tmp_path / "halved.toml"
+    path.write_text(to_toml(twice), encoding="utf-8")
+    assert load(path).sources["friction.stiffness"].shares == twice.sources["friction.stiffness"].shares
+
+
 def test_a_file_with_too_few_elements_gets_more_and_its_curve_comes_nearer(records: tuple[Record, ...]) -> None:
     fitted, segment = refitted(COARSE, records)
     found = with_finer_friction(fitted, records, segment)
