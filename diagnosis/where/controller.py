@@ -34,6 +34,7 @@ LONGEST: Final = 8  # samples by which the command, or the PID's reference, is s
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
 WHOLE: Final = "the whole command"
+SLIGHT: Final = 0.05  # of a feedforward: a part that makes less of it is not named
 OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
 FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # factors of the derivative filter's time
 
@@ -65,6 +66,8 @@ class Replayed:
         best = self.structure
         if best is None:
             return None
+        if self.remedy is not None and self.remains <= best.leaves:
+            return None  # what was said already leaves less
         left = f"{show(best.leaves, 'N', 2)} (rms)"
         if best.leaves < EXPLAINS * self.spread:
             return f"{best.words} leaves {left}"
@@ -227,12 +230,20 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
 
 
 def _unlogged(record: Record, made: Array, begin: int) -> tuple[str, float]:
-    """The replayed command with a feedforward of the reference's acceleration, where none is in the log."""
+    """The replayed command with a feedforward of the reference's acceleration and speed, where none is in the log;
+    in words whichever of the two makes more than SLIGHT of it."""
     speed = np.gradient(record.reference, record.sample_time)
     basis = np.column_stack([np.gradient(speed, record.sample_time), speed, np.ones(made.size)])
     scale = np.maximum(np.max(np.abs(basis), axis=0), 1e-300)
     factors = np.linalg.lstsq((basis / scale)[begin:], (record.command - made)[begin:], rcond=None)[0] / scale
-    words = f"a feedforward of {show(factors[0], 'kg', 3)} times the reference's acceleration (the log has none)"
+    sizes = np.std(basis[:, :2] * factors[:2], axis=0)
+    kinds = ((factors[0], "kg", "acceleration"), (factors[1], "N s/m", "speed"))
+    said = [
+        f"{show(factor, unit, 3)} times the reference's {of}"
+        for (factor, unit, of), size in zip(kinds, sizes, strict=True)
+        if size > SLIGHT * float(np.sum(sizes))
+    ]
+    words = f"a feedforward of {listed(said or ['a constant'])} (the log has none)"
     return words, _rms(record, made + basis @ factors, begin)
 
 

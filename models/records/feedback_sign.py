@@ -60,8 +60,10 @@ def mistake(record: Record, feedback: Feedback | None, reference_delay: int) -> 
             Mistake.FEEDFORWARD: _left(replace(record, feedforward=-record.feedforward), feedback, reference_delay),
         }
         best = min(left, key=lambda one: left[one])
-        if left[best] < MADE:
-            return best if left[best] < MADE * left[None] else None
+        if left[best] < MADE * min(left[None], 1.0):
+            return best
+        if left[None] < MADE:
+            return None  # else a feedforward that is not logged, say, hides who made them, and the signs are asked
     if np.ptp(record.reference) == 0:
         return None
     wrong = acts_against_the_reference(record) or _turned_against_the_feedforward(record)

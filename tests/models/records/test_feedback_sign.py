@@ -125,6 +125,16 @@ def test_the_stated_controller_tells_a_turned_command_from_swapped_signals(kind:
     assert mistake(replace(record, command=-record.command), *law) is Mistake.TURNED
 
 
+def test_where_the_replay_leaves_it_open_the_signs_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a user's cascade with a feedforward that is not logged: swapped, it leaves 0.095 of the command where 0.57
+    were left, which is less than a tenth but not by far less, and nothing was said."""
+    left = iter((0.569, 0.095, 1.0, 0.569, 0.095, 0.569, 1.0, 0.095))
+    monkeypatch.setattr("models.records.feedback_sign._left", lambda *_: next(left))
+    law = MACHINE.control.feedback, MACHINE.control.reference_delay
+    assert mistake(swapped(LOOPS["of the error"]), *law) is Mistake.EITHER
+    assert mistake(LOOPS["of the error"], *law) is None
+
+
 def test_a_turned_command_shows_at_a_reference_that_stands_still() -> None:
     still = own_records.run(own_records.noisy(MACHINE), NOTHING, 20 * np.sin(np.arange(STROKES.size) / 50), 3)
     law = MACHINE.control.feedback, MACHINE.control.reference_delay
