@@ -74,6 +74,12 @@ def elements(stiffness: ArrayLike, limit: ArrayLike, damping: ArrayLike = 0.0) -
     return Friction(tuple(k.tolist()), tuple(x.tolist()), tuple(d.tolist()))
 
 
+def half_way(friction: Friction) -> float:
+    """The way [m] behind a reversal from full slip after which half of the friction has turned round."""
+    ends = np.concatenate([[0.0], np.sort(2 * np.array(friction.limit))])
+    return float(np.interp(friction.coulomb_force, branch(friction, ends), ends))
+
+
 def branch(friction: Friction, distance: ArrayLike) -> Array:
     """Force climbed [N] at `distance` [m] behind a reversal from full slip: sum K_i min(s, 2 X_i).
 

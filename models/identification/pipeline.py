@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from models.friction import half_way
 from models.identification.joint.at_rest import with_noise
 from models.identification.joint.fast_records import from_dynamics
 from models.identification.joint.motion_records import from_motion
@@ -26,9 +27,11 @@ from models.identification.joint.steps import Identified, LeftOut, Settings
 from models.identification.recognise import read, recognised, replayable
 from models.identification.unusable import UnusableError
 from models.machine import Machine
+from models.records.checks import moves
 from models.records.columns import Columns
 from models.records.files import Loaded
 from models.records.kinds import KINDS
+from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
 UNSOLVED: Final = (
@@ -83,6 +86,7 @@ def identify(
         if tell is not None:
             tell(i / len(loaded), f"identifying from {one.name} ({kind})")
         try:
+            _check_movement(machine, one)
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # ends in a refusal, not in warnings
                 found = _METHODS[kind](found, kind, one, settings)
         except ValueError as error:
@@ -92,6 +96,12 @@ def identify(
                 raise RecordError(f"{one.name}: {why}") from error
             found = replace(found, left_out=(*found.left_out, LeftOut(one.name, kind, why)))
     return with_noise(found, loaded)
+
+
+def _check_movement(machine: Machine, one: Loaded) -> None:
+    """Raises UnusableError for a record of an axis that rests."""
+    if isinstance(one.content, Record) and not moves(one.content, half_way(machine.friction)):
+        raise UnusableError("the axis rests in it, so that it shows neither mass nor friction; give records of motions")
 
 
 def _beside_others(kind: str, found: Identified, to_come: Sequence[str]) -> bool:

@@ -101,18 +101,22 @@ def check_length(records: Sequence[Record]) -> None:
         )
 
 
-def check_movement(records: Sequence[Record]) -> None:
-    """Raises DoubtfulError for records in none of which anything moves."""
-    if not any(_moves(record) for record in records):
+def check_movement(records: Sequence[Record], gives: float = 0.0) -> None:
+    """Raises DoubtfulError for records in none of which anything moves; gives [m]: by how much the axis gives way where
+    nothing is asked of it."""
+    if not any(moves(record, gives) for record in records):
         raise DoubtfulError(
             "nothing moves; a diagnosis needs motions, such as the references in the suite.csv that gap_diagnosis "
             "writes where it is given no record"
         )
 
 
-def _moves(record: Record) -> bool:
-    step = quantisation(record.position) or 1e-9
-    return bool(np.ptp(record.position) > STILL * step and (np.ptp(record.reference) > 0 or np.ptp(record.command) > 0))
+def moves(record: Record, gives: float = 0.0) -> bool:
+    """Whether an axis moves: it creeps by some steps of its scale where it rests, and by what its contacts give [m]."""
+    asked = np.ptp(record.reference) > 0 or np.ptp(record.feedforward) > 0
+    still = STILL * (quantisation(record.position) or 1e-9)
+    far = still if asked else max(still, gives)
+    return bool(np.ptp(record.position) > far and (asked or np.ptp(record.command) > 0))
 
 
 def check_one_machine(records: Sequence[Record], names: Sequence[str], presliding: float) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
 from diagnosis.where.controller import reproduces
+from models.friction import half_way
 from models.identification.recognise import read
 from models.machine import Machine
 from models.records.checks import (
@@ -121,7 +122,7 @@ def check(
     names = [str(path) for path in paths]
     with _refused(", ".join(names)):
         check_length(records)
-        still = _doubts(lambda: check_movement(records), trusted=trusted)
+        still = _doubts(lambda: check_movement(records, half_way(machine.friction)), trusted=trusted)
         check_count(records, loop_time(machine))
     presliding = 2 * max(machine.friction.limit)
     with _refused():

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.friction import Friction, branch, describing_stiffness, elements, fit_elements, follow
+from models.friction import Friction, branch, describing_stiffness, elements, fit_elements, follow, half_way
 from models.machine import load
 
 TABLE = load().friction
@@ -86,6 +86,11 @@ def test_a_closed_loop_never_gives_energy(friction: Friction, path: np.ndarray) 
         * len(loop)
     )
     assert work >= -bound
+
+
+@given(frictions)
+def test_half_way_half_of_the_friction_has_turned_round(friction: Friction) -> None:
+    assert branch(friction, [half_way(friction)])[0] == pytest.approx(friction.coulomb_force)
 
 
 def test_a_branch_is_the_hysteresis_behind_a_reversal_from_full_slip() -> None:

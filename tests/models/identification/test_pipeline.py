@@ -280,3 +280,15 @@ def test_a_slow_record_without_friction_is_left_out_beside_others() -> None:
     (left,) = found.left_out
     assert "as on an axis without friction" in left.why
     assert next(checks_of(found, {})).name == "slow records that were left out"
+
+
+def test_a_record_at_rest_shows_no_machine() -> None:
+    slow = own_records.hysteresis(MACHINE, 5)
+    still = np.full(slow.position.size, slow.reference[0])
+    creeping = 1e-6 * np.sin(np.arange(still.size) / 900.0)
+    rests = replace(slow, reference=still, target=still, feedforward=0 * still, position=still + creeping)
+    loaded = Loaded("rest.csv", "34cd", rests, (), ())
+    with pytest.raises(RecordError, match=r"rest\.csv: the axis rests in it"):
+        identify(MACHINE, [loaded], kinds=["hysteresis"])
+    found = identify(MACHINE, [loaded, measured(MACHINE)], kinds=["hysteresis", "response"])
+    assert [one.name for one in found.left_out] == ["rest.csv"]
