@@ -26,6 +26,8 @@ THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its
 APART: Final = 1.5
 CLOSELY: Final = 0.98  # correlation
 TIMES: Final = 3.0
+# A factor of all commands, or its inverse, from which on it is one of units; a loop may have been tuned for another load.
+UNITS: Final = 4.0
 MADE: Final = 0.05  # of the command's deviation: the stated controller, times a factor, leaves less than this
 IDLE: Final = 1e-3  # of the command: a feedback that adds less was switched off
 PEAK: Final = 100.0  # times the rated thrust, which no drive gives
@@ -276,7 +278,7 @@ def _against_unit(record: Record, facts: Facts) -> Iterator[str]:
     for column, logged in ((made, record.command), (made - record.feedforward, record.command - record.feedforward)):
         factor, rest = _factor_of(column, logged)
         agrees = factor > 0 and 1 / APART < shown / facts.mass / factor < APART
-        another = not 1 / APART < factor < APART and rest < MADE * float(np.std(record.command))
+        another = not 1 / UNITS < factor < UNITS and rest < MADE * float(np.std(record.command))
         if another and agrees and float(np.var(left)) < 0.5 * float(np.var(force)):
             yield (
                 f"the command is {factor:.4g} times what the stated controller makes, and moves {show(shown, 'kg', 3)} "

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
@@ -24,12 +25,18 @@ from models.records.checks import (
 )
 from models.records.files import Loaded, with_columns
 from models.records.record import Record
-from models.records.tables.sizes import LIMITS, WAY_OUT, RecordError
+from models.records.tables.sizes import LIMITS, RecordError
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.options import BadInputError
 from studies.record_columns import mapped
 
 Progress = Callable[[float, str], None]
+
+# Of a record that is too long; not to decimate it, as the controller is replayed on its own samples.
+LONGER: Final = (
+    "cut it into shorter records, each with its controller's own samples, or give --most-samples where there are 21 kB "
+    "of memory for each"
+)
 
 
 def loaded(
@@ -69,9 +76,7 @@ def loaded_of(
     """
     mapping, control = mapped(machine, options, (*options.record, *options.hold_out)), machine.control
     found, most = list[Loaded](), options.most_samples
-    limits = replace(
-        LIMITS, samples=most, remedy=f"{WAY_OUT}, or give --most-samples where there are 21 kB of memory for each"
-    )
+    limits = replace(LIMITS, samples=most, remedy=LONGER)
     for path in paths:
         columns = mapping.columns(path)
         with _refused():

@@ -229,7 +229,7 @@ def test_what_is_too_long_or_jumps_is_refused_with_the_way_out(
         (
             [whole],
             ["--most-samples", f"{count - 1}"],
-            f"holds more than {count - 1:,} samples, .* decimate it, or give",
+            f"holds more than {count - 1:,} samples, .* cut it .* or give",
         ),
         (
             [whole, whole],
