@@ -26,7 +26,7 @@ THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its
 APART: Final = 1.5
 CLOSELY: Final = 0.98  # correlation
 TIMES: Final = 3.0
-# A factor of all commands, or its inverse, from which on it is one of units; a loop may have been tuned for another load.
+# A factor of all commands, or its inverse, from which on it is one of units; a loop may be tuned for another load.
 UNITS: Final = 4.0
 MADE: Final = 0.05  # of the command's deviation: the stated controller, times a factor, leaves less than this
 IDLE: Final = 1e-3  # of the command: a feedback that adds less was switched off
