@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, coordinates, effects_prior_std, with_coordinates
+from diagnosis.which.random_force import with_sines
 from diagnosis.which.stage import Carrier, Proposal, Stage
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
@@ -25,8 +26,8 @@ class EffectRow:
     """One effect of the answer, or one that was looked at: gain and threshold in chi-square, the rest [1].
 
     members: the effect and its parameters' standard deviations [SI], the strongest first where it is in the model more
-    than once; without deviations where it is not in the model, and none where the log, the noise floor or a measured
-    curve carries it.
+    than once; without deviations where it is not in the model or stands for a random force, as in the machine file, and
+    none where the log, the noise floor or a measured curve carries it.
     """
 
     name: str
@@ -57,7 +58,7 @@ def table(
         if name in names and members is None:  # in the model as a random force or as a measured curve
             decided = _decided(stages, name)
             shown = max(decided, key=lambda one: one.gain, default=proposal)
-            unfitted = unfitted if decided else ()
+            unfitted = _sines(stages[-1].fitted, name) or (unfitted if decided else ())
         adequate = name in names and closure > criteria.min_closure
         rows.append(EffectRow(name, members or unfitted, shown.gain, shown.threshold, 0.0, adequate))
     seen = [one for one in stages[-1].proposals if one.carrier is not Carrier.MODEL and one.name in names]
@@ -67,6 +68,14 @@ def table(
         replace(row, probability=probability(row, place, names, rivals, criteria, doubtful))
         for place, row in enumerate(rows)
     )
+
+
+def _sines(fitted: Fit, name: str) -> tuple[tuple[Effect, Mapping[str, float]], ...]:
+    """What of this name stands for the model's random forces where they are written or simulated, the strongest
+    first."""
+    before = Counter(fitted.candidate.effects)
+    standing = [one for one in with_sines(fitted.candidate).effects if one.name == name and one not in before]
+    return tuple((one, {}) for one in sorted(standing, key=lambda one: -one.strength()))
 
 
 def _best_scanned(stages: Sequence[Stage]) -> dict[str, Proposal]:
