@@ -16,6 +16,7 @@ from studies.wording import effect, fitted, words
 
 Results = Mapping[str, Any]
 
+LISTED: Final = 3  # values that are listed; improved.toml has all
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
 AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a floor far above it is of something else
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
@@ -218,20 +219,26 @@ def _how_far(results: Results) -> str:
 
 
 def _overrun(results: Results) -> list[str]:
-    """That values which the file knows well were moved in a model that is incomplete."""
+    """Which values the file knew well and are others now: what changed since, or, in a model that is incomplete, what
+    stands in for what it lacks."""
     rows = results.get("overrun")
-    incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
-    if not rows or not (far_off(results) or incomplete):
+    if not rows or results["verdict"]["outcome"] == "nothing_to_explain":
         return []
-    most = rows[0]
-    before, std, now = (
-        show(most[key], most["unit"], digits) for key, digits in (("before", 4), ("std", 2), ("now", 4))
-    )
+    more, are = len(rows) - LISTED, "values of improved.toml are" if len(rows) > 1 else "value of improved.toml is"
+    told = listed([*map(_moved, rows[:LISTED]), *([f"{more} more"] if more > 0 else [])])
+    incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
+    if not (far_off(results) or incomplete):
+        return [f"{len(rows)} {are} elsewhere by {OVERRUN:g} of the file's stated deviations and more: {told}."]
     return [
-        f"{len(rows)} value{'s' * (len(rows) > 1)} of improved.toml may stand in for what the model lacks, as the file "
-        f"knew them better by {OVERRUN:g} times and more: {words(most['name'])} the most, {before} ± {std} before and "
-        f"{now} now. Other motions may be predicted worse than with the file as it was."
+        f"{len(rows)} {are} elsewhere by {OVERRUN:g} of the file's stated deviations and more, and may stand in for "
+        f"what the model lacks: {told}. Other motions may be predicted worse than with the file as it was."
     ]
+
+
+def _moved(one: Results) -> str:
+    """A value that the file knew well, before and now."""
+    before, std, now = (show(one[key], one["unit"], digits) for key, digits in (("before", 4), ("std", 2), ("now", 4)))
+    return f"{words(one['name'])} {before} ± {std} before and {now} now"
 
 
 def _gap_closed(results: Results) -> str:

@@ -99,11 +99,16 @@ def test_values_that_an_incomplete_model_moved_far_are_said(results: dict[str, A
     assert results["overrun"] == []  # the default table's file states no deviations
     row = {"name": "effects.current_loop_lag.time", "unit": "s", "before": 249.8e-6, "std": 0.88e-6, "now": 2e-6}
     moved = {**results, "overrun": [row]}
-    assert "stand in for" not in sentences(moved)["how_far"]  # a load that was changed, say, in a complete model
+    complete = sentences(moved)["how_far"]  # a load that was changed, say
+    assert "stand in for" not in complete
+    assert "1 value of improved.toml is elsewhere by 10 of the file's stated deviations and more: effects: " in complete
     rough = {**results["chi_square_per_sample"], "with_effects": [14.0]}
     told = sentences({**moved, "chi_square_per_sample": rough})["how_far"]
-    assert "1 value of improved.toml may stand in for what the model lacks" in told
-    assert "effects: current loop lag time the most, 249.8 µs ± 880 ns before and 2 µs now" in told
+    assert "deviations and more, and may stand in for what the model lacks" in told
+    assert "effects: current loop lag time 249.8 µs ± 880 ns before and 2 µs now" in told
+    many = sentences({**results, "overrun": [row] * 5})["how_far"]
+    assert "5 values of improved.toml are elsewhere" in many
+    assert many.endswith("before and 2 µs now and 2 more.")
 
 
 def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
