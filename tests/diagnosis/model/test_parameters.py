@@ -61,6 +61,22 @@ def test_a_contact_may_start_at_its_fitted_limit() -> None:
     assert np.allclose(bounded(layout, theta), theta, rtol=1e-12)
 
 
+def test_no_contact_slips_beyond_the_travel() -> None:
+    """An element that a file knows badly went to 157 m on an axis of 300 mm: it was a cable's spring."""
+    friction = elements([1e5, 60.0], [2e-5, 50e-3])
+    known = Provenance("identified", "a record", std=(2e-6, 45e-3))
+    drive = replace(MACHINE.drive, travel=0.3)
+    machine = replace(MACHINE, friction=friction, drive=drive, sources={"friction.limit": known})
+    layout = parameters(machine, 2)
+    within = applied(layout, bounded(layout, layout.high)).friction.limit
+    assert within[1] == pytest.approx(0.3)
+    assert within[0] < 1e-3
+    starts = layout.high[layout.of("initial_friction_state")]
+    assert starts[[1, 3]] == pytest.approx([0.3, 0.3])
+    free = parameters(replace(machine, drive=replace(drive, travel=0.0)), 2)
+    assert applied(free, bounded(free, free.high)).friction.limit[1] > 0.5
+
+
 def test_no_contact_starts_beyond_its_fitted_limit() -> None:
     """There a step of the fit would change nothing, although it was promised to."""
     layout = parameters(MACHINE, 2)
