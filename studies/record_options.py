@@ -21,7 +21,8 @@ class RecordOptions(Options):
     column: tuple[str, ...] = texts(
         "[FILES:]SIGNAL=ENTRY",
         "what the files call a signal (time; command: the whole thrust asked for; position: the reading; reference: "
-        "what the feedback follows; target: where a motion ends; feedforward: what is added to the feedback), such as "
+        "what the feedback follows; error: the following error, of a log without a reference; target: where a motion "
+        "ends; feedforward: what is added to the feedback), such as "
         '"position=qm [mm]" or "command=vir [V] * 35.2 N/V"; counts, currents '
         'and sample counters by their factors, as "position=xist * 5 nm", "command=current * 31.5 N/A", '
         '"time=sample * 250 us", and "time=row * 250 us" for the count of the rows; without a unit, that of the header '

@@ -41,7 +41,8 @@ DERIVATIVES: Final = ("error", "position")
 class Columns:
     """One entry a signal: of a record over time, and of a measured frequency response. See the module's head.
 
-    derivative: what the derivative of the PID that ran was taken of, the "error" or the "position" alone.
+    error: the following error, the reference less the position, of a log that has no reference. derivative: what the
+    derivative of the PID that ran was taken of, the "error" or the "position" alone.
 
     >>> columns = pos.Columns(position="qm [mm]", command="vir [V] * 35.2 N/V")
     >>> columns.source("position")
@@ -51,6 +52,7 @@ class Columns:
     time: str = "time_s"
     target: str = "target_m"
     reference: str = "reference_m"
+    error: str = "error_m"
     feedforward: str = "feedforward_N"
     command: str = "command_N"
     position: str = "position_m"
@@ -99,6 +101,7 @@ UNITS: Final = {
     "time": "s",
     "target": "m",
     "reference": "m",
+    "error": "m",
     "feedforward": "N",
     "command": "N",
     "position": "m",

@@ -33,7 +33,7 @@ from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 NEEDED: Final = ("time", "command", "position")
-OPTIONAL: Final = ("target", "reference", "feedforward")
+OPTIONAL: Final = ("target", "reference", "error", "feedforward")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,8 @@ def load(
     """The record or frequency response in a file. `known`: the fields of `checks.Facts`, as far as they are known [SI].
 
     A file with a column for `frequency` and none for `position` is a frequency response. Signals that the file leaves
-    out: the reference is then the target (or it the reference, or both zero) and the feedforward zero. trusted: what
+    out: the reference is then the position and the following error, or the target (or it the reference, or both zero),
+    and the feedforward zero. trusted: what
     makes a record implausible is said among the findings, instead of refusing it. Raises RecordError.
     """
     columns, facts = columns or Columns(), Facts(**known)
@@ -73,7 +74,9 @@ def load(
                 path.name, digest, response, (), (), recognised(table, columns, used, response, turns=facts.rotary)
             )
         record, given, placed = _record(table, columns, facts.sample_time)
-        _check_units(table, columns, given, facts)
+        by_error = "reference" in given and given["reference"] == names["error"]
+        as_read = {"error" if by_error and signal == "reference" else signal: name for signal, name in given.items()}
+        _check_units(table, columns, as_read, facts)
         ran = _as_it_ran(record, columns, facts)
         said = (*placed, *findings(ran, given, facts))
         doubted = doubts(record, set(given), facts, ran)
@@ -84,7 +87,7 @@ def load(
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     return Loaded(
-        path.name, digest, record, tuple(given), said, recognised(table, columns, given, record, turns=facts.rotary)
+        path.name, digest, record, tuple(given), said, recognised(table, columns, as_read, record, turns=facts.rotary)
     )
 
 
@@ -136,6 +139,8 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
         shown = ", ".join(f"{signal} {length}" for signal, length in lengths.items())
         raise RecordError(f"columns of different lengths ({shown}); export them over the same samples")
     sampled = sampling(signals, names, expected)
+    if (error := signals.pop("error", None)) is not None and "reference" not in signals:
+        signals["reference"], names["reference"] = signals["position"] + error, names["error"]
     zero = np.zeros(lengths["time"])
     target, reference = signals.get("target"), signals.get("reference")
     target = target if target is not None else reference if reference is not None else zero

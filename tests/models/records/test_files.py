@@ -140,6 +140,24 @@ def test_other_names_units_factors_and_signs_are_mapped(tmp_path: Path, table: T
     assert content.sample_time == pytest.approx(record.sample_time)
 
 
+def test_a_following_error_gives_the_reference_that_a_log_lacks(tmp_path: Path, table: Table, record: Record) -> None:
+    """Many drives trace the actual position and the following error, and no demand; some with the other sign."""
+    named = {name: column for name, column in table.items() if name not in {"reference_m", "target_m"}}
+    path = tmp_path / "trace.csv"
+    csv(path, {**named, "lag [um]": 1e6 * (record.position - record.reference)})
+    loaded = load(path, Columns(error="lag * -1"))
+    assert isinstance(loaded.content, Record)
+    assert loaded.content.reference == pytest.approx(record.reference, abs=1e-12)
+    assert "reference" in loaded.given
+    (row,) = (line.split() for line in loaded.recognised if line.split()[0] == "error")
+    assert row == ["error", "lag", "um", "-1e-06", "m"]
+    both = tmp_path / "both.csv"
+    csv(both, {**table, "error_m": np.zeros(record.position.size)})
+    whole = load(both)
+    assert isinstance(whole.content, Record)
+    assert np.array_equal(whole.content.reference, record.reference)
+
+
 @pytest.mark.parametrize(
     ("entry", "says"),
     [
