@@ -84,14 +84,14 @@ def parameters(machine: Machine, records: int) -> Parameters:
     far = np.where(np.isin(names, LOOSE), FURTHER, FAR)
     far[np.array(names) == "payload_mass"] = LOADED
     high = np.maximum(far * np.array(usual), FAR * wide)
+    low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
     start, limit = np.array(names) == "initial_friction_state", np.array(names) == "presliding_limit"
     if machine.drive.travel > 0:  # a contact that would slip beyond the travel is a spring
         within = np.log(np.maximum(machine.drive.travel / np.array(machine.friction.limit), 1.0))
         high[limit] = np.minimum(high[limit], within)
     longer = np.exp(np.minimum(FAR * wide[limit], high[limit]))  # the limits are fitted, too
-    farthest = np.array(machine.friction.limit) * longer
-    high[start] = np.tile(farthest, records)
-    low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
+    high[start] = np.tile(np.array(machine.friction.limit) * longer, records)
+    low[start] = -high[start]
     return Parameters(machine, records, names, wide, low, high)
 
 

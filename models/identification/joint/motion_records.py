@@ -65,10 +65,10 @@ def _surest(estimate: Estimate, before: Sequence[Estimate], *names: str) -> bool
     """Whether a motion record shows factors [1] at all, and no motion record before shows them better. A level of the
     friction that is loose may be a negative one, which no machine file takes."""
 
-    def open_(one: Estimate) -> float:
+    def openness(one: Estimate) -> float:
         return max(one.deviation(name) / max(one.value(name), 1e-300) for name in names)
 
-    return open_(estimate) < min([LOOSE, *map(open_, before)])
+    return openness(estimate) < min([LOOSE, *map(openness, before)])
 
 
 def _advice(found: Identified, record: Record) -> str:

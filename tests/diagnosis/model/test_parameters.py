@@ -71,6 +71,8 @@ def test_no_contact_slips_beyond_the_travel() -> None:
     within = applied(layout, bounded(layout, layout.high)).friction.limit
     assert within[1] == pytest.approx(0.3)
     assert within[0] < 1e-3
+    beyond = parameters(replace(machine, friction=elements([1e5, 60.0], [2e-5, 0.4])), 1)
+    assert applied(beyond, bounded(beyond, beyond.low)).friction.limit[1] < 0.3  # it may become shorter
     starts = layout.high[layout.of("initial_friction_state")]
     assert starts[[1, 3]] == pytest.approx([0.3, 0.3])
     free = parameters(replace(machine, drive=replace(drive, travel=0.0)), 2)
