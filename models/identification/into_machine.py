@@ -251,7 +251,8 @@ def holdable(fit: ForceFit) -> Holdable:
     fitted, held_out = (
         float(np.linalg.norm(rest[part]) / np.linalg.norm(fit.measured[part])) for part in (kept, ~kept)
     )
-    return Holdable(drag, asymmetry, (float(values[0]), float(stds[0])), fitted, held_out)
+    carried = fit.remembered / math.sqrt(3.0)  # by the contacts, from before the record: equally likely anywhere within
+    return Holdable(drag, asymmetry, (float(values[0]), math.hypot(float(stds[0]), carried)), fitted, held_out)
 
 
 def _sure(value: float, std: float) -> tuple[float, float] | None:

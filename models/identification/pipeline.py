@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 
-from models.friction import half_way
 from models.identification.joint.at_rest import with_noise
 from models.identification.joint.fast_records import from_dynamics
 from models.identification.joint.motion_records import from_motion
@@ -100,7 +99,7 @@ def identify(
 
 def _check_movement(machine: Machine, one: Loaded) -> None:
     """Raises UnusableError for a record of an axis that rests."""
-    if isinstance(one.content, Record) and not moves(one.content, half_way(machine.friction)):
+    if isinstance(one.content, Record) and not moves(one.content, machine.friction):
         raise UnusableError("the axis rests in it, so that it shows neither mass nor friction; give records of motions")
 
 

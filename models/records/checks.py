@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from models.controller import PID, Feedback
 from models.feedback.law import Law, follow
+from models.friction import Friction, half_way
 from models.quantity import show
 from models.records.record import Record
 from models.records.sampling import ROW
@@ -101,21 +102,21 @@ def check_length(records: Sequence[Record]) -> None:
         )
 
 
-def check_movement(records: Sequence[Record], gives: float = 0.0) -> None:
-    """Raises DoubtfulError for records in none of which anything moves; gives [m]: by how much the axis gives way where
-    nothing is asked of it."""
-    if not any(moves(record, gives) for record in records):
+def check_movement(records: Sequence[Record], friction: Friction | None = None) -> None:
+    """Raises DoubtfulError for records in none of which anything moves; friction: see `moves`."""
+    if not any(moves(record, friction) for record in records):
         raise DoubtfulError(
             "nothing moves; a diagnosis needs motions, such as the references in the suite.csv that gap_diagnosis "
             "writes where it is given no record"
         )
 
 
-def moves(record: Record, gives: float = 0.0) -> bool:
-    """Whether an axis moves: it creeps by some steps of its scale where it rests, and by what its contacts give [m]."""
-    asked = np.ptp(record.reference) > 0 or np.ptp(record.feedforward) > 0
-    still = STILL * (quantisation(record.position) or 1e-9)
-    far = still if asked else max(still, gives)
+def moves(record: Record, friction: Friction | None = None) -> bool:
+    """Whether an axis moves: it creeps by some steps of its scale where it rests, and where nothing is asked of it, by
+    what contacts of this friction give under forces that differ by no more than it."""
+    asked, step = np.ptp(record.reference) > 0 or np.ptp(record.feedforward) > 0, quantisation(record.position) or 1e-9
+    held = friction is not None and not asked and np.ptp(record.command) < friction.coulomb_force
+    far = max(STILL * step, half_way(friction) if friction is not None and held else 0.0)
     return bool(np.ptp(record.position) > far and (asked or np.ptp(record.command) > 0))
 
 

@@ -12,7 +12,6 @@ from typing import Final
 from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
 from diagnosis.where.controller import reproduces
-from models.friction import half_way
 from models.identification.recognise import read
 from models.machine import Machine
 from models.records.checks import (
@@ -127,7 +126,7 @@ def check(
     names = [str(path) for path in paths]
     with _refused(", ".join(names)):
         check_length(records)
-        still = _doubts(lambda: check_movement(records, half_way(machine.friction)), trusted=trusted)
+        still = _doubts(lambda: check_movement(records, machine.friction), trusted=trusted)
         check_count(records, loop_time(machine))
     presliding = 2 * max(machine.friction.limit)
     with _refused():

@@ -12,7 +12,8 @@ from scipy.signal import lfilter
 from models.effects.friction_laws import ViscousFriction
 from models.identification import motion
 from models.identification.estimate import Estimate
-from models.identification.into_machine import Found, with_drag, with_inertia, with_offset
+from models.identification.into_machine import Found, holdable, with_drag, with_inertia, with_offset
+from models.identification.joint.steps import ForceStep
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.identification.unusable import UnusableError
@@ -25,6 +26,7 @@ from models.records.tables.sizes import RecordError
 from models.variation import Variation, varied
 from studies.identify_machine import own_records
 from studies.identify_machine.shown import checks_of
+from tests.diagnosis.slow import leg, moved
 
 MACHINE = load()
 FREQUENCY = np.geomspace(5, 400, 120)
@@ -286,9 +288,20 @@ def test_a_record_at_rest_shows_no_machine() -> None:
     slow = own_records.hysteresis(MACHINE, 5)
     still = np.full(slow.position.size, slow.reference[0])
     creeping = 1e-6 * np.sin(np.arange(still.size) / 900.0)
-    rests = replace(slow, reference=still, target=still, feedforward=0 * still, position=still + creeping)
+    rests = Record(slow.sample_time, still, still, 0 * still, 5e5 * creeping, still + creeping)
     loaded = Loaded("rest.csv", "34cd", rests, (), ())
     with pytest.raises(RecordError, match=r"rest\.csv: the axis rests in it"):
         identify(MACHINE, [loaded], kinds=["hysteresis"])
     found = identify(MACHINE, [loaded, measured(MACHINE)], kinds=["hysteresis", "response"])
     assert [one.name for one in found.left_out] == ["rest.csv"]
+
+
+def test_what_contacts_may_carry_from_before_makes_the_offset_of_the_file_unsure() -> None:
+    """A user's production log: "offset -0.596 +- 1.4 N" was told, and -0.584 +- 0.051 N written, where none was."""
+    machine = leg(200.0)
+    moves = Loaded("moves.csv", "0", moved(machine, count=1200), (), ())
+    gave = identify(machine, [moves], kinds=["dynamics"]).steps[0].gave
+    assert isinstance(gave, ForceStep)
+    none, some = (holdable(replace(gave.fit, remembered=size)) for size in (0.0, 3.0))
+    assert some.offset[0] == none.offset[0]
+    assert some.offset[1] == pytest.approx(np.hypot(none.offset[1], 3**0.5))

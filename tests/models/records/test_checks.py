@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.friction import elements
 from models.records.checks import (
     SAME_MASS,
     Facts,
@@ -189,15 +190,18 @@ def test_what_can_not_be_diagnosed_is_said(
 
 
 def test_an_axis_that_creeps_where_nothing_is_asked_of_it_rests() -> None:
-    """A user's log of 20 s at rest, over which the axis gave way by 1.5 um, made a machine file with 0.35 N of friction
-    and an offset of 1.4 N."""
-    creeping = replace(moving(), position=1e-5 + 1.5e-6 * np.sin(np.arange(4000) / 900.0))
+    """A user's log of 20 s at rest, over which the axis gave way by 1.5 um under commands of 1.9 N, made a machine file
+    with 0.35 N of friction and an offset of 1.4 N. One that is pushed by more than its friction is asked to move."""
+    friction = elements([1e6], [10e-6])
+    slow = np.sin(np.arange(4000) / 900.0)
+    creeping = replace(moving(), position=1e-5 + 1.5e-6 * slow, command=1.9 * slow)
     rests = replace(creeping, reference=np.full(4000, 1e-5), feedforward=np.zeros(4000))
     check_movement([rests])
     with pytest.raises(RecordError, match="nothing moves"):
-        check_movement([rests], gives=20e-6)
-    check_movement([creeping], gives=20e-6)  # as it follows a reference
-    check_movement([replace(rests, position=20 * rests.position)], gives=20e-6)
+        check_movement([rests], friction)
+    check_movement([creeping], friction)  # as it follows a reference
+    check_movement([replace(rests, command=10.0 * slow)], friction)
+    check_movement([replace(rests, position=20 * rests.position)], friction)
 
 
 def test_records_of_one_machine_pass() -> None:

@@ -38,7 +38,8 @@ def test_slow_records_of_one_machine_give_one_estimate_and_their_disagreement(mo
     fits = iter([fit(0.0, 1.0, 0.1), fit(1.0, 2.0, 0.3)])
     plain = replace(fit(0.0, 1.0, 0.1), estimate=drag)
     monkeypatch.setattr(by_elements, "identify", lambda _, terms, **__: plain if terms.viscous else next(fits))
-    record = Record(MACHINE.sample_time, *(np.zeros(n) for _ in range(5)))
+    moved = np.linspace(0.0, 1e-3, n)
+    record = Record(MACHINE.sample_time, moved, moved, np.zeros(n), np.zeros(n), moved)
     found = identify(
         MACHINE, [Loaded(name, name, record, (), ()) for name in ("a", "b")], kinds=["hysteresis", "hysteresis"]
     )
