@@ -114,7 +114,7 @@ def check_movement(records: Sequence[Record], friction: Friction | None = None) 
 def moves(record: Record, friction: Friction | None = None) -> bool:
     """Whether an axis moves: it creeps by some steps of its scale where it rests, and where nothing is asked of it, by
     what contacts of this friction give under forces that differ by no more than it."""
-    asked, step = np.ptp(record.reference) > 0 or np.ptp(record.feedforward) > 0, quantisation(record.position) or 1e-9
+    asked, step = np.ptp(record.reference) > 0 or np.ptp(record.feedforward) > 0, quantisation(record.position)
     held = friction is not None and not asked and np.ptp(record.command) < friction.coulomb_force
     far = max(STILL * step, half_way(friction) if friction is not None and held else 0.0)
     return bool(np.ptp(record.position) > far and (asked or np.ptp(record.command) > 0))

@@ -23,7 +23,8 @@ LEAST: Final = 0.1  # of a step: less noise is lost in the rounding, which then 
 
 
 def with_noise(found: Identified, records: Sequence[Loaded]) -> Identified:
-    """The machine with the noise of its scale as the records show it at rest, where its file only assumes one.
+    """The machine with the noise of its scale as the records show it at rest, where its file only assumes one or
+    has 0, which means that none is known.
 
     The deviation of a reading from sample to sample less that of the rounding, the median over the records; as its
     standard deviation how far the records are apart, a tenth of it at least.

@@ -50,4 +50,4 @@ def test_a_reading_that_only_rounds_has_no_noise() -> None:
     still: Machine = replace(MACHINE, scale=replace(MACHINE.scale, noise=1e-15))
     only = Loaded("a.csv", "0", own_records.motions(still, 1), (), ())
     found = with_noise(Identified(MACHINE), [only])
-    assert found.machine.scale.noise in {0.0, MACHINE.scale.noise}
+    assert found.machine.scale.noise == MACHINE.scale.noise == 0.0

@@ -109,5 +109,5 @@ def test_a_loop_that_makes_nothing_of_the_command_gives_no_values() -> None:
     pid = MACHINE.control.pid
     wild = replace(pid, kp=3 * pid.kp, kd=8 * pid.kd, ki=3 * pid.ki)
     loop = replace(MACHINE, control=replace(MACHINE.control, pid=wild))
-    with pytest.raises(UnusableError, match=r"the simulated loop leaves .* of a command of .*|does not converge"):
+    with pytest.raises(UnusableError, match=r"the simulated loop leaves .* of a command of "):
         motion.identify(record, loop)
