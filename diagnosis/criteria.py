@@ -179,6 +179,12 @@ class Criteria:
         "what a random force gains a sample at rest, or in motion, over what it gains a sample in all, at least",
         "a floor's is 1 by nature, and 0.8 to 1 was seen; a load that knocks in its clearance gained nothing at rest",
     )
+    random_force_of_a_mode: float = _criterion(
+        0.3,
+        "1",
+        "part of a random force's gain from which on a mode about its frequency goes before it",
+        "a mode that the file lacks gained 0.5 on an axis of production, where the force took its place",
+    )
     random_force_third: float = _criterion(
         0.1,
         "1",

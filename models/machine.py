@@ -316,6 +316,7 @@ def with_derived_presliding(machine: Machine) -> Machine:
     """The machine with the facts of its hysteresis curve [N], [N/m], [m] taken from its elements."""
     derived = Provenance("derived", "from the friction elements")
     sources = {field.name: derived for field in dataclasses.fields(Presliding)}
+    sources["boundary"] = Provenance("derived", "one stroke of the specification")
     curve = presliding_of(machine.friction, machine.specification.stroke)
     return machine.with_part("presliding", curve, sources)
 

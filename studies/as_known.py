@@ -89,13 +89,17 @@ def origin(told: Mapping[str, Any]) -> str:
 
 def filters() -> dict[str, Callable[..., Any]]:
     """The filters of a report that tells such rows, by the names that its template uses."""
-    return {"spread": spread, "origin": origin}
+    return {"spread": spread, "origin": origin, "drawn_from": drawn_from}
 
 
 def in_short(found: Mapping[str, Any]) -> str:
     """How many of the allowed machines settle in time, and how many values the file itself states deviations of."""
+    return f"{found['in_time']} of {found['machines']} ({drawn_from(found)})"
+
+
+def drawn_from(found: Mapping[str, Any]) -> str:
+    """By which deviations the allowed machines are drawn, in words."""
     own = sum(one["origin"] == "value" for one in found["known"])
     whole = len(found["known"])
     by = "the usual tolerances" if not own else "the file's own deviations" if own == whole else ""
-    by = by or f"the file's own deviations for {own} of {whole} values, else tolerances"
-    return f"{found['in_time']} of {found['machines']} ({by})"
+    return by or f"the file's own deviations for {own} of {whole} values, else tolerances"

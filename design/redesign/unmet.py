@@ -42,8 +42,8 @@ def unmet(
     dispersion = prediction.interval("dispersion")
     if dispersion.median < 2 * floor:
         told.append(
-            f"3 sigma of {show(dispersion.median, 'm', 2)} is not far above the scale's own: noise and rounding of its "
-            f"readings alone make {show(floor, 'm', 2)}"
+            f"the predicted 3 sigma, {show(dispersion.median, 'm', 2)} in the median, is not far above the scale's "
+            f"own: noise and rounding of its readings alone make {show(floor, 'm', 2)}"
         )
     return (*told, *_beyond(design, machine))
 

@@ -26,6 +26,7 @@ LONGEST: Final = 415.0  # loop times: long motions are cut into pieces of about 
 SHORTEST: Final = 5.5  # loop times: shorter motions are joined to the one before
 FEWEST: Final = 6  # motions that a diagnosis needs, because some are held out of every fit
 SAME: Final = 5.0  # deviations of the reading: tolerance between the references of equal motions
+HALF_DECADE: Final = 10**0.5  # sizes of motions that this factor spans are of one kind
 SAME_FORCE: Final = 1e-3  # tolerance between their feedforward, relative to its largest value
 
 
@@ -46,10 +47,14 @@ class MotionKind:
 
     def __str__(self) -> str:
         if self.stroke > 0:
-            speed = float(f"{self.speed:.1g}")
-            said = show(speed, "m/s") if speed >= 1 else f"{1e3 * speed:g} mm/s"
-            return f"moves of about {show(self.stroke, 'm', 1)} at about {said}"
+            return f"moves of {_within(self.stroke, 'm')} at {_within(self.speed, 'm/s')}"
         return "the excitation at rest" if self.excited else "rest"
+
+
+def _within(size: float, unit: str) -> str:
+    """The range of what is rounded to this size [`unit`]."""
+    high = show(size * HALF_DECADE**0.5, unit, 2)
+    return f"{show(size / HALF_DECADE**0.5, unit, 2, like=size * HALF_DECADE**0.5).split()[0]} to {high}"
 
 
 @dataclass(frozen=True)

@@ -155,13 +155,14 @@ def _size(where: Where) -> Statement:
     if where.is_noise:
         return Statement(
             Topic.SIZE,
-            f"The unknown force that remains, {show(size, 'N', 2)} (rms), is no larger than the scale's noise alone "
-            f"would make it, {show(least, 'N', 2)}: there is no force to locate.",
+            f"Followed as fast as it changes, the unknown force that remains, {show(size, 'N', 2)} (rms), is no larger "
+            f"than the scale's noise alone would make it, {show(least, 'N', 2)}: there is no force to locate.",
         )
     return Statement(
         Topic.SIZE,
-        f"An unknown force of {show(size, 'N', 3)} (rms) remains, {size / least:.1f} times what the scale's noise "
-        f"alone would cause ({show(least, 'N', 2)}).",
+        f"Followed as fast as it changes (how far compares all models at one speed), an unknown force of "
+        f"{show(size, 'N', 3)} (rms) remains, {size / least:.1f} times what the scale's noise alone would cause "
+        f"({show(least, 'N', 2)}).",
     )
 
 
@@ -187,11 +188,14 @@ def _floor(where: Where) -> Statement:
     if floor.repeats < where.criteria.stated_share:
         repeats = "none of the force repeats"
     groups = f"{floor.motions} in {floor.groups} group{'s' * (floor.groups > 1)}"
+    noise = show(where.unknown.noise, "N", 2)
+    by_noise = f"the scale's noise alone would cause {noise}"
+    if floor.force < where.unknown.noise:
+        by_noise = f"that is no more than the scale's noise alone would cause, {noise}"
     return Statement(
         Topic.FLOOR,
         f"Between equal motions ({groups}) {repeats}. What does not, {show(floor.force, 'N', 2)} and "
-        f"{show(floor.position, 'm', 2)} of position, is the noise floor; the scale's noise alone would cause "
-        f"{show(where.unknown.noise, 'N', 2)}.",
+        f"{show(floor.position, 'm', 2)} of position, is this force's noise floor; {by_noise}.",
     )
 
 

@@ -81,7 +81,6 @@ def _details(where: Where) -> dict[str, Any]:
             "share": where.dependence.ceiling[0],
             "low": where.dependence.ceiling[1],
             "high": where.dependence.ceiling[2],
-            "force_N": where.deviation * float(np.sqrt(max(1 - where.dependence.ceiling[0], 0.0))),
         },
         "controller": [
             {

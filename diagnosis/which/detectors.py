@@ -21,7 +21,7 @@ from diagnosis.model.motions import repeated, scatter
 from diagnosis.model.units import noise
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.kinds import with_free_forms
-from diagnosis.which.random_force import NEAR, strongest_random_force
+from diagnosis.which.random_force import NEAR, is_about, strongest_random_force
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
 from models.effects.motor import TimingJitter
@@ -86,7 +86,7 @@ def random_force(seen: View) -> Detected:
     if name in seen.disabled or len(seen.fitted.candidate.random_forces) >= criteria.max_effects:
         return Detected()
     found = strongest_random_force(seen.fitted, seen.baseline.records, seen.own)
-    if found is None:
+    if found is None or _rings(seen.fitted, found.resonance.frequency):
         return Detected()
     threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)
     low, high = found.even
@@ -100,6 +100,11 @@ def random_force(seen: View) -> Detected:
     if is_locked(seen.fitted, seen.baseline, found.resonance.frequency):
         return Detected()
     return Detected((Proposal(name, found.gain, threshold, random_force=found.resonance),))
+
+
+def _rings(fitted: Fit, frequency: float) -> bool:
+    """Whether a mode that was added rings about this frequency [Hz]: it rings to forces that nobody knows, too."""
+    return any(is_about(mode.frequency, frequency) for one in fitted.candidate.added_effects for mode in one.modes())
 
 
 def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:

@@ -59,6 +59,11 @@ class RandomForce:
     even: tuple[float, float] = (1.0, 1.0)
 
 
+def is_about(frequency: float, other: float) -> bool:
+    """Whether two frequencies [Hz] are so near to each other that a force about one may be due to the other."""
+    return NEAR[0] < frequency / other < NEAR[1]
+
+
 def with_sines(candidate: Candidate) -> Candidate:
     """The candidate with a sine of equal power in place of each random force, which a simulation can have."""
     sines = [FloorVibration(2**0.5 * one.level, one.frequency, 0.0) for one in candidate.random_forces]

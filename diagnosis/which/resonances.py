@@ -21,6 +21,8 @@ Spectra = Sequence[tuple[Array, NDArray[np.complex128], Array]]
 
 SMOOTHED: Final = 0.5  # of the lowest frequency: the width over which the power of what is left is smoothed
 STEP: Final = 2.0  # of the mode's damping ratio: relative distance of two frequencies that are tried
+FINER: Final = 8  # steps between two of them, about those that resemble best
+ABOUT: Final = 2.0  # a mode's response counts from its frequency over this to its frequency times this
 
 
 def resonances(
@@ -38,7 +40,9 @@ def resonances(
     spectra = [_spectra(force, gradient, sample_time, SMOOTHED * low) for force, gradient in parts]
     score = np.array([_score(mode(one), spectra) for one in tried])
     inner = np.flatnonzero((score[1:-1] >= score[:-2]) & (score[1:-1] >= score[2:])) + 1
-    return [float(tried[i]) for i in inner[np.argsort(-score[inner])][:most]]
+    peaks = (tried[i - 1 : i + 2] for i in inner[np.argsort(-score[inner])][:most])
+    finer = (np.geomspace(before, after, 2 * FINER + 1) for before, _, after in peaks)
+    return [float(max(near, key=lambda one: _score(mode(one), spectra))) for near in finer]
 
 
 def _spectra(
@@ -62,8 +66,9 @@ def _score(mode: Mode, spectra: Spectra) -> float:
     agrees, chance = 0.0, 0.0
     natural = 2 * np.pi * mode.frequency
     for frequency, cross, weight in spectra:
-        w = 2 * np.pi * frequency
+        about = slice(*np.searchsorted(frequency, [mode.frequency / ABOUT, mode.frequency * ABOUT]))
+        w = 2 * np.pi * frequency[about]
         response = 1 / (natural**2 - w**2 + 2j * mode.damping * natural * w)
-        agrees += float(np.vdot(cross, response).real)
-        chance += float(np.sum(np.abs(response) ** 2 * weight))
+        agrees += float(np.vdot(cross[about], response).real)
+        chance += float(np.sum(np.abs(response) ** 2 * weight[about]))
     return agrees**2 / chance if chance > 0 else 0.0

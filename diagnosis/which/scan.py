@@ -271,27 +271,35 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
             axes.append([(item.name, point) for point in np.array(found)])
         elif item.role in POSITIVE:
             found = []
-            if item.widest[0] < item.low / ROOM:
+            if item.is_resonance:  # narrower than the distance of two points
+                high = min(item.high, HIGHEST * nyquist)
+                ranges = [(item.widest[0], item.low), (item.low, high), (high, item.widest[1])]
+                within = [one for one in ranges if one[1] > ROOM * one[0]]
+                found = _ringing(item, within, kind, fitted, records, projection)
+            elif item.widest[0] < item.low / ROOM:
                 found = _from_spectrum(item, (item.widest[0], item.low), kind, fitted, records, projection)
-            if item.is_resonance and item.widest[1] > ROOM * item.high:
-                found += _ringing(item, kind, fitted, records, projection)
             shown = _points(item) if item.unit != "Hz" else _points(item)[_points(item) <= HIGHEST * nyquist]
             axes.append([(item.name, point) for point in (*shown, *np.array(found))])
     return [replace(kind.typical(priors), **dict(point)) for point in itertools.product(*axes)]
 
 
 def _ringing(
-    item: Parameter, kind: type[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
+    item: Parameter,
+    ranges: Sequence[tuple[float, float]],
+    kind: type[Effect],
+    fitted: Fit,
+    records: Sequence[Record],
+    projection: NuisanceProjection,
 ) -> list[float]:
-    """Frequencies [Hz] of a mode beyond those of its usual range, where the records ring most as it would."""
+    """Frequencies [Hz] of a mode within each of some ranges [Hz], where the records ring most as it would."""
     typical = kind.typical(fitted.candidate.nominal.priors)
     forces = (one.force.mean(axis=1) for one in fitted.residuals)
-    parts = ((force, left) for force, (_, _, left) in zip(forces, adjoints(fitted, records, projection), strict=True))
+    parts = [(force, left) for force, (_, _, left) in zip(forces, adjoints(fitted, records, projection), strict=True)]
 
     def mode(frequency: float) -> Mode:
         return replace(typical, **{item.name: frequency}).modes()[0]
 
-    return resonances(parts, records[0].sample_time, item.high, item.widest[1], mode, PEAKS)
+    return [one for within in ranges for one in resonances(parts, records[0].sample_time, *within, mode, PEAKS)]
 
 
 def _points(item: Parameter) -> Array:

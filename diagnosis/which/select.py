@@ -25,6 +25,7 @@ from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import started, weighed
 from diagnosis.which.detectors import detect, view
 from diagnosis.which.kinds import beside_free_forms, periods_shown
+from diagnosis.which.random_force import is_about
 from diagnosis.which.scan import HIGHEST, Columns
 from diagnosis.which.stage import Proposal, Stage
 from models.effects.base import Effect
@@ -183,13 +184,32 @@ def _stage(best: Trial, trials: Sequence[Trial] = ()) -> Stage:
 def shortlisted(stages: Sequence[Stage], search: Search, set_aside: Collection[str] = ()) -> tuple[Proposal, ...]:
     """The proposals to be fitted next, the most promising first; none ends the search.
 
-    A proposal that the likelihood has decided goes first, unless effects of the catalogue gain far more.
+    A proposal that the likelihood has decided goes first, unless effects of the catalogue gain far more, or a mode that
+    rings about its frequency gains a good part of it.
     """
     promising = _promising(stages, search, set_aside)
     most = promising[0].gain if promising else 0.0
     least = search.criteria.shortlist_min_ratio * most
     decided = [proposal for proposal in stages[-1].proposals if proposal.decided and proposal.gain > least]
-    return (max(decided, key=lambda proposal: proposal.gain),) if decided else promising
+    if not decided:
+        return promising
+    first = max(decided, key=lambda proposal: proposal.gain)
+    return _ringing(first, _significant(stages, search, set_aside), search.criteria) or (first,)
+
+
+def _ringing(decided: Proposal, allowed: Sequence[Proposal], criteria: Criteria) -> tuple[Proposal, ...]:
+    """The mode among what is allowed that a random force stands in for: what shakes the axis by itself doesn't answer
+    the motions, so a mode about its frequency gains next to nothing on those held out."""
+    assert decided.random_force is not None
+    least = criteria.random_force_of_a_mode * decided.gain
+    about = decided.random_force.frequency
+    return tuple(
+        one
+        for one in allowed
+        if one.effect is not None
+        and one.gain > least
+        and any(is_about(mode.frequency, about) for mode in one.effect.modes())
+    )
 
 
 def slow_ones(stages: Sequence[Stage], search: Search, set_aside: Collection[str] = ()) -> tuple[Proposal, ...]:

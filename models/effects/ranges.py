@@ -62,9 +62,10 @@ def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]
 
 
 def _rings(item: Parameter, low: float, high: float, units: Units) -> Range:
-    """Where a mode is looked for, whose usual range is low .. high [Hz]: a structure rings wherever its records show
-    it, however slow its loop is."""
-    return (low, max(high, MOST_OF_NYQUIST / 2 / units.sample)) if item.is_resonance else ()
+    """Where a mode is looked for, whose usual range is low .. high [Hz]: from where the loop crosses over up to where
+    the records show it, however slow the loop is."""
+    crossover = 1 / (2 * math.pi * units.loop)
+    return (min(low, crossover), max(high, MOST_OF_NYQUIST / 2 / units.sample)) if item.is_resonance else ()
 
 
 def _along(item: Parameter, units: Units) -> Parameter:

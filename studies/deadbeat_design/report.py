@@ -98,7 +98,8 @@ FEEDFORWARD = Markdown("Trajectory reference $x_T^*$ and feedforward thrust $u_{
 ROBUST = ", and of the one whose free parameters are used for robustness against wrong mode frequencies."
 TRADE_OFF = Markdown(
     "Least peak of $|u_{ff}|$ against the settling time of $x_T^*$: a lower bound for every deadbeat of this stroke. "
-    "Where a curve has no point, that shape cannot reach the settling time at all."
+    "Times from half of the specified one to its double are tried; where a curve has no point among them, that shape "
+    "cannot reach the settling time at all."
 )
 SENSITIVITY = (
     "Largest deviation of the linear plant from the target after the settling time, feedforward alone, when one mode's "
@@ -207,7 +208,7 @@ def _sensitivity(whole: Results) -> Drawing:
     for ax, mode in zip(axes[0], sensitivity["modes"], strict=False):
         ax.plot(error, 1e6 * np.array(mode["plain_m"]), label="chosen design")
         ax.plot(error, 1e6 * np.array(mode["robust_m"]), label="robust design")
-        ax.set_title(f"mode at {mode['frequency_Hz']:g} Hz")
+        ax.set_title(f"mode at {mode['frequency_Hz']:.4g} Hz")
         ax.set_xlabel("error of its frequency [%]")
     last = axes[0, -1]
     if np.max([mode["plain_m"] for mode in sensitivity["modes"]], initial=0.0) > tolerance / 4:

@@ -61,7 +61,7 @@ def told(content: Mapping[str, Any]) -> str:
 
 def ended(content: Mapping[str, Any]) -> str:
     """How it ended, after how much of the machine's time, and why."""
-    names = f" {listed(content['effects'])}" if content["effects"] else ""
+    names = f" {listed([name.replace('_', ' ') for name in content['effects']])}" if content["effects"] else ""
     after = show(content["seconds"], "s", 3)
     told = f"{content['outcome'].replace('_', ' ')}{names} after {after} of machine time: {content['reason']}."
     return f"{told[0].upper()}{told[1:]}"

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
 
 from diagnosis.model.kalman import STARTING
-from models.quantity import show
+from models.quantity import length_unit, show
 from reports import style
 from studies.gap_diagnosis.unknown_law import OVER
 from studies.wording import effect
@@ -18,6 +18,7 @@ from studies.wording import effect
 Results = Mapping[str, Any]
 
 MOST = 12  # effects in a bar chart at most
+DECADES = 300.0  # ratio of an axis' ends from which on only powers of ten are marked
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
 GAPS = (
     ("force_N", style.force_unit, "unknown force"),
@@ -28,7 +29,7 @@ GAPS = (
 
 def waterfall(whole: Results) -> Drawing:
     """Force, position and settling stage by stage, with floor and ceiling."""
-    far, where = whole["results"]["how_far"], whole["results"]["where"]["details"]
+    far, ceiling = whole["results"]["how_far"], whole["results"]["where"]["details"]["ceiling"]["share"]
     stages = far["stages"]
     names = _stages([stage["added"] for stage in stages])
     known = [part for part in GAPS if any(stage[part[0]] is not None for stage in stages)]
@@ -52,8 +53,8 @@ def waterfall(whole: Results) -> Drawing:
         ax.set_xlabel(f"{label} [{unit}]")
         ax.grid(axis="y", visible=False)
         if key == "force_N":
-            ceiling = factor * where["ceiling"]["force_N"]
-            ax.axvline(ceiling, color=style.VERMILION, linestyle=(0, (1, 1.2)), linewidth=1.2, label="flexible curves")
+            curves = factor * far["gap_refitted"]["force_N"] * max(1 - ceiling, 0.0) ** 0.5
+            ax.axvline(curves, color=style.VERMILION, linestyle=(0, (1, 1.2)), linewidth=1.2, label="flexible curves")
     axes[0, 0].set_yticks(rows, names)
     axes[0, 0].legend(loc="lower left", bbox_to_anchor=(-0.02, 0.98), ncols=2, fontsize=6.5)
     return figure
@@ -108,7 +109,7 @@ def courses(whole: Results) -> Drawing:
         label = f"scatter of {row['motions']}" if row["motions"] > 1 else "95 % band"
         ax.fill_between(time, mean - spread, mean + spread, facecolor=LIGHT, edgecolor="none", label=label)
         ax.plot(time, mean, color=style.BLUE, linestyle="-", label="mean" if row["motions"] > 1 else "$d$")
-        ax.set_title(row["name"].replace(" at about", "\nat about"))
+        ax.set_title(row["name"].replace(" at ", "\nat "))
         ax.legend(loc="best")
         size = float(np.ptp(row["reference_m"]))
         factor, unit = (1e3, "mm") if size > 1e-3 else (1e6, "µm")
@@ -175,14 +176,15 @@ def _curve(ax: Any, row: Results) -> None:
     knots = np.array(row["knots"])
     positive = knots[knots > 0]
     even = positive.size > 3 and knots.max() / positive.min() > 100
-    at = np.arange(knots.size) if even else knots
+    factor, unit = (1.0, row["unit"]) if even or row["unit"] != "m" else length_unit(float(np.max(np.abs(knots))))
+    at = np.arange(knots.size) if even else factor * knots
     ax.plot(at, row["curve"], marker="o", label="both directions")
     if row["turned"]:
         ax.plot(at, row["turned"], marker="s", label="directional")
         ax.legend()
     if even:
-        ax.set_xticks(at, [f"{knot:.2g}" for knot in knots], rotation=90)
-    ax.set_xlabel(f"{effect(row['name'])} [{row['unit']}]")
+        ax.set_xticks(at, [show(float(knot), unit, 2) for knot in knots], rotation=90)
+    ax.set_xlabel(effect(row["name"]) if even else f"{effect(row['name'])} [{unit}]")
     ax.set_ylabel("$d$ [N]")
 
 
@@ -207,13 +209,20 @@ def spectra(whole: Results) -> Drawing:
     else:
         place.semilogx(1e3 * np.array(periods["period_m"]), periods["share"])
         longest = 1e3 * max(periods["period_m"])
-        ticks = [tick for tick in (3, 5, 10, 20, 30, 50, 70) if tick <= 1.01 * longest]
-        place.set_xticks(ticks, [str(tick) for tick in ticks])
+        ticks = _ticks(1e3 * min(periods["period_m"]), longest)
+        place.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         place.minorticks_off()
         place.set_xlabel("period over position [mm]")
         place.set_ylabel("share of variance explained")
         place.set_ylim(0)
     return figure
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """The numbers of 1, 2 and 5 times a power of ten from low to high; only the powers where they span decades."""
+    powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    factors = (1, 2, 5) if high / low < DECADES else (1,)
+    return [float(tick) for tick in np.outer(powers, factors).ravel() if 0.99 * low <= tick <= 1.01 * high]
 
 
 def gains(whole: Results) -> Drawing:
@@ -255,7 +264,7 @@ def confusable(whole: Results) -> Drawing:
     for row, column in np.argwhere(square < enough):
         if row == column:
             ax.plot(column, row, marker="o", **look)
-        elif square[row, row] >= enough:
+        elif min(square[row, row], square[column, column]) >= enough:
             ax.plot(column, row, marker="x", **look)
     ax.set_yticks(range(len(names)), names, fontsize=6.5)
     ax.set_xticks(range(len(names)), names, rotation=90, fontsize=6.5)

@@ -19,8 +19,8 @@ def roughness(results: Results) -> str:
     force, told = results["white_force_N"], ""
     if force["taken"] > force["usual"]:
         told += (
-            f". The drive is rougher than its model: its force scatters by {show(force['taken'], 'N', 2)} from sample "
-            "to sample, which no effect of the catalogue describes"
+            ". The drive is rougher than its model: beside the unknown force, which is slower, its force scatters by "
+            f"{show(force['taken'], 'N', 2)} from sample to sample, which no effect of the catalogue describes"
         )
     left, far = results["chi_square_per_sample"]["with_effects"], far_off(results)
     if far:

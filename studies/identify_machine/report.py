@@ -52,7 +52,8 @@ TABLES = {
 }
 BODE = Markdown(
     "Measured frequency response and the $P_l$ fitted to it; below, the residuals, with the standard deviation of each "
-    "measured line. Crosses: excluded lines."
+    "measured line. A residual still holds what the ends of a single record leave, most of it at the lowest lines; the "
+    "fit takes that out before it weighs what is left. Crosses: excluded lines."
 )
 STABILISATION = (
     "Stabilisation: the modes found with each number of modes. Dots: modes of the machine file. Crosses: candidates "

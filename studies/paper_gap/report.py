@@ -22,7 +22,7 @@ from studies.wording import effect, filters, quantity
 
 Results = Mapping[str, Any]
 MICRO: Final = 1e6
-FEW: Final = 10  # agreeing draws, below which the first page gives no odds
+FEW: Final = 10  # agreeing draws, below which no odds are given
 COLOURED: Final = 3  # candidates of a family that have a colour of their own: those that come nearest
 WAYS: Final = {
     "alone": "alone",
@@ -111,7 +111,7 @@ def tell(whole: Results) -> Report:
         "kind": KINDS.__getitem__,
         "reading": TAKEN.__getitem__,
         "counted": _counted,
-        "odds": _odds,
+        "odds": _told,
         "likely": _likely,
         "way": WAYS.__getitem__,
         "share": _share,
@@ -139,18 +139,27 @@ def _counted(share: Results) -> str:
     )
 
 
-def _odds(found: Results | None) -> str:
+def _told(evidence: Results, reading: str, kind: str) -> str:
+    """The probability of a kind with its interval, in a table; none of fewer than FEW draws."""
+    found = evidence["odds"][reading][kind]
+    return "–" if found is None or _agreeing(evidence, reading)[0] < FEW else _odds(found)
+
+
+def _agreeing(evidence: Results, reading: str) -> tuple[int, int]:
+    """How many draws of all kinds agree, and of how many."""
+    shares = [one[reading] for one in evidence["kinds"].values()]
+    return sum(one["count"] for one in shares), sum(one["of"] for one in shares)
+
+
+def _odds(found: Results) -> str:
     """A probability with its interval."""
-    if found is None:
-        return "–"
     low, high = (100 * end for end in found["interval"])
     return f"{100 * found['probability']:.0f} % ({low:.0f}–{high:.0f})"
 
 
 def _likely(evidence: Results, reading: str) -> str:
     """The probabilities of the kinds, the largest first, as a part of a sentence; no odds of fewer than FEW draws."""
-    shares = [one[reading] for one in evidence["kinds"].values()]
-    count, of = (sum(one[key] for one in shares) for key in ("count", "of"))
+    count, of = _agreeing(evidence, reading)
     if count < FEW:
         return f"{count or 'none'} of the {of} draws {'agrees' if count == 1 else 'agree'}, too few for odds"
     odds = evidence["odds"][reading]

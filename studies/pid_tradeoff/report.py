@@ -75,7 +75,7 @@ NYQUIST = Markdown(
 )
 SENSITIVITIES = Markdown(
     "Sensitivities with the chosen PID, on the plants as they are known, with their bounds; thin: the present PID on "
-    "$P_l$; dash-dotted: lower bound on $|S|$ on $P_l$ for every controller with the same noise."
+    "$P_l$; grey dots: lower bound on $|S|$ on $P_l$ for every controller with the same noise."
 )
 ENSEMBLE = Markdown(
     "Every member of the ensemble: settling of its reversal without friction compensation against the largest $|S|$ of "
@@ -289,8 +289,9 @@ def _sensitivities(whole: Results) -> Drawing:
         ax.set_ylabel(label)
     least = np.array(loops["least_s"])
     axes[0, 0].loglog(
-        frequency, np.where(least > 1e-2, least, np.nan), color=style.LIMIT, linestyle="-.", linewidth=0.9
-    )
+        frequency, np.where(least > 1e-2, least, np.nan), color="#777777", linestyle=(0, (1, 1.2)), linewidth=1.3,
+        label="lower bound",
+    )  # fmt: skip
     for ax, limit in (
         (axes[0, 0], chosen["bound"]),
         (axes[0, 1], max(chosen["mt"], chosen["ms"])),

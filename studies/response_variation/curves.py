@@ -76,7 +76,7 @@ def hysteresis(central: Shown, tables: Sequence[Shown]) -> dict[str, Any]:
 
 def _along(corners: Sequence[float], own: Friction, rfm: Friction, others: Sequence[Friction]) -> dict[str, Any]:
     x = np.concatenate([np.linspace(a, b, LEG) for a, b in pairwise(corners)]) * 1e-6
-    before = np.concatenate([[0.0, -1e-3], x])  # full slip in the negative direction comes first
+    before = np.concatenate([[0.0, 1e-3], x])  # the way down to the first corner slips fully
     forces = range_of([follow(one, before)[0][2:] for one in others])
     return {
         "position_m": x,

@@ -46,6 +46,7 @@ def estimated(validation: Validation) -> dict[str, Any]:
     return {
         "cutoff_Hz": cutoff,
         "time_s": np.arange(shown) * machine.sample_time,
+        "steady_s": shown // 4 * machine.sample_time,
         "motions": motions,
         "rms_N": float(np.sqrt(np.mean((estimate - true) ** 2))),
         "largest_N": float(np.max(np.abs(estimate - true))),

@@ -204,7 +204,7 @@ def _hysteresis(whole: Results) -> Drawing:
     _loops(left, data, "overview")
     left.set_xlabel("position [µm]")
     left.set_ylabel("friction [N]")
-    left.legend(loc="upper left")
+    left.legend(loc="center")
     distance = MICRO * np.array(data["branch"]["distance_m"])
     shown = distance <= 60
     climb = {name: np.array(data["branch"][f"{name}_N"])[shown] for name in ("machine", "rfm", "low", "high")}
@@ -216,7 +216,7 @@ def _hysteresis(whole: Results) -> Drawing:
     climbed = [0, corner, corner + (60e-6 - facts["boundary_m"]) * facts["stiffness_2_N_per_m"]]
     slopes = f"{show(facts['stiffness_1_N_per_m'], 'N/m')} and {show(facts['stiffness_2_N_per_m'], 'N/m')}"
     right.plot(MICRO * ends, climbed, color=style.LIMIT, linestyle=(0, (1, 1)), label=slopes)
-    style.mark_limit(right, MICRO * facts["boundary_m"], "Region 1 | Region 2", axis="x")
+    style.mark_limit(right, MICRO * facts["boundary_m"], "Region 1 | Region 2", axis="x", end="bottom")
     right.set_xlabel("distance after the reversal [µm]")
     right.set_ylabel("force climbed [N]")
     right.legend(loc="lower right")

@@ -91,7 +91,7 @@ def test_where_no_effect_fits_the_law_is_learned_with_its_coordinate(
 def test_it_closes_the_gap_on_types_of_motion_that_were_not_used(shown: Mapping[str, Any]) -> None:
     assert shown["closure"] > 0.9
     assert Criteria().learned_min_closure < shown["closure_interval"][0] <= shown["closure"]
-    strokes_only = [one for one in shown["by_type"] if one["motions"].startswith("moves of about 30 mm")]
+    strokes_only = [one for one in shown["by_type"] if one["motions"].startswith("moves of 18 to 56 mm")]
     assert len(strokes_only) > 1
     assert all(one["closure"] > 0.8 and one["coordinate"] == "position" for one in strokes_only)
     assert shown["adopted"]

@@ -27,10 +27,10 @@ def record(*targets: float, excited: bool = False) -> Record:
 @pytest.mark.parametrize(
     ("kind", "text"),
     [
-        (MotionKind(10**-4.5, 1e-3), "moves of about 30 µm at about 1 mm/s"),
-        (MotionKind(1e-2, 10**-0.5), "moves of about 10 mm at about 300 mm/s"),
-        (MotionKind(1e-1, 10.0), "moves of about 100 mm at about 10 m/s"),
-        (MotionKind(1e-1, 0.96), "moves of about 100 mm at about 1 m/s"),
+        (MotionKind(10**-4.5, 1e-3), "moves of 18 to 56 µm at 0.56 to 1.8 mm/s"),
+        (MotionKind(1e-2, 10**-0.5), "moves of 5.6 to 18 mm at 180 to 560 mm/s"),
+        (MotionKind(1e-1, 10.0), "moves of 56 to 180 mm at 5.6 to 18 m/s"),
+        (MotionKind(1e-6, 1e-5), "moves of 0.56 to 1.8 µm at 5.6 to 18 µm/s"),
         (MotionKind(), "rest"),
         (MotionKind(excited=True), "the excitation at rest"),
     ],

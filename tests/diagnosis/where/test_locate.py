@@ -160,7 +160,7 @@ def test_the_json_has_the_agreed_keys_and_is_one(relaxing: Where) -> None:
     records, fit = case("friction_relaxation")
     shown = json.loads(to_text(pictures(relaxing, fit.candidate, records, pieces(records))))
     assert len(shown["force"]) == len(records)
-    assert shown["courses"][0]["name"].startswith("moves of about")
+    assert shown["courses"][0]["name"].startswith("moves of ")
 
 
 def test_the_same_seed_gives_the_same_numbers(relaxing: Where) -> None:

@@ -10,11 +10,15 @@ import pytest
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import fit
+from diagnosis.model.kalman import Resonance
 from diagnosis.model.motions import pieces, repeated
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.null import Null
-from diagnosis.which.detectors import is_locked
+from diagnosis.which import detectors
+from diagnosis.which.detectors import is_locked, random_force, view
+from diagnosis.which.random_force import RandomForce
+from models.effects.structure import AdditionalMode
 from tests.diagnosis.tables import recorded, short, table
 
 MACHINE = table()
@@ -45,3 +49,16 @@ def test_what_rests_with_the_motion_and_repeats_with_it_is_locked(
         made[piece.start : piece.stop] = size * np.sin(2 * np.pi * FREQUENCY * time + start)
     given = replace(begun.nominal, residuals=(replace(seen, innovations=made),))
     assert is_locked(given, begun, FREQUENCY) == locked
+
+
+@pytest.mark.parametrize(("frequency", "proposed"), [(110.0, False), (150.0, True)])
+def test_where_an_added_mode_rings_no_random_force_is_proposed(
+    frequency: float, proposed: bool, begun: Baseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It rings to forces that nobody knows, too."""
+    found = RandomForce(Resonance(frequency, 0.1, 0.1), 1e4)
+    monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: found)
+    monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
+    candidate = replace(begun.nominal.candidate, effects=(AdditionalMode(1e-3, 118.0, 0.02),))
+    fitted = fit(candidate, begun.records, iterations=0)
+    assert bool(random_force(view(fitted, begun, (), (), {})).proposals) == proposed

@@ -91,6 +91,24 @@ def test_a_mode_faster_than_the_usual_ones_is_found_with_the_sign_of_its_gain(la
     assert not at_bounds(adopted, MACHINE.priors)
 
 
+def test_a_mode_slower_than_the_usual_ones_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From where the loop crosses over, and to its width between the points of a grid."""
+    law = AdditionalMode(2e-3, 67.0, 0.01)
+    (usual,) = (item for item in parameters(AdditionalMode, MACHINE.priors) if item.name == "frequency")
+    assert usual.widest[0] == pytest.approx(1 / (2 * np.pi * MACHINE.priors.units.loop))
+    assert usual.widest[0] < law.frequency < 0.7 * usual.low
+    records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
+    nominal = refit_within(MACHINE, records)
+    monkeypatch.setattr("diagnosis.which.scan.SHOWN", {AdditionalMode.shown_in()})
+    found, _ = scan(nominal, records, partial_out(nominal, numbered(pieces(records), records)))
+    best = next(one for one in found if one.effect.name == law.name)
+    assert isinstance(best.effect, AdditionalMode)
+    assert best.effect.frequency == pytest.approx(law.frequency, rel=2 * law.damping)
+    assert best.held_out == max(one.held_out for one in found)
+    (adopted,) = fitted_with(nominal, best.effect, records).candidate.effects
+    assert adopted.values() == pytest.approx(law.values(), rel=0.1)
+
+
 def test_no_mode_is_sought_where_samples_do_not_tell_it() -> None:
     (usual,) = (item for item in parameters(AdditionalMode, MACHINE.priors) if item.name == "frequency")
     assert bounds_of(usual)[1] == pytest.approx(0.8 * 0.5 / MACHINE.sample_time)

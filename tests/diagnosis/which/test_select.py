@@ -21,6 +21,7 @@ from models.effects.base import Effect
 from models.effects.catalogue import every, in_order
 from models.effects.friction_laws import DirectionalFriction, FrictionDrift
 from models.effects.motor import Cogging
+from models.effects.structure import AdditionalMode
 from tests.diagnosis.tables import table
 
 MACHINE, CRITERIA = table(), Criteria()
@@ -230,6 +231,16 @@ def test_a_random_force_goes_first_unless_an_effect_gains_far_more(gain: float, 
     assert next(stage.added for stage in stages[1:]) == ("floor_vibration" if first else "cogging")
     assert {stage.added for stage in stages[1:]} == {"floor_vibration", "cogging"}
     assert len(stages[-1].fitted.candidate.random_forces) == 1
+
+
+@pytest.mark.parametrize(("gain", "frequency", "first"), [(100.0, 8.5, True), (80.0, 8.5, False), (100.0, 12.0, False)])
+def test_a_mode_goes_before_the_random_force_that_stands_in_for_it(gain: float, frequency: float, first: bool) -> None:
+    """What shakes the axis by itself doesn't answer its motions."""
+    mode = AdditionalMode(1e-3, frequency, 0.02)
+    costs = {"floor_vibration": START - 300.0, "additional_mode": START - 280.0}
+    plan = Planned({0: {"additional_mode": gain}}, costs, {"additional_mode": mode}, {0: _force(300.0)})
+    stages = grown(_fit(START), plan)
+    assert stages[1].added == ("additional_mode" if first else "floor_vibration")
 
 
 def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wrong_by() -> None:
