@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run __getattr__
     from models.identification.pipeline import identify
     from models.machine import Machine, MachineError
     from models.machine import load as load_machine
+    from models.machine_file import save as save_machine
     from models.plant import Mode, Plant, frequency_response
     from models.records.columns import Columns
     from models.records.files import read_record
@@ -78,6 +79,7 @@ _WHERE: Final = {
     "load_machine": "models.machine:load",
     "plot": "reports.plot",
     "read_record": "models.records.files",
+    "save_machine": "models.machine_file:save",
     "shortest_settling_time": "design.deadbeat",
     "simulate": "models.simulation.simulator",
     "solve_trajectory": "design.trajectory.history_aware:solve",
@@ -124,6 +126,7 @@ __all__ = [
     "load_machine",
     "plot",
     "read_record",
+    "save_machine",
     "shortest_settling_time",
     "simulate",
     "solve_trajectory",

@@ -14,6 +14,7 @@ from design.friction_compensation import simplify
 from models.controller import Controller
 from models.machine import Machine
 from models.plant import Plant, delay_split
+from models.quantity import show
 
 
 def waiting(machine: Machine) -> int:
@@ -54,7 +55,7 @@ def assemble(machine: Machine, deadbeat: Deadbeat, plant: Plant | None = None) -
 
     Where the machine file leaves the number of the RFM's elements open ("auto"), it is the one that `choose` finds for
     this feedforward; who needs the controllers of many designs states the number first. plant: that the deadbeat is
-    designed for, where that is not the machine's own.
+    designed for, where that is not the machine's own. Raises ValueError for a deadbeat of another sample time.
 
     >>> controller = pos.assemble(machine, deadbeat)
     >>> controller.reference_delay  # samples
@@ -73,8 +74,14 @@ def assemble_bare(machine: Machine, deadbeat: Deadbeat, plant: Plant | None = No
     itself, so that it meets the friction so much too late.
 
     A feedback of another structure than a PID keeps its loop, but takes its reference as it takes the position, because
-    the feedforward needs one that puts out nothing while the position is on x_T*.
+    the feedforward needs one that puts out nothing while the position is on x_T*. Raises ValueError for a deadbeat of
+    another sample time.
     """
+    if deadbeat.sample_time != machine.sample_time:
+        raise ValueError(
+            f"the deadbeat is designed for samples of {show(deadbeat.sample_time, 's')}, and the machine's controller "
+            f"runs every {show(machine.sample_time, 's')}; design it for this machine"
+        )
     control, known = machine.control, machine if plant is None else replace(machine, plant=plant)
     law = control.law and control.law.of_error()
     filters = deadbeat.n_ff, deadbeat.d_ff

@@ -64,8 +64,17 @@ class Constraints:
     overshoot: float | None = None
     monotone: bool = False
 
+    def __post_init__(self) -> None:
+        """Raises DesignError for bounds that nothing can keep."""
+        if self.thrust is not None and not self.thrust > 0:
+            raise DesignError(
+                f"a feedforward may use {show(self.thrust, 'N')} of thrust, which moves nothing; allow more than 0"
+            )
+        if self.overshoot is not None and not self.overshoot >= 0:
+            raise DesignError(f"the overshoot must be at least 0, a share of the stroke, not {self.overshoot:g}")
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Deadbeat:
     """One feedforward for steps of any height, designed for `stroke` [m] in `settling_time` [s].
 
@@ -120,12 +129,7 @@ def synthesise(
     where there is no such feedforward.
     """
     count = _samples(settling_time, sample_time)
-    if not (math.isfinite(stroke) and stroke > 0):
-        raise DesignError(f"the stroke is {show(stroke, 'm')}; give one above 0, such as 20 um")
-    if constraints.thrust is not None and not constraints.thrust > 0:
-        raise DesignError(
-            f"a feedforward may use {show(constraints.thrust, 'N')} of thrust, which moves nothing; allow more than 0"
-        )
+    _check_stroke(stroke)
     if objective not in get_args(Objective):
         raise DesignError(f"objective {objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
     problem = _problem(plant, sample_time, count, stroke)
@@ -159,6 +163,10 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
     0.019
     """
 
+    if not (math.isfinite(sample_time) and sample_time > 0):
+        raise DesignError(f"the sample time is {show(sample_time, 's')}; give one above 0, such as 500 us")
+    _check_stroke(stroke)
+
     def possible(count: int) -> bool:
         """A rigid body alone needs thrust >= 4 M stroke / T^2, and no vibration helps it: that saves most programs."""
         reach = plant.rigid_gain * (count * sample_time) ** 2 / 4
@@ -178,10 +186,20 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
     return high * sample_time
 
 
+def _check_stroke(stroke: float) -> None:
+    if not (math.isfinite(stroke) and stroke > 0):
+        raise DesignError(f"the stroke is {show(stroke, 'm')}; give one above 0, such as 20 um")
+
+
 def _samples(settling_time: float, sample_time: float) -> int:
     if not (math.isfinite(settling_time) and settling_time > 0):
         raise DesignError(f"the settling time is {show(settling_time, 's')}; give one above 0, such as 20 ms")
     count = round(settling_time / sample_time)
+    if count > LONGEST:
+        raise DesignError(
+            f"a settling time of {show(settling_time, 's')} is {count} samples, and a deadbeat is designed for up to "
+            f"{LONGEST}, {show(LONGEST * sample_time, 's')}; give it in seconds, such as 20e-3"
+        )
     if count < 1 or abs(settling_time / sample_time - count) > 1e-6:
         nearest = max(count, 1) * sample_time
         raise DesignError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -209,6 +209,8 @@ def assess(
 
     stroke [m]. Raises ValueError for fewer than 2 periods.
     """
+    if reading not in get_args(Reading):
+        raise ValueError(f"reading {reading!r} is unknown; choose one of {', '.join(get_args(Reading))}")
     if periods < 2:
         raise ValueError(f"the last period is compared with the one before; give at least 2 periods, not {periods}")
     period = sequence(machine, stroke, 1)

@@ -38,6 +38,7 @@ from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import acting
 from diagnosis.learned.learn import Learned, learned
+from diagnosis.model.diagnosable import check
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread
 from diagnosis.refit import wrong_parameters
@@ -115,17 +116,20 @@ def diagnose(
     criteria: Criteria = Criteria(),
     seed: int = 0,
     disabled: Collection[str] = (),
+    trusted: bool = False,
     progress: Progress | None = None,
     cache: Path | None = None,
 ) -> Diagnosis:
     """Why the records differ from what the machine file says, and how far the gap closes once that is in the model.
 
     records: of one machine, each with its signals (n,) in [m] and [N]. criteria: every threshold of a decision. seed:
-    of simulated floors. disabled: names of effects that are not to be used. progress is told the share of the work that
+    of simulated floors. disabled: names of effects that are not to be used. trusted: records that only look wrong (in a
+    unit or a sign, or of an axis that rests) are taken as they are. progress is told the share of the work that
     is done, 0 .. 1, and what comes next. cache: a folder in which the null's gains are kept for other records of the
     same schedule; without them the null is simulated anew, which is half of the time.
 
-    Raises ValueError without records.
+    It takes a minute for 40 s of records at 2 kHz, and grows with the samples. Raises ValueError, in a sentence, for
+    records or names that it can't take.
 
     >>> diagnosis.outcome, diagnosis.effects  # after diagnosis = pos.diagnose(machine, records)
     (<Outcome.ATTRIBUTED: 'attributed'>, ('viscous_friction',))
@@ -133,8 +137,7 @@ def diagnose(
     Traceback (most recent call last):
     ValueError: a diagnosis needs at least one record
     """
-    if not records:
-        raise ValueError("a diagnosis needs at least one record")
+    check(machine, records, disabled, trusted=trusted)
     baseline = refit_and_null(machine, records, criteria=criteria, progress=progress, cache=cache)
     return diagnosed(baseline, seed=seed, disabled=disabled, progress=progress)
 
@@ -203,8 +206,8 @@ def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar,
     """Whether the file with the named effects closes too little for them to stand. Where the search left nothing above
     the floor, unless that is as rough as what is left, little is enough, and of a converter's steps, as fine as noise,
     nothing is asked; where effects are not in the file as their phases belong to single records, it does not tell. On
-    a drive that is rougher than its model a name has to be seen in the force: the position goes with whatever else
-    makes the machine's response another one."""
+    a drive that is rougher than its model a name has to be seen in the force, and surely: the position goes with
+    whatever else makes the machine's response another one."""
     rough = fitted.candidate.rough
     if far.left_out:
         return False
@@ -213,7 +216,7 @@ def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar,
         fine = any(item.is_step for kind in named for item in parameters_of(kind))
         return not fine and closes_too_little(names, fitted, far.interval, criteria.min_closure_at_floor)
     too_little = closes_too_little(names, fitted, far.interval, criteria.min_closure)
-    return too_little or (rough and far.terms.measure != "force")
+    return too_little or (rough and (far.terms.measure != "force" or far.interval[0] <= 0))
 
 
 def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from models.effects import catalogue
@@ -37,6 +38,18 @@ def to_toml(machine: Machine) -> str:
         head = f"[effects.{name}]" if name == effect.name else f"[[effects.{effect.name}]]"
         lines += _table(effect, f"effects.{name}", machine.sources, units, head)
     return "\n".join(lines) + "\n"
+
+
+def save(machine: Machine, path: str | Path) -> None:
+    """Writes a machine as a file that `load_machine` reads, every value [SI units, as text] with its source.
+
+    Raises OSError where the file can't be written.
+
+    >>> pos.save_machine(machine, folder / "mine.toml")
+    >>> pos.load_machine(folder / "mine.toml").plant == machine.plant
+    True
+    """
+    Path(path).write_text(to_toml(machine), encoding="utf-8")
 
 
 def _table(

@@ -56,6 +56,21 @@ class Variation:
     dead_time: float = 0.0
     offset: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Takes lists and arrays for tuples. Raises ValueError for an error of -1 or below, which leaves nothing, and
+        for one that is no finite number."""
+        for one in fields(self):
+            given = getattr(self, one.name)
+            if np.ndim(given) > 1:
+                raise ValueError(f"{one.name}: must be one number, or a row of one for each")
+            if np.ndim(given) == 1 and not isinstance(given, tuple):
+                object.__setattr__(self, one.name, tuple(float(number) for number in given))
+            numbers = np.atleast_1d(np.asarray(given, float))
+            relative = one.name not in {"dead_time", "offset"}
+            if not np.all(np.isfinite(numbers)) or (relative and np.any(numbers <= -1)):
+                wanted = "a relative error above -1" if relative else "a finite number"
+                raise ValueError(f"{one.name}: must be {wanted}, not {given}")
+
 
 def varied(machine: Machine, variation: Variation) -> Machine:
     """The machine that is off by the variation; the constant force [N] is added to the file's.

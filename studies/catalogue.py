@@ -34,6 +34,8 @@ class Studies:
 
     def __getattr__(self, name: str) -> Study:
         study = None if name.startswith("_") else every().get(name)
+        if study is None and name in names():
+            raise AttributeError(f"{name} is a command and no study; run python -m studies.{name}")
         if study is None:
             raise AttributeError(f"there is no study {name!r}; there are {', '.join(every())}")
         return study

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
 FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
-LOADED: Final = 20.0  # bound of the mass: a load may have been left on the table
+LOADED: Final = 20.0  # bound of the mass and of a mode's frequency: a load may have been left on the table
 MOST: Final = 1.0  # relative deviation of a value at most, as of a stated tolerance
 ABSOLUTE: Final = ("plant.dead_time", "drive.offset")  # values whose deviation is not a share of them
 UNKNOWN_DELAY: Final = 0.5  # sample times: deviation of a dead time that a file neglects; drives take one or two
@@ -82,7 +82,7 @@ def parameters(machine: Machine, records: int) -> Parameters:
     names, usual, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
     far = np.where(np.isin(names, LOOSE), FURTHER, FAR)
-    far[np.array(names) == "payload_mass"] = LOADED
+    far[np.isin(names, ["payload_mass", "mode_frequency"])] = LOADED
     high = np.maximum(far * np.array(usual), FAR * wide)
     low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
     start, limit = np.array(names) == "initial_friction_state", np.array(names) == "presliding_limit"

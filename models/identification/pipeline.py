@@ -60,12 +60,18 @@ def identify(
     A frequency response that friction bends throughout, beside another one, and motions that no machine near the known
     one makes, beside any other record, are left out, and told in the remarks and in `left_out`.
     Raises RecordError, a sentence that begins with the file's name, for a record that can't be used or is of another
-    kind.
+    kind, and ValueError for an option that means nothing.
 
     >>> found = pos.identify(machine, [folder / "moves.csv"], kinds=["motion"])
     >>> found.machine.sources["plant.dead_time"].record
     'moves.csv'
     """
+    if isinstance(records, str | Path):
+        raise ValueError(f"records: must be a list of files; give [{str(records)!r}]")
+    if pass_band is not None and not pass_band > 0:
+        raise ValueError(f"pass_band: must be above 0 Hz, not {pass_band:g}")
+    if modes is not None and modes < 0:
+        raise ValueError(f"modes: must be at least 0, not {modes}")
     loaded = [one if isinstance(one, Loaded) else read(machine, Path(one)) for one in records]
     if kinds and (len(kinds) != len(loaded) or not set(kinds) <= {"auto", *KINDS}):
         raise ValueError(f"kinds: must be one of auto, {', '.join(KINDS)} for each of the {len(loaded)} records")

@@ -12,7 +12,7 @@ from models.identification.response import FrequencyResponse, period
 from models.machine import Machine
 from models.records.checks import derivative_of_error
 from models.records.columns import Columns
-from models.records.files import Loaded, load
+from models.records.files import Loaded, known_of, load
 from models.records.record import Record
 from models.records.tables.sizes import LIMITS, Limits
 
@@ -30,22 +30,7 @@ def read(
     columns: how the file calls its signals; by default as the machine file maps them. trusted: what makes a record
     implausible is said among the findings, instead of refusing it. limits: of the file's size. Raises RecordError.
     """
-    return load(
-        path,
-        columns or machine.record,
-        trusted=trusted,
-        limits=limits,
-        pid=machine.control.feedback,
-        reference_delay=machine.control.reference_delay,
-        sample_time=machine.sample_time,
-        mass=machine.plant.mass,
-        limit=machine.drive.rated_thrust,
-        resolution=machine.scale.resolution,
-        scatter=machine.scale.noisy().reading_deviation,
-        stiffness=float(sum(machine.friction.stiffness)),
-        friction=machine.friction.coulomb_force,
-        rotary=machine.axis == "rotary",
-    )
+    return load(path, columns or machine.record, trusted=trusted, limits=limits, **known_of(machine))
 
 
 def recognised(machine: Machine, loaded: Loaded) -> str:

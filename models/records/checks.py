@@ -83,6 +83,24 @@ def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, .
     return tuple(sentences)
 
 
+def check_signals(record: Record) -> None:
+    """Raises RecordError for signals that are no rows of as many finite numbers, or a sample time that is none [s]."""
+    if not (math.isfinite(record.sample_time) and record.sample_time > 0):
+        raise RecordError(f"its sample time is {record.sample_time:g}; give the seconds from one sample to the next")
+    sizes = {}
+    for name in ("target", "reference", "feedforward", "command", "position"):
+        signal = getattr(record, name)
+        if not isinstance(signal, np.ndarray) or signal.ndim != 1 or signal.dtype.kind != "f":
+            raise RecordError(f"its {name} is no row of numbers; give a numpy array of floats of shape (n,)")
+        if not np.all(np.isfinite(signal)):
+            first = int(np.argmin(np.isfinite(signal)))
+            raise RecordError(f"its {name} is no finite number at sample {first}; leave such samples out")
+        sizes[name] = signal.size
+    if len(set(sizes.values())) > 1 or 0 in sizes.values():
+        said = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        raise RecordError(f"its signals must have equally many samples, at least one ({said})")
+
+
 def check_sample_time(record: Record, sample_time: float) -> None:
     """Raises RecordError for a record that was not sampled at the rate [s] of the machine's controller."""
     if abs(record.sample_time / sample_time - 1) > SAME_TIME:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
+from models.machine import Machine
 from models.quantity import cut
 from models.records import response_columns
 from models.records.checks import DoubtfulError, Facts, derivative_of_error, findings
@@ -91,10 +92,13 @@ def load(
     )
 
 
-def read_record(path: str | Path, columns: Columns | None = None, *, trusted: bool = False) -> Record:
+def read_record(
+    path: str | Path, columns: Columns | None = None, *, machine: Machine | None = None, trusted: bool = False
+) -> Record:
     """The signals (n,) [m], [N] of a record file of any format in `models.records.tables.formats`.
 
-    columns: how the file calls its signals, such as `machine.record`; by default time_s, command_N, position_m, ...
+    columns: how the file calls its signals; by default as the machine maps them, or time_s, command_N, position_m, ...
+    machine: that the record is said to be of, to see a wrong unit or sign; `diagnose` looks for the same.
     trusted: a record that looks wrong is read nevertheless.
     Raises RecordError, a sentence that says what is wrong and what to do, for a file that holds no such record.
 
@@ -102,10 +106,30 @@ def read_record(path: str | Path, columns: Columns | None = None, *, trusted: bo
     >>> record.sample_time, record.position.shape == record.command.shape
     (0.0005, True)
     """
-    content = load(Path(path), columns, trusted=trusted).content
+    if columns is not None and not isinstance(columns, Columns):
+        raise ValueError('columns: must be Columns, such as Columns(time="t / ms", command="u", position="x / mm")')
+    known = {} if machine is None else known_of(machine)
+    columns = columns or (machine.record if machine else None)
+    content = load(Path(path), columns, trusted=trusted, **known).content
     if not isinstance(content, Record):
         raise RecordError(f"{path}: holds a frequency response; give a record of time, command and position")
     return content
+
+
+def known_of(machine: Machine) -> dict[str, Any]:
+    """The fields of `checks.Facts` [SI] that a machine states, to see more in its records."""
+    return {
+        "pid": machine.control.feedback,
+        "reference_delay": machine.control.reference_delay,
+        "sample_time": machine.sample_time,
+        "mass": machine.plant.mass,
+        "limit": machine.drive.rated_thrust,
+        "resolution": machine.scale.resolution,
+        "scatter": machine.scale.noisy().reading_deviation,
+        "stiffness": float(sum(machine.friction.stiffness)),
+        "friction": machine.friction.coulomb_force,
+        "rotary": machine.axis == "rotary",
+    }
 
 
 def _as_it_ran(record: Record, columns: Columns, facts: Facts) -> Record:

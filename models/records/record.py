@@ -22,7 +22,7 @@ class Column:
     mapped: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Record:
     """Equally spaced samples (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], the scale's reading [m].
 

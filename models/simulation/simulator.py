@@ -14,6 +14,7 @@ structure than a PID runs as its law (models/feedback), in the loop that also ha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -33,10 +34,11 @@ from models.simulation.kernel import Loop, Run, run_many, run_one
 
 Array = NDArray[np.float64]
 
+BEYOND: Final = 1e-6  # of its limit, by which rounding may leave an element beyond it
 LOGGED: Final = ("reading", "command", "position", "friction")  # signals that a run writes at every sample
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Response:
     """What a simulated run logged, and what only a simulation knows: x [m] and friction [N] at the samples (n,).
 
@@ -86,19 +88,31 @@ def simulate(
     substeps: in a sample. seed: of the scale's noise. initial_friction: displacements (N,) [m] of the elements,
     default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
     as a slow stroke with an excitation on u_ff. origin: where on its way the table stands at the start, which matters
-    to forces that depend on the place. Raises ValueError if machine and controller differ in sample time.
+    to forces that depend on the place. Raises ValueError if machine and controller differ in sample time, and for
+    numbers that are not finite, other shapes, substeps below 1 and elements beyond their limits.
 
     >>> target = pos.feeding_sequence(20e-6, 5, 0.1, machine.sample_time)
     >>> response = pos.simulate(machine, controller, target)
     >>> bool(abs(response.position[199] - 20e-6) < 2e-6)  # within 2 µm at the end of the first motion
     True
     """
-    r = np.asarray(target, float)
+    r = _checked(target, origin)
     way = r - origin  # seen from where the run begins
     known = references(controller, way) if given is None else replace(given, position=given.position - origin)
     prepared = _prepare(machine, controller, known, substeps, seed, initial_friction)
     response = _alone(machine, controller.law, way, prepared, origin)
     return response if origin == 0.0 else _seen_from(-origin, response)
+
+
+def _checked(target: ArrayLike, origin: float = 0.0) -> Array:
+    """The target (n,) [m] as numbers. Raises ValueError for what is no row of finite ones, or an origin [m] that is
+    none."""
+    r = np.asarray(target, float)
+    if r.ndim != 1 or r.size == 0 or not np.all(np.isfinite(r)):
+        raise ValueError(f"target: must be a row of finite numbers of shape (n,) [m], and is of shape {r.shape}")
+    if not math.isfinite(origin):
+        raise ValueError(f"origin: must be a finite place [m], not {origin}")
+    return r
 
 
 def _seen_from(place: float, response: Response) -> Response:
@@ -126,7 +140,7 @@ def simulate_many(
     Machines with equal numbers of modes and elements and equal delays in whole samples run side by side, except those
     with effects or a law, which run one by one.
     """
-    r = np.asarray(target, float)
+    r = _checked(target)
     starts = [None] * len(machines) if initial_friction is None else _each_start(initial_friction, len(machines))
     if given is None:
         made = {controller: references(controller, r) for controller in set(controllers)}  # often there is but one
@@ -192,6 +206,8 @@ def _prepare(
             "design the controller for this machine's sample time"
         )
     friction, pid = machine.friction, controller.pid
+    if not (float(substeps).is_integer() and substeps >= 1):
+        raise ValueError(f"substeps: must be a whole number from 1 on, not {substeps}")
     sampled = substeps_of(machine, substeps)
     loop = Loop(
         sample_time=machine.sample_time,
@@ -209,6 +225,10 @@ def _prepare(
         offset=machine.drive.offset,
     )
     z = np.zeros(len(friction.stiffness)) if initial_friction is None else np.array(initial_friction, float)
+    if z.shape != loop.limit.shape or not np.all(np.abs(z) <= loop.limit * (1 + BEYOND)):
+        raise ValueError(
+            f"initial_friction: must be the displacements of {loop.limit.size} elements [m], none beyond its limit"
+        )
     n, noise = given.position.size, machine.scale.noise
     run = Run(
         reference=given.position,

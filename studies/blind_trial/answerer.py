@@ -30,6 +30,8 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
     given: dict[str, Any] = {"seed": task["seed"], "disabled": tuple(task["disabled"]), "progress": None}
     if task.get("cache") and "cache" in signature(diagnosis.diagnose).parameters:
         given["cache"] = Path(task["cache"])  # thresholds that follow from the machine and the schedule alone
+    if "trusted" in signature(diagnosis.diagnose).parameters:
+        given["trusted"] = True  # an answer is owed in any case
     begin, worked = time.perf_counter(), time.process_time()
     found = diagnosis.diagnose(machine, records, **given)
     whole = diagnosis.to_json(found)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from diagnosis.model.diagnosable import check_names
 from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
 from diagnosis.where.controller import reproduces
@@ -106,12 +106,10 @@ def _samples(one: Loaded) -> int:
 
 def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:
     """The effects of --disable. Raises BadInputError for one that is not searched for in this machine."""
-    known = list(machine.kinds)
-    for name in names:
-        if name not in known:
-            close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
-            raise BadInputError(f"--disable {name}: is not an effect that is looked for; {hint}")
+    try:
+        check_names(names, machine)
+    except ValueError as error:
+        raise BadInputError(f"--disable {error}") from error
     return tuple(names)
 
 

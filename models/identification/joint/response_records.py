@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from models.identification.modal.remarks import ResponseStep, bent, on_disagreem
 from models.identification.response import FrequencyResponse
 from models.records.files import Loaded
 from models.records.record import Record
+
+AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved backwards: it bends hardly more
 
 
 def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
@@ -35,7 +38,7 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
     if earlier:
         every = [*earlier, Step(kind, loaded, step)]
-        used = [one for one in every if not bent(_gave(one).measured)] or every
+        used = [one for one in every if not bent(_gave(one).measured)] or _least_bent(every)
         fits = [_gave(one) for one in used]
         best = _together(fits, settings, spring)
         step = replace(step, together=best)
@@ -44,6 +47,12 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         source = Found(together(used), "response")
     known = found.machine if not _showed_spring(found) else with_spring(found.machine, None, source)
     return with_step(found, with_response(known, best, source), kind, loaded, step, remarks)
+
+
+def _least_bent(steps: Sequence[Step]) -> list[Step]:
+    """Of responses that are all bent, those of axes that went backwards hardly longer than the one that did least."""
+    least = min(_gave(one).measured.turned for one in steps)
+    return [one for one in steps if _gave(one).measured.turned <= AS_BENT * least]
 
 
 def _spring(found: Identified) -> modes.Spring:

@@ -202,6 +202,16 @@ def test_a_sweep_that_turned_the_axis_back_is_left_out_of_the_plant(force: float
     assert warnings_of(alone) == []
 
 
+def test_of_two_sweeps_that_turned_back_the_one_that_did_less_gives_the_plant() -> None:
+    """The other one, taken with it, had made a lag of the current loop and a dead time of 0 of a good one."""
+    mild = Loaded("mild.csv", "12ab", _swept(MACHINE, 12, force=80.0, begin=40.0), (), ())
+    strong = Loaded("strong.csv", "34cd", _swept(MACHINE, 12, force=150.0, begin=30.0), (), ())
+    assert TURNED < response.measured(_record(mild)).turned < 0.5 * response.measured(_record(strong)).turned
+    alone, both = (identify(MACHINE, one) for one in ([mild], [mild, strong]))
+    assert both.machine.plant == alone.machine.plant
+    assert any("strong.csv went backwards, and is left out" in said for said in both.remarks)
+
+
 def test_a_tone_beside_one_sweep_is_no_part_of_the_plant() -> None:
     """Cogging under the axis at 12 Hz: what feedback answers to it is not the plant, in its line and those around."""
     table = replace(MACHINE, effects=(Cogging(0.5, 0.85e-3, 0.4),))
