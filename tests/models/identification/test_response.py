@@ -13,7 +13,9 @@ from design.loop import controller_model
 from models.effects.motor import Cogging
 from models.identification import modes, response
 from models.identification.estimate import Estimate, combined, left_out, newey_west, not_identifiable, wider
-from models.identification.modal.remarks import TURNED, on_response
+from models.identification.joint.response_records import _least_bent
+from models.identification.joint.steps import Step
+from models.identification.modal.remarks import TURNED, ResponseStep, on_response
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.machine import Machine, load
@@ -202,14 +204,17 @@ def test_a_sweep_that_turned_the_axis_back_is_left_out_of_the_plant(force: float
     assert warnings_of(alone) == []
 
 
-def test_of_two_sweeps_that_turned_back_the_one_that_did_less_gives_the_plant() -> None:
-    """The other one, taken with it, had made a lag of the current loop and a dead time of 0 of a good one."""
-    mild = Loaded("mild.csv", "12ab", _swept(MACHINE, 12, force=80.0, begin=40.0), (), ())
-    strong = Loaded("strong.csv", "34cd", _swept(MACHINE, 12, force=150.0, begin=30.0), (), ())
-    assert TURNED < response.measured(_record(mild)).turned < 0.5 * response.measured(_record(strong)).turned
-    alone, both = (identify(MACHINE, one) for one in ([mild], [mild, strong]))
-    assert both.machine.plant == alone.machine.plant
-    assert any("strong.csv went backwards, and is left out" in said for said in both.remarks)
+def test_of_sweeps_that_all_turned_back_those_that_did_least_give_the_plant() -> None:
+    """Taken with one that did so five times as long, a good one gave a dead time of 0 and a lag of the current loop."""
+    none = np.zeros(0)
+    measured = FrequencyResponse(none, none.astype(complex), none, none, 1e-3)
+
+    def step(turned: float) -> Step:
+        gave = ResponseStep(replace(measured, turned=turned), modes.fit)  # type: ignore[arg-type]
+        return Step("excitation", Loaded(f"{turned}", "", measured, (), ()), gave)
+
+    steps = [step(turned) for turned in (0.022, 0.0046, 0.006)]
+    assert _least_bent(steps) == steps[1:]
 
 
 def test_a_tone_beside_one_sweep_is_no_part_of_the_plant() -> None:
