@@ -34,7 +34,7 @@ from models.simulation.kernel import Loop, Run, run_many, run_one
 
 Array = NDArray[np.float64]
 
-BEYOND: Final = 1e-6  # of its limit, by which rounding may leave an element beyond it
+BEYOND: Final = 10.0  # times its limit, up to which an element may start: it slips at once
 LOGGED: Final = ("reading", "command", "position", "friction")  # signals that a run writes at every sample
 
 
@@ -89,7 +89,7 @@ def simulate(
     default 0. given: x_T*, u_ff, u_rf (n,) [m], [N], [N] instead of those that the controller makes of the target, such
     as a slow stroke with an excitation on u_ff. origin: where on its way the table stands at the start, which matters
     to forces that depend on the place. Raises ValueError if machine and controller differ in sample time, and for
-    numbers that are not finite, other shapes, substeps below 1 and elements beyond their limits.
+    numbers that are not finite, other shapes, substeps below 1 and elements far beyond their limits.
 
     >>> target = pos.feeding_sequence(20e-6, 5, 0.1, machine.sample_time)
     >>> response = pos.simulate(machine, controller, target)
@@ -225,9 +225,9 @@ def _prepare(
         offset=machine.drive.offset,
     )
     z = np.zeros(len(friction.stiffness)) if initial_friction is None else np.array(initial_friction, float)
-    if z.shape != loop.limit.shape or not np.all(np.abs(z) <= loop.limit * (1 + BEYOND)):
+    if z.shape != loop.limit.shape or not np.all(np.abs(z) <= BEYOND * loop.limit):
         raise ValueError(
-            f"initial_friction: must be the displacements of {loop.limit.size} elements [m], none beyond its limit"
+            f"initial_friction: must be the displacements of {loop.limit.size} elements [m], none far beyond its limit"
         )
     n, noise = given.position.size, machine.scale.noise
     run = Run(
