@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -34,6 +35,7 @@ from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
+from diagnosis.handover.final_fit import freed, plant_at_bounds
 from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import acting
@@ -149,15 +151,36 @@ def diagnosed(
     """The second half: which effects explain what the baseline leaves, and how far the gap shrinks."""
     say = progress or (lambda _share, _text: None)
     say(0.5, "every effect of the catalogue against what is left")
-    searched = prune(select(baseline, disabled, lambda text: say(0.7, text)), baseline)
+    tell = partial(say, 0.7)
+    searched = prune(select(baseline, disabled, tell), baseline)
+    if (changed := _without_effects(searched, baseline)) is not None:
+        other = replace(baseline, nominal=changed)
+        again = prune(select(other, disabled, tell), other)
+        baseline, searched = (other, again) if len(again.stages) == 1 else (baseline, searched)
     say(0.9, "how far the gap shrinks")
     for pruned, answer in explanations(searched, baseline, disabled, seed):
         found = _diagnosis(answer, pruned, baseline)
         if found.outcome in NAMED:
             break
+    if found.outcome is Outcome.NONE and answer.outcome in NAMED:  # taken back
+        plain = answered(pruned.stages[:1], pruned, baseline, seed)
+        if plain.outcome is not Outcome.NONE:  # the re-fit leaves nothing, so that nothing is out of the catalogue
+            found = _diagnosis(plain, pruned, baseline)
     if found.outcome in NAMED and (less := doubted(answer, found.told, baseline)):
         found = _diagnosis(answered(without(pruned, less), pruned, baseline, seed), pruned, baseline)
     return found
+
+
+def _without_effects(searched: Pruned, baseline: Baseline) -> Fit | None:
+    """The re-fit whose values of the plant go beyond their bounds, where it leaves no more of the records than effects
+    that were found beside it within them: a delay that is half a sample longer is no lag of the current loop. On a
+    drive that is rougher than its model, any law drives them there."""
+    nominal, found = baseline.nominal, searched.stages[-1].fitted
+    if len(searched.stages) < 2 or found.candidate.rough or not plant_at_bounds(nominal.candidate):
+        return None
+    other = freed(nominal, baseline.records)
+    left, with_effects = (float(one.innovations @ one.innovations) for one in (other, found))
+    return other if left < with_effects + baseline.criteria.min_gain_further else None
 
 
 def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learned | None = None) -> Diagnosis:
@@ -206,8 +229,8 @@ def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar,
     """Whether the file with the named effects closes too little for them to stand. Where the search left nothing above
     the floor, unless that is as rough as what is left, little is enough, and of a converter's steps, as fine as noise,
     nothing is asked; where effects are not in the file as their phases belong to single records, it does not tell. On
-    a drive that is rougher than its model a name has to be seen in the force, and surely: the position goes with
-    whatever else makes the machine's response another one."""
+    a drive that is rougher than its model a name has to be seen in the force, and surely, beside a plant within its
+    bounds: the position goes with whatever else makes the machine's response another one."""
     rough = fitted.candidate.rough
     if far.left_out:
         return False
@@ -216,7 +239,8 @@ def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar,
         fine = any(item.is_step for kind in named for item in parameters_of(kind))
         return not fine and closes_too_little(names, fitted, far.interval, criteria.min_closure_at_floor)
     too_little = closes_too_little(names, fitted, far.interval, criteria.min_closure)
-    return too_little or (rough and (far.terms.measure != "force" or far.interval[0] <= 0))
+    unsure = far.terms.measure != "force" or far.interval[0] <= 0 or plant_at_bounds(fitted.candidate)
+    return too_little or (rough and bool(unsure))
 
 
 def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, bounds_of, fit
-from diagnosis.model.parameters import Parameters, moved
+from diagnosis.model.parameters import LOOSE, Parameters, moved
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.unknown_force import unknown_force
 from models.effects.base import parameters as parameters_of
@@ -85,6 +85,24 @@ def with_room(given: Fit, records: Sequence[Record]) -> Fit:
     for periods: a sine that is longer than the travel draws any curve."""
     hit = [one for one in at_bounds(given.candidate) if one.part != "nominal" and not _is_period(given.candidate, one)]
     return given if not hit else fit(_widened(given.candidate, hit), records, paths=given.paths, walk=given.walk)
+
+
+def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
+    """The values of the plant and its drive at a bound, which are other values where they were changed without a note,
+    while contacts there may stand in for any law."""
+    return tuple(one for one in at_bounds(candidate) if one.part == "nominal" and one.name in LOOSE)
+
+
+def freed(given: Fit, records: Sequence[Record]) -> Fit:
+    """A fit without effects, fitted again under its own weights with more room for the plant's values at their bounds,
+    and once more while one runs on."""
+    fitted = given
+    for _ in range(ROUNDS):
+        hit = plant_at_bounds(fitted.candidate)
+        if not hit:
+            break
+        fitted = fit(_widened(fitted.candidate, hit), records, paths=fitted.paths, walk=fitted.walk)
+    return fitted
 
 
 def still_fit(

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from diagnosis.experiments.schedules import strokes
 from diagnosis.handover.files import judged, machine_of, starts_of
-from diagnosis.handover.final_fit import at_bounds, finished, with_room
+from diagnosis.handover.final_fit import at_bounds, finished, freed, plant_at_bounds, with_room
 from diagnosis.how_far import errors_of
 from diagnosis.model.fit import Fit, bounds_of, fit
 from diagnosis.model.parameters import parameters
@@ -57,6 +58,18 @@ def test_a_value_at_its_bound_gets_twice_the_room_once() -> None:
     _, record = _with_offset(60.0)
     found = finished(_searched(record), [record])
     assert "amplifier_offset" in [one.name for one in found.at_bound]
+
+
+def test_a_value_of_the_plant_that_runs_on_is_followed() -> None:
+    """It was changed without a note; a contact that does may stand in for any law, and stays."""
+    truth, record = _with_offset(90.0)
+    begun = _searched(record)
+    assert [one.name for one in plant_at_bounds(begun.candidate)] == ["amplifier_offset"]
+    found = freed(begun, [record])
+    assert not plant_at_bounds(found.candidate)
+    assert found.candidate.machine.drive.offset == pytest.approx(truth.drive.offset, abs=1.0)
+    contacts = np.isin(found.candidate.layout.names, ["presliding_stiffness", "presliding_limit"])
+    assert np.array_equal(found.candidate.layout.high[contacts], begun.candidate.layout.high[contacts])
 
 
 def test_more_room_leads_no_mode_beyond_what_the_controller_samples() -> None:

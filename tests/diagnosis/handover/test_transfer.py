@@ -142,3 +142,22 @@ def test_where_nothing_is_left_a_file_that_surely_closes_next_to_nothing_takes_a
         fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), (effect,)))
         far = HowFar((), Gap(1.0, 1.0, None), "simulated", terms, (-0.14, high), unused, 1.0)
         assert taken_back((effect.name,), fitted, closure, far, Criteria()) == back
+
+
+@pytest.mark.parametrize(
+    ("low", "bent", "back"), [(0.2, False, False), (0.2, True, True), (0.0, False, True), (-1.0, False, True)]
+)
+def test_on_a_rough_drive_a_name_stands_only_if_it_surely_closes_beside_a_plant_within_its_bounds(
+    low: float, bent: bool, back: bool
+) -> None:
+    """A nut's backlash had been a mode of 242 Hz, with the plant's own at 80 % of its frequency, and as one that closed
+    -100 to 100 %."""
+    layout = parameters(load(), 1)
+    theta = np.where(np.isin(layout.names, ["mode_frequency"]) & bent, layout.high, 0.0)
+    rough = Candidate(layout, theta, (Cogging(1.0, 0.0025, 1.0),), roughness=(100.0,))
+    unused: Any = None
+    terms = Terms(0.1, 0.09, 0.03, 0.0011, measure="force")
+    far = HowFar((), Gap(1.0, 1.0, None), "repeats", terms, (low, 1.0), unused, 1.0)
+    fitted: Any = SimpleNamespace(candidate=rough)
+    closure = Closure(0.94, (0.89, 0.97), 0.5, unused)
+    assert taken_back(("cogging",), fitted, closure, far, Criteria()) == back
