@@ -113,7 +113,8 @@ def validate(
 
     periods: of the sequence, at least 2; by default as many as it takes until the last two agree (see `agreement`).
     reading: whether motions are judged by the true position or by the scale. lead: samples of rest before the sequence.
-    substeps: of the simulation in a sample. seed: of the scale's noise. Raises ValueError for fewer than 2 periods.
+    substeps: of the simulation in a sample. seed: of the scale's noise. Raises ValueError for fewer than 2 periods and for a
+    stroke or a reading that there is not.
 
     >>> validation = pos.validate(machine, controller)
     >>> validation.slowest.settling_time < machine.specification.settling_time  # [s]
@@ -188,6 +189,8 @@ def sequence(machine: Machine, stroke: float | None = None, periods: int = PERIO
     """
     wanted = machine.specification
     height = wanted.stroke if stroke is None else stroke
+    if not np.isfinite(height) or height == 0:
+        raise ValueError(f"stroke: must be a way other than 0 [m], not {height:g}")
     whole = feeding_sequence(height, wanted.motions, wanted.interval, machine.sample_time, periods)
     return np.concatenate([np.zeros(lead), whole])
 

@@ -82,6 +82,12 @@ def test_a_machine_is_judged_by_what_there_is() -> None:
         pos.validate(MACHINE, CONTROLLER, reading="scal")  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("stroke", [0.0, np.nan, np.inf])
+def test_a_stroke_goes_somewhere(stroke: float) -> None:
+    with pytest.raises(ValueError, match="stroke: must be a way other than 0"):
+        pos.validate(MACHINE, CONTROLLER, stroke=stroke)
+
+
 @pytest.mark.parametrize(
     "given", [{"payload": -2.0}, {"friction_force": -1.0}, {"mass": np.nan}, {"frequency": [0.1, -1.5]}]
 )
