@@ -113,8 +113,8 @@ def validate(
 
     periods: of the sequence, at least 2; by default as many as it takes until the last two agree (see `agreement`).
     reading: whether motions are judged by the true position or by the scale. lead: samples of rest before the sequence.
-    substeps: of the simulation in a sample. seed: of the scale's noise. Raises ValueError for fewer than 2 periods and for a
-    stroke or a reading that there is not.
+    substeps: of the simulation in a sample. seed: of the scale's noise. Raises ValueError for fewer than 2 periods,
+    and for a stroke or a reading that there is not.
 
     >>> validation = pos.validate(machine, controller)
     >>> validation.slowest.settling_time < machine.specification.settling_time  # [s]
