@@ -60,6 +60,7 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 NAMED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes that name effects
+OF_A_MODE: Final = ("mode_gain", "mode_frequency")  # values that a law of no name drives to their bounds
 
 
 @dataclass(frozen=True)
@@ -229,7 +230,7 @@ def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar,
     """Whether the file with the named effects closes too little for them to stand. Where the search left nothing above
     the floor, unless that is as rough as what is left, little is enough, and of a converter's steps, as fine as noise,
     nothing is asked; where effects are not in the file as their phases belong to single records, it does not tell. On
-    a drive that is rougher than its model a name has to be seen in the force, and surely, beside a plant within its
+    a drive that is rougher than its model a name has to be seen in the force, and surely, beside modes within their
     bounds: the position goes with whatever else makes the machine's response another one."""
     rough = fitted.candidate.rough
     if far.left_out:
@@ -239,8 +240,8 @@ def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar,
         fine = any(item.is_step for kind in named for item in parameters_of(kind))
         return not fine and closes_too_little(names, fitted, far.interval, criteria.min_closure_at_floor)
     too_little = closes_too_little(names, fitted, far.interval, criteria.min_closure)
-    unsure = far.terms.measure != "force" or far.interval[0] <= 0 or plant_at_bounds(fitted.candidate)
-    return too_little or (rough and bool(unsure))
+    bent = any(one.name in OF_A_MODE for one in plant_at_bounds(fitted.candidate))
+    return too_little or (rough and (far.terms.measure != "force" or far.interval[0] <= 0 or bent))
 
 
 def _shares(found: Mapping[str, float], names: Sequence[str], parts: Mapping[str, str]) -> dict[str, float]:
