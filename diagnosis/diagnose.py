@@ -54,7 +54,7 @@ from diagnosis.which.table import EffectRow, table
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
-from models.quantity import listed
+from models.quantity import listed, show
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -95,8 +95,12 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         names = f": {', '.join(self.effects)}" if self.effects else ""
-        closed = f"{100 * self.how_far.closure:.0f} %"
-        return f"Diagnosis({self.outcome}{names}; {closed} of the gap closes where nothing was fitted)"
+        if self.outcome in NAMED:
+            closed = f"{100 * self.how_far.closure:.0f} %"
+            return f"Diagnosis({self.outcome}{names}; {closed} of the gap closes where nothing was fitted)"
+        before, adopted = dict(self.how_far.stages)[Content.DELIVERED].force, self.how_far.handover.adopted
+        left = f"{adopted.name}, leaves {show(adopted.gap.force, 'N', 2)} of {show(before, 'N', 2)}"
+        return f"Diagnosis({self.outcome}{names}; the file handed over, {left})"
 
     @property
     def told(self) -> Fit:

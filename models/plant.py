@@ -132,14 +132,16 @@ def state_space(plant: Plant, stiffness: float = 0.0) -> control.StateSpace:
 
 
 def frequency_response(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> NDArray[np.complex128]:
-    """P_l(j omega) (n,) [m/N], or P_e(j omega) for K_e = stiffness [N/m], dead time included; omega (n,) [rad/s].
+    """P_l(j omega) (n,) [m/N], or P_e(j omega) for K_e = stiffness [N/m], dead time included.
+
+    omega [rad/s]: of any shape, which the response has, too.
 
     >>> response = pos.frequency_response(machine.plant, [1.0, 1000.0])
     >>> response.shape, bool(abs(response[0]) > abs(response[1]))
     ((2,), True)
     """
     w = np.asarray(omega, float)
-    rational = _rational(plant, 1j * w, stiffness)
+    rational = _rational(plant, 1j * w.ravel(), stiffness).reshape(w.shape)
     return np.asarray(rational * np.exp(-1j * w * plant.dead_time))
 
 

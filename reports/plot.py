@@ -48,6 +48,15 @@ class Run(Protocol):
         """What the run logged."""
 
 
+@runtime_checkable
+class Judged(Protocol):
+    """A validation: it has the response that it judged."""
+
+    @property
+    def response(self) -> Run:
+        """The last period of the run."""
+
+
 class Picture(Figure):
     """A figure that a notebook shows, whatever its backend is."""
 
@@ -58,8 +67,9 @@ class Picture(Figure):
         return text.getvalue()
 
 
-def plot(run: Run | Signals) -> Picture:
-    """Target, reference and position [µm] above the command [N], over time [ms]; of a response or of a record.
+def plot(run: Judged | Run | Signals) -> Picture:
+    """Target, reference and position [µm] above the command [N], over time [ms]; of a response, of a record, or of what
+    a validation judged.
 
     A notebook shows the figure that a cell ends with; `savefig` writes it to a file.
 
@@ -67,6 +77,7 @@ def plot(run: Run | Signals) -> Picture:
     >>> [axes.get_ylabel() for axes in figure.axes]
     ['position [µm]', 'command [N]']
     """
+    run = run.response if isinstance(run, Judged) else run
     record = run.record if isinstance(run, Run) else run
     time = 1e3 * record.sample_time * np.arange(record.position.size)
     with mpl.rc_context(STYLE):

@@ -189,3 +189,12 @@ def test_a_file_is_read_as_the_machine_has_it(tmp_path: Path) -> None:
 def test_a_command_that_is_no_study_is_called_that() -> None:
     with pytest.raises(AttributeError, match=r"run python -m studies\.new_machine"):
         _ = pos.studies.new_machine
+
+
+def test_a_validation_is_plotted_and_a_response_has_the_shape_of_its_frequencies() -> None:
+    validation = pos.validate(MACHINE, CONTROLLER, periods=2)
+    assert [axes.get_ylabel() for axes in pos.plot(validation).axes] == ["position [µm]", "command [N]"]
+    one, grid = (pos.frequency_response(MACHINE.plant, omega) for omega in (110.0, [[110.0, 200.0]]))
+    assert one.shape == ()
+    assert grid.shape == (1, 2)
+    assert one == grid[0, 0]

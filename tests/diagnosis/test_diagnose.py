@@ -109,6 +109,7 @@ def test_wrong_nominal_values_are_called_so(null_cache: Path) -> None:
     told = found.how_far.to_json()
     assert told["gap_refitted"]["force_N"] < 0.1 * told["gap_as_delivered"]["force_N"]
     assert told["adopted_file"] == "re-fitted"
+    assert "; the file handed over, re-fitted, leaves " in repr(found)
     assert told["gap_improved"]["force_N"] < 0.05  # its offset included
 
 
