@@ -21,23 +21,30 @@ Spectra = Sequence[tuple[Array, NDArray[np.complex128], Array]]
 
 SMOOTHED: Final = 0.5  # of the lowest frequency: the width over which the power of what is left is smoothed
 STEP: Final = 2.0  # of the mode's damping ratio: relative distance of two frequencies that are tried
-FINER: Final = 8  # steps between two of them, about those that resemble best
+FINER: Final = 3  # steps between two of them, about those that resemble best
 ABOUT: Final = 2.0  # a mode's response counts from its frequency over this to its frequency times this
 
 
 def resonances(
-    parts: Iterable[tuple[Array, Array]], sample_time: float, low: float, high: float, mode: Callable[[float], Mode],
-    most: int,
+    parts: Iterable[tuple[Array, Array]], sample_time: float, ranges: Sequence[tuple[float, float]],
+    mode: Callable[[float], Mode], most: int,
 ) -> list[float]:  # fmt: skip
-    """The frequencies [Hz] between low and high of up to `most` modes that resemble best what is left.
+    """The frequencies [Hz] within each of some ranges, of up to `most` modes that resemble best what is left.
 
     parts: of each record the net force (n,) [N], its mean from each reading to the next, and the gradient of
         chi-square by an error of the reading (n,) [1/m].
     mode: that of a frequency [Hz].
     """
+    if not ranges:
+        return []
+    width = SMOOTHED * min(low for low, _ in ranges)
+    spectra = [_spectra(force, gradient, sample_time, width) for force, gradient in parts]
+    return [found for low, high in ranges for found in _peaks(spectra, low, high, mode, most)]
+
+
+def _peaks(spectra: Spectra, low: float, high: float, mode: Callable[[float], Mode], most: int) -> list[float]:
     step = STEP * mode(low).damping
     tried = np.geomspace(low, high, 2 + round(np.log(high / low) / step))
-    spectra = [_spectra(force, gradient, sample_time, SMOOTHED * low) for force, gradient in parts]
     score = np.array([_score(mode(one), spectra) for one in tried])
     inner = np.flatnonzero((score[1:-1] >= score[:-2]) & (score[1:-1] >= score[2:])) + 1
     peaks = (tried[i - 1 : i + 2] for i in inner[np.argsort(-score[inner])][:most])

@@ -294,12 +294,12 @@ def _ringing(
     """Frequencies [Hz] of a mode within each of some ranges [Hz], where the records ring most as it would."""
     typical = kind.typical(fitted.candidate.nominal.priors)
     forces = (one.force.mean(axis=1) for one in fitted.residuals)
-    parts = [(force, left) for force, (_, _, left) in zip(forces, adjoints(fitted, records, projection), strict=True)]
+    parts = ((force, left) for force, (_, _, left) in zip(forces, adjoints(fitted, records, projection), strict=True))
 
     def mode(frequency: float) -> Mode:
         return replace(typical, **{item.name: frequency}).modes()[0]
 
-    return [one for within in ranges for one in resonances(parts, records[0].sample_time, *within, mode, PEAKS)]
+    return resonances(parts, records[0].sample_time, ranges, mode, PEAKS)
 
 
 def _points(item: Parameter) -> Array:

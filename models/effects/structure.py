@@ -23,7 +23,7 @@ class AdditionalMode(Effect):
     equation: ClassVar = r"P'(s)+K_t\frac{k}{s^2+2\zeta\omega s+\omega^2}"
     source: ClassVar = "Ewins 2000, Modal testing; sizes assumed: 1 to 10 % of 1/M for M of 15 to 50 kg"
     gain: float = parameter("1/kg", "modal gain k", 2e-4, 7e-3, "amplitude", signed=True)
-    frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", points=22, above=0)
+    frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", points=8, above=0)
     damping: float = parameter("1", "damping ratio", 5e-3, 5e-2, "shape", points=2, at_least=0, below=1)
 
     def modes(self) -> tuple[Mode, ...]:

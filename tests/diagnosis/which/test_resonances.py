@@ -34,7 +34,7 @@ def test_modes_of_either_sign_are_found_within_a_step(frequency: float, sign: fl
         force = lfilter([1.0], [1.0, -0.97], rng.standard_normal(n))
         motion = sign * moved(force, mode(frequency))
         parts.append((force, motion + np.std(motion) * rng.standard_normal(n)))
-    found = resonances(parts, SAMPLE, LOW, HIGH, mode, 4)
+    found = resonances(parts, SAMPLE, [(LOW, HIGH)], mode, 4)
     assert len(found) <= 4
     assert found[0] == pytest.approx(frequency, rel=STEP * 0.02)
 
@@ -46,5 +46,5 @@ def test_what_only_shakes_is_no_resonance() -> None:
     force = rng.standard_normal(n)
     motion = moved(force, mode(220.0))
     hum = 10 * np.std(motion) * np.sin(2 * np.pi * 90.0 * SAMPLE * np.arange(n))
-    found = resonances([(force, motion + hum)], SAMPLE, LOW, HIGH, mode, 4)
+    found = resonances([(force, motion + hum)], SAMPLE, [(LOW, HIGH)], mode, 4)
     assert any(one == pytest.approx(220.0, rel=0.04) for one in found)
