@@ -135,8 +135,7 @@ def diagnose(
     is done, 0 .. 1, and what comes next. cache: a folder in which the null's gains are kept for other records of the
     same schedule; without them the null is simulated anew, which is half of the time.
 
-    It takes a minute for 40 s of records at 2 kHz, and grows with the samples. Raises ValueError, in a sentence, for
-    records or names that it can't take.
+    Raises ValueError, in a sentence, for records or names that it can't take.
 
     >>> diagnosis.outcome, diagnosis.effects  # after diagnosis = pos.diagnose(machine, records)
     (<Outcome.ATTRIBUTED: 'attributed'>, ('viscous_friction',))

@@ -9,6 +9,7 @@ from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
 from models.machine import Machine
 from models.records.checks import (
+    SIGNALS,
     DoubtfulError,
     Facts,
     check_length,
@@ -21,8 +22,6 @@ from models.records.files import known_of
 from models.records.plausible import doubts
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
-
-SIGNALS = {"target", "reference", "feedforward", "command", "position"}
 
 
 def check(machine: Machine, records: Sequence[Record], disabled: Collection[str], *, trusted: bool) -> None:

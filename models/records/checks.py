@@ -28,6 +28,7 @@ TRUST: Final = "if the record is right as it is, give --trust-records (in Python
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
 SATURATED: Final = 3  # samples in a row at the extreme of the command
 SHORTEST: Final = 1000  # samples that a diagnosis needs, of all records together
+SIGNALS: Final = ("target", "reference", "feedforward", "command", "position")  # of a record
 SAME_TIME: Final = 1e-3  # relative difference between a record's sample time and the machine's that is tolerated
 STILL: Final = 5.0  # steps of the scale: a position that stays within them does not count as moving
 STANDS: Final = 256  # samples of a reference that stands still, after which an axis counts as at rest
@@ -88,7 +89,7 @@ def check_signals(record: Record) -> None:
     if not (math.isfinite(record.sample_time) and record.sample_time > 0):
         raise RecordError(f"its sample time is {record.sample_time:g}; give the seconds from one sample to the next")
     sizes = {}
-    for name in ("target", "reference", "feedforward", "command", "position"):
+    for name in SIGNALS:
         signal = getattr(record, name)
         if not isinstance(signal, np.ndarray) or signal.ndim != 1 or signal.dtype.kind != "f":
             raise RecordError(f"its {name} is no row of numbers; give a numpy array of floats of shape (n,)")
