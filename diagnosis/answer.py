@@ -248,11 +248,16 @@ def rivalling(stages: Sequence[Stage], criteria: Criteria, parts: Collection[str
         if not after.rivals or after.added in parts:
             continue
         best, least = after.rivals[0]
-        margin = max(criteria.rival_margin, criteria.rival_share * (before.fitted.cost - least))
+        margin = as_well(before.fitted.cost - least, criteria)
         alike = [name for name, cost in after.rivals[1:] if cost - least < margin and name not in {best, *inside}]
         if alike:
             groups.append((best, *alike))
     return tuple(groups)
+
+
+def as_well(gain: float, criteria: Criteria) -> float:
+    """The chi-square [1] within which another law explains the records as well as one that gains this much."""
+    return max(criteria.rival_margin, criteria.rival_share * gain)
 
 
 def overfitting_series(stages: Sequence[Stage], criteria: Criteria) -> set[str]:

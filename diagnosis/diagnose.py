@@ -10,7 +10,7 @@ verdict            the rules by which an answer is given                        
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -24,6 +24,7 @@ from diagnosis.answer import (
     Answer,
     answered,
     as_spring,
+    as_well,
     bent_spring,
     closes_too_little,
     doubted,
@@ -41,7 +42,7 @@ from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import acting
 from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.diagnosable import check
-from diagnosis.model.fit import Fit
+from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import on_single_blas_thread
 from diagnosis.refit import wrong_parameters
 from diagnosis.verdict import Outcome
@@ -95,7 +96,7 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         names = f": {', '.join(self.effects)}" if self.effects else ""
-        if self.outcome in NAMED:
+        if self.outcome in NAMED and self.how_far.closure > 0:
             closed = f"{100 * self.how_far.closure:.0f} %"
             return f"Diagnosis({self.outcome}{names}; {closed} of the gap closes where nothing was fitted)"
         before, adopted = dict(self.how_far.stages)[Content.DELIVERED].force, self.how_far.handover.adopted
@@ -156,12 +157,20 @@ def diagnosed(
     say = progress or (lambda _share, _text: None)
     say(0.5, "every effect of the catalogue against what is left")
     tell = partial(say, 0.7)
-    searched = prune(select(baseline, disabled, tell), baseline)
-    if (changed := _without_effects(searched, baseline)) is not None:
-        other = replace(baseline, nominal=changed)
-        again = prune(select(other, disabled, tell), other)
-        baseline, searched = (other, again) if len(again.stages) == 1 else (baseline, searched)
-    say(0.9, "how far the gap shrinks")
+
+    def search(base: Baseline) -> Pruned:
+        return prune(select(base, disabled, tell), base)
+
+    for searched, base in _beside_values(search(baseline), baseline, search):
+        say(0.9, "how far the gap shrinks")
+        found = _told(searched, base, disabled, seed)
+        if found.outcome is not Outcome.NONE:
+            break
+    return found
+
+
+def _told(searched: Pruned, baseline: Baseline, disabled: Collection[str], seed: int) -> Diagnosis:
+    """What a search says, once what it hands over has been judged."""
     for pruned, answer in explanations(searched, baseline, disabled, seed):
         found = _diagnosis(answer, pruned, baseline)
         if found.outcome in NAMED:
@@ -175,16 +184,55 @@ def diagnosed(
     return found
 
 
-def _without_effects(searched: Pruned, baseline: Baseline) -> Fit | None:
-    """The re-fit whose values of the plant go beyond their bounds, where it leaves no more of the records than effects
-    that were found beside it within them: a delay that is half a sample longer is no lag of the current loop. On a
-    drive that is rougher than its model, any law drives them there."""
-    nominal, found = baseline.nominal, searched.stages[-1].fitted
-    if len(searched.stages) < 2 or found.candidate.rough or not plant_at_bounds(nominal.candidate):
-        return None
-    other = freed(nominal, baseline.records)
-    left, with_effects = (float(one.innovations @ one.innovations) for one in (other, found))
-    return other if left < with_effects + baseline.criteria.min_gain_further else None
+def _beside_values(
+    searched: Pruned, baseline: Baseline, search: Callable[[Baseline], Pruned]
+) -> Iterator[tuple[Pruned, Baseline]]:
+    """What may explain the records, the likeliest first: the search, or values of the plant beyond their bounds where
+    these leave no more of the records than the effects that were found beside them within. An effect that delays the
+    thrust and a longer dead time hardly differ, so that each is the other's rival. On a drive that is rougher than its
+    model, any law drives the values there."""
+    nominal, last, criteria = baseline.nominal, searched.stages[-1], baseline.criteria
+    at_bounds = [one.name for one in plant_at_bounds(nominal.candidate)]
+    if len(searched.stages) < 2 or last.fitted.candidate.rough or not at_bounds:
+        yield searched, baseline
+        return
+    values = freed(nominal, baseline.records)
+    delay = _delayed(searched, baseline) if "dead_time" in at_bounds else None
+    no_more = _left(values) - _left(last.fitted) < criteria.min_gain_further
+    if delay is not None:
+        more = _left(values) - _left(delay.fitted)
+        margin = as_well(_left(nominal) - _left(delay.fitted), criteria)
+        if abs(more) < margin and (no_more or delay is last):
+            cost = delay.fitted.cost
+            rivals = ((str(delay.added), cost), *delay.rivals[1:], ("dead_time", cost + max(more, 0.0)))
+            yield prune((searched.stages[0], replace(delay, rivals=rivals)), baseline), baseline
+        elif delay is last:
+            no_more = more < 0
+    if no_more:
+        other = replace(baseline, nominal=values)
+        again = search(other)
+        if len(again.stages) == 1:
+            yield again, other
+            return
+    yield searched, baseline
+
+
+def _delayed(searched: Pruned, baseline: Baseline) -> Stage | None:
+    """The stage whose only effect delays the thrust: the search's, or that with the effect that was proposed."""
+    first, last, nominal = searched.stages[0], searched.stages[-1], baseline.nominal
+    added = last.fitted.candidate.added_effects
+    if [one.name for one in added] == [last.added] and added[0].delayed_by:
+        return last
+    for one in first.scanned:
+        if one.effect is not None and one.effect.delayed_by:
+            with_it = one.added_to(nominal.candidate)
+            return Stage(fit(with_it, baseline.records, paths=nominal.paths, walk=nominal.walk), added=one.name)
+    return None
+
+
+def _left(fitted: Fit) -> float:
+    """The chi-square [1] of what a model leaves of the records, without that of its values."""
+    return float(np.sum(fitted.innovations**2))
 
 
 def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learned | None = None) -> Diagnosis:

@@ -28,7 +28,7 @@ SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not 
 def sentences(results: Results) -> dict[str, str]:
     """Where, which and how far, each in a sentence or two, and the outcome in a few words."""
     return {
-        "outcome": _outcome(results["verdict"]),
+        "outcome": _outcome(results),
         "where": _where(results["where"]),
         "which": _which(results) + _elements(results),
         "how_far": _how_far(results),
@@ -40,13 +40,14 @@ def effects_listed(names: Sequence[str], last: str = "and") -> str:
     return listed([effect(name) for name in names], last)
 
 
-def _outcome(verdict: Results) -> str:
+def _outcome(results: Results) -> str:
+    verdict = results["verdict"]
     if _is_unsure(verdict):
         return f"No name is sure; it looks like {effects_listed(verdict['partly'])}"
     alike = f"; in part it resembles {effects_listed(verdict['partly'])}" if verdict["partly"] else ""
     return {
         "attributed": f"Attributed to {effects_listed(verdict['effects'])}",
-        "ambiguous": f"Either {effects_listed(_rivals(verdict), 'or')}",
+        "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
         "none_of_these": f"No effect of the catalogue explains it{alike}",
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {effects_listed(verdict['effects'])}",
@@ -121,8 +122,9 @@ def _which(results: Results) -> str:
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_another_form(verdict, name)}{_parameters(rows.get(name))}" for name in names]
     if outcome == "ambiguous":
-        alike = f"{_others(verdict)}{roughness(results)}"
-        return f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
+        alike = f"{_others(results)}{roughness(results)}"
+        told = f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
+        return told + _input_delay(results)
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
     return f"It is {listed(shown)}{roughness(results)}.{by_curve}{_said_beside(results)}"
@@ -175,7 +177,7 @@ def _said_beside(results: Results) -> str:
     """Which way friction is larger, which effects are excluded by their sign, and the input delay where it moved; not
     where values are at their bounds or weights do not hold, as the delay then stands in for what the model lacks."""
     verdict = results["verdict"]
-    told, way, delay = "", verdict["direction"], verdict["input_delay"]
+    told, way = "", verdict["direction"]
     if way and not set(way["effects"]).isdisjoint(verdict["effects"]):
         told += (
             f" Friction is larger {way['larger']}, by {show(way['difference_N'], 'N', 2)} at "
@@ -183,19 +185,30 @@ def _said_beside(results: Results) -> str:
         )
     if verdict["excluded"]:
         told += f" Excluded, as its size would have the wrong sign: {effects_listed(verdict['excluded'])}."
+    return told if far_off(results) or results["how_far"]["at_bounds"] else told + _input_delay(results)
+
+
+def _input_delay(results: Results) -> str:
+    """By how much a thrust acts later than its command, where that is not what the machine file says."""
+    delay = results["verdict"]["input_delay"]
     total, std, before = (1e3 * delay[name] for name in ("total_s", "std_s", "delivered_s"))
-    if std > 0 and abs(total - before) > MOVED * std and not far_off(results) and not results["how_far"]["at_bounds"]:
-        digits = max(2, 1 - math.floor(math.log10(std)))  # as many as the deviation has
-        now, then = f"{total:.{digits}f} ± {std:.2g} ms", f"{before:.{digits}f} ms"
-        told += f" The input delay, the hold included, is {now} instead of {then}."
-    return told
+    if std <= 0 or abs(total - before) <= MOVED * std:
+        return ""
+    digits = max(2, 1 - math.floor(math.log10(std)))  # as many as the deviation has
+    now, then = f"{total:.{digits}f} ± {std:.2g} ms", f"{before:.{digits}f} ms"
+    return f" The input delay, the hold included, is {now} instead of {then}."
 
 
-def _others(verdict: Results) -> str:
+def _others(results: Results) -> str:
     """The rivals of those that are in the model."""
-    return effects_listed(
-        [name for name in _rivals(verdict) if name not in verdict["effects"]] or _rivals(verdict), "or"
-    )
+    rivals = _rivals(results["verdict"])
+    return _listed_or([name for name in rivals if name not in results["verdict"]["effects"]] or rivals, results)
+
+
+def _listed_or(names: Sequence[str], results: Results) -> str:
+    """Rivals in words, the last two joined by "or": of effects their names, of nominal values that they are others."""
+    nominal = {row["name"] for row in results["shifts"]}
+    return listed([f"another {effect(name)}" if name in nominal else effect(name) for name in names], "or")
 
 
 def _parameters(row: Results | None) -> str:

@@ -26,7 +26,7 @@ from diagnosis.where.locate import locate
 from diagnosis.where.sentences import Topic, statements
 from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook
 from models.effects.friction_laws import FrictionRelaxation, Stribeck, ViscousFriction
-from models.effects.motor import Cogging
+from models.effects.motor import Cogging, CurrentLoopLag
 from models.effects.parameter import parameter
 from models.machine import load
 from models.machine_file import to_toml
@@ -119,6 +119,19 @@ def test_a_dead_time_that_is_far_off_is_no_lag(null_cache: Path) -> None:
     found = diagnose(MACHINE, recorded(late, PLAN, seed=9), cache=null_cache)
     assert found.outcome == Outcome.PARAMETERS
     assert "dead_time" in found.effects
+
+
+@pytest.mark.parametrize(("dead_time", "lag"), [(5e-4, 0.0), (0.0, 2.5e-4)])
+def test_a_lag_and_a_longer_dead_time_that_leave_as_much_are_both_said(
+    dead_time: float, lag: float, null_cache: Path
+) -> None:
+    late = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=MACHINE.plant.dead_time + dead_time))
+    effects = [CurrentLoopLag(lag)] if lag else []
+    found = diagnose(MACHINE, recorded(late, PLAN, effects, seed=9), cache=null_cache)
+    assert (found.outcome, found.effects) == (Outcome.AMBIGUOUS, ("current_loop_lag",))
+    assert found.equivalent == (("current_loop_lag", "dead_time"),)
+    delay = to_json(found)["verdict"]["input_delay"]
+    assert delay["total_s"] - delay["delivered_s"] == pytest.approx(dead_time + lag, rel=0.03)
 
 
 def test_nothing_is_found_where_nothing_is_wrong(null_cache: Path) -> None:

@@ -41,6 +41,7 @@ def test_the_first_page_chooses_what_was_found_by_its_topic(
         ("parameters", ["payload_mass", "dead_time"], [], "Nominal values are off, payload mass by "),
         ("none_of_these", [], [], "the cause is out of catalogue"),
         ("ambiguous", ["cogging"], [["cogging", "cable_spring"]], "cannot distinguish from it: cable spring"),
+        ("ambiguous", ["current_loop_lag"], [["current_loop_lag", "dead_time"]], "from it: another dead time"),
         ("attributed", ["friction_relaxation"], [], "It is friction relaxation"),
     ],
 )
