@@ -248,7 +248,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     if outcome is Outcome.NONE or (known is None and bent_spring(answer, baseline)):
         curve = learned(pruned.stages[0].fitted, closure.floor, baseline)
         if spring := as_spring(curve, answer, pruned, baseline):
-            return _diagnosis(spring, pruned, baseline, curve)
+            return _diagnosis(spring, pruned, baseline, replace(curve, reason=""))
         unknown = curve if outcome is Outcome.NONE else None
     law = unknown.fitted if known is None and unknown is not None and not unknown.reason else None
     far = how_far(stages, outcome, closure.floor, baseline, law)

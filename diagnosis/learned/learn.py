@@ -30,8 +30,8 @@ ITERATIONS: Final = 4  # of a fit with the law in it
 @dataclass(frozen=True)
 class Learned:
     """A law without a name: its table, the low and the high end of its band at the knots (K,) [N], how it does on types
-    of motion that were not used, and the model with it. reason: why it may not go into a machine; empty if it may.
-    by_force: whether it was judged by the unknown force, as innovations hardly show it."""
+    of motion that were not used, and the model with it. reason: why it may not go into a machine without a name; empty
+    if it may. by_force: whether it was judged by the unknown force, as innovations hardly show it."""
 
     law: Measured | None
     low: Array
@@ -42,9 +42,11 @@ class Learned:
     by_force: bool = False
 
     def pulls_back(self, most_rise: float) -> bool:
-        """Whether it may go into a machine and is a force over the position that surely falls, and within its band
-        nowhere rises by more than a part of that [1]: what pulls back towards one place."""
-        if self.law is None or self.reason or (self.law.coordinate, self.law.symmetry) != ("position", "plain"):
+        """Whether it is a force over the position that surely falls, and within its band nowhere rises by more than a
+        part of that [1]: what pulls back towards one place. Nothing speaks against it but that few motions judge it."""
+        if self.law is None or (self.law.coordinate, self.law.symmetry) != ("position", "plain"):
+            return False
+        if self.reason and self.fitted is None:
             return False
         fall = self.low[0] - self.high[-1]
         rise = np.max(self.low - np.minimum.accumulate(self.high))
@@ -123,10 +125,10 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     choice = chosen(tests, kind, types)
     low, high = _band(choice, kind.size)
     reason, fitted = objection(judged, criteria), None
-    if reason:
-        law = _law(choice.test.curve, _of_all(choice), baseline)
-    else:
+    if not reason or little_judged(judged, criteria):
         fitted, law = _in_the_model(choice, begin, baseline)
+    else:
+        law = _law(choice.test.curve, _of_all(choice), baseline)
     force = np.array(law.force)
     return Learned(law, force + low, force + high, judged, fitted, reason, by_force)
 
@@ -157,6 +159,13 @@ def objection(judged: Judgement, criteria: Criteria) -> str:
             f"{100 * criteria.learned_min_closure:.0f} % asked for"
         )
     return ""
+
+
+def little_judged(judged: Judgement, criteria: Criteria) -> bool:
+    """Whether nothing is to be said against a law but that too little of the gap lies where other motions show it: it
+    surely closes some of that, and in all likelihood as much as is asked for."""
+    few = judged.share < criteria.learned_min_judged
+    return few and judged.closure >= criteria.learned_min_closure and judged.interval[0] > 0
 
 
 def columns_of(curve: Curve, fitted: Fit, baseline: Baseline, projection: NuisanceProjection) -> Array:

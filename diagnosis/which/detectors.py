@@ -93,7 +93,8 @@ def random_force(seen: View) -> Detected:
     # What another form leaves looks like a line in noise, but not as much at rest as in motion.
     if seen.fitted.candidate.added_effects and low < criteria.random_force_evenness:
         threshold = max(threshold, criteria.random_force_beside * (seen.baseline.nominal.cost - seen.fitted.cost))
-    if high < criteria.random_force_evenness or found.steady < criteria.random_force_steadiness:
+    loses = low + high <= 0  # at rest what it gains in motion, or the other way round
+    if high < criteria.random_force_evenness or loses or found.steady < criteria.random_force_steadiness:
         return Detected()
     if found.gain <= threshold:
         return Detected()

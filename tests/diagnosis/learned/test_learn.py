@@ -20,7 +20,8 @@ from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
 from diagnosis.learned import learn
-from diagnosis.learned.learn import Learned, learned
+from diagnosis.learned.learn import Learned, learned, little_judged, objection
+from diagnosis.learned.left_out import Judgement
 from diagnosis.model.motions import MotionKind, pieces
 from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null
@@ -269,3 +270,20 @@ def test_a_spring_is_a_force_over_the_position_that_surely_falls_and_nowhere_ris
     law = Measured(coordinate, (0.0, 1.0, 2.0), force, symmetry)
     values = np.array(force)
     assert Learned(law, values - 0.05, values + 0.05, None, None, reason).pulls_back(0.05) is pulls
+
+
+@pytest.mark.parametrize(
+    ("share", "closure", "low", "pulls"),
+    [(0.18, 0.96, 0.45, True), (0.18, 0.96, -0.1, False), (0.18, 0.6, 0.45, False), (0.5, 0.6, 0.45, False)],
+)
+def test_a_spring_that_few_motions_judge_is_one_where_those_surely_close_some(
+    share: float, closure: float, low: float, pulls: bool, leaning: Baseline
+) -> None:
+    """The first is of a drawn machine whose motions hardly overlap (seed 202624)."""
+    judged = Judgement(closure, (low, 1.0), share, ())
+    assert little_judged(judged, Criteria()) == pulls
+    fitted = leaning.nominal if little_judged(judged, Criteria()) else None
+    law, values = Measured("position", (0.0, 1.0, 2.0), (0.0, 0.0, -1.0)), np.array([0.0, 0.0, -1.0])
+    reason = objection(judged, Criteria())
+    assert reason
+    assert Learned(law, values - 0.05, values + 0.05, judged, fitted, reason).pulls_back(0.05) is pulls

@@ -62,3 +62,14 @@ def test_where_an_added_mode_rings_no_random_force_is_proposed(
     candidate = replace(begun.nominal.candidate, effects=(AdditionalMode(1e-3, 118.0, 0.02),))
     fitted = fit(candidate, begun.records, iterations=0)
     assert bool(random_force(view(fitted, begun, (), (), {})).proposals) == proposed
+
+
+@pytest.mark.parametrize(("even", "proposed"), [((-1.5, 0.6), False), ((-0.4, 0.6), True), ((0.0, np.inf), True)])
+def test_a_force_that_loses_at_rest_what_it_gains_in_motion_is_no_floor(
+    even: tuple[float, float], proposed: bool, begun: Baseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first is of a drawn machine with wrong nominal values only (seed 202624), whose line gained 45."""
+    found = RandomForce(Resonance(468.0, 0.1, 0.1), 45.0, 1.0, even)
+    monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: found)
+    monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
+    assert bool(random_force(view(begun.nominal, begun, (), (), {})).proposals) == proposed
