@@ -86,9 +86,12 @@ def _where(where: Results) -> str:
 
 
 def _off_by(row: Results) -> str:
-    """By how much a nominal value was off: of several of its kind, the one that moved the most."""
+    """By how much a nominal value was off: of several of its kind, the one that moved the most, and of contacts what
+    all of them come to."""
     size = row["moved"] * max(row["std"])
     told = _in_percent(size) if row["unit"] == "1" else show(size, row["unit"], 2)
+    if row["values"] > 1 and row.get("in_all") is not None:
+        return f"{effect(row['name'])} by {_in_percent(row['in_all'])} in all (of single contacts by up to {told})"
     return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
 
 
@@ -267,7 +270,9 @@ def _gap_closed(results: Results) -> str:
         )
     if verdict["outcome"] == "parameters":
         moved = _from_to(far["gap_as_delivered"], far["gap_refitted"])
-        return f"The re-fit reduces the gap {moved}; the noise floor is {floor}."
+        before, least = far["gap_as_delivered"]["force_N"], far["floor"]["force_N"]
+        sure = ", no less than what the file leaves as delivered: what is off is sure, and small"
+        return f"The re-fit reduces the gap {moved}; the noise floor is {floor}{sure if before <= least else ''}."
     low, high = far["closure_interval"]
     if verdict["outcome"] == "none_of_these" and len(far["stages"]) <= UNNAMED:
         return (

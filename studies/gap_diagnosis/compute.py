@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from design.judging.known_range import with_covered
 from diagnosis.baseline import driven, refit_and_null
 from diagnosis.diagnose import Diagnosis
@@ -22,6 +24,7 @@ from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine
 from diagnosis.model.motions import LONGEST, Piece
 from diagnosis.model.parameters import moved, priors
+from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import loop_time
 from diagnosis.where.controller import replayed
@@ -248,8 +251,20 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
             bound = float((usual.high / usual.deviation)[usual.of(name)].max())
             row = {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
             prior = known[name]
-            rows.append({**row, "unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin})
+            told = {"unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin}
+            rows.append({**row, **told, "in_all": _of_all_contacts(name, fits[0])})
     return rows
+
+
+def _of_all_contacts(name: str, fitted: Candidate) -> float | None:
+    """By what part of itself [1] the stiffness of all contacts together, or their mean displacement at slip, was moved;
+    None for other values. That of a single contact, which the others nearly make up for, is hardly known."""
+    layout = fitted.layout
+    stiffness = np.array(layout.machine.friction.stiffness)
+    of_each = {"presliding_stiffness": stiffness, "presliding_limit": stiffness * layout.machine.friction.limit}
+    if name not in of_each:
+        return None
+    return float(np.average(np.expm1(fitted.theta[layout.of(name)]), weights=of_each[name]))
 
 
 def _entry(name: str) -> dict[str, Any]:

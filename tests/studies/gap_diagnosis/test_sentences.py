@@ -6,10 +6,15 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
 from studies.gap_diagnosis import report
 from studies.gap_diagnosis.answer import _in_percent, elsewhere, sentences
+from studies.gap_diagnosis.compute import _of_all_contacts
+from tests.diagnosis.tables import table
 
 
 def test_the_answer_is_made_of_the_results(results: dict[str, Any]) -> None:
@@ -279,9 +284,36 @@ def test_a_nominal_value_that_is_off_is_told_with_its_size(results: dict[str, An
     shifts = [{"name": name, **row} for name, row in rows.items()]
     told = sentences({**results, "verdict": verdict, "shifts": shifts})["which"]
     assert "off, payload mass by -3 %, dead time by 10 µs and presliding stiffness by up to 9 %; re-fitted" in told
+    told = sentences({**results, "verdict": verdict, "shifts": [*shifts[:2], {**shifts[2], "in_all": -0.031}]})["which"]
+    assert "and presliding stiffness by -3.1 % in all (of single contacts by up to 9 %); re-fitted" in told
     rows["payload_mass"]["moved"] = 4800.0
     shifts = [{"name": name, **row} for name, row in rows.items()]
     assert "payload mass by 72 times," in sentences({**results, "verdict": verdict, "shifts": shifts})["which"]
+
+
+@pytest.mark.parametrize(("least", "small"), [(0.5, False), (1.5, True)])
+def test_a_shift_that_is_sure_below_the_noise_floor_is_said_to_be_small(
+    least: float, small: bool, results: dict[str, Any]
+) -> None:
+    """On a healthy axis, what is left of an identification's errors."""
+    delivered = results["how_far"]["gap_as_delivered"]
+    far = {**results["how_far"], "floor": {**results["how_far"]["floor"], "force_N": least * delivered["force_N"]}}
+    verdict = {**results["verdict"], "outcome": "parameters", "effects": ["presliding_stiffness"]}
+    told = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
+    assert ("what is off is sure, and small" in told) == small
+
+
+def test_of_contacts_that_make_up_for_one_another_little_is_off_in_all() -> None:
+    machine = table()
+    layout = parameters(machine, 1)
+    theta = np.zeros(layout.count)
+    where = layout.of("presliding_stiffness")[:2]
+    first, second = machine.friction.stiffness[:2]
+    theta[where] = np.log1p([0.4, -0.4 * first / second])
+    assert _of_all_contacts("presliding_stiffness", Candidate(layout, theta)) == pytest.approx(0.0, abs=1e-12)
+    theta[layout.of("presliding_limit")] = np.log1p(0.1)
+    assert _of_all_contacts("presliding_limit", Candidate(layout, theta)) == pytest.approx(0.1)
+    assert _of_all_contacts("payload_mass", Candidate(layout, theta)) is None
 
 
 @pytest.mark.parametrize("still", [False, True])
