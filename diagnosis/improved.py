@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
+from diagnosis.handover.gate import chosen
 from diagnosis.handover.posterior import spreads
 from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
@@ -32,3 +35,18 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     # Where something is left that has no name, values stand in for it by more than their deviations tell.
     stated = spreads(fitted, segment) if diagnosis.outcome is not Outcome.NONE else {}
     return machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
+
+
+def without_effects(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis where the names that it found are not sure after all: none of them counts, and the file that is
+    handed over has none of their effects."""
+    far = diagnosis.how_far
+    files = [file for file in far.handover.files if file.name != Content.EFFECTS]
+    return replace(
+        diagnosis,
+        outcome=Outcome.NONE,
+        effects=(),
+        partly=diagnosis.effects,
+        equivalent=(),
+        how_far=replace(far, handover=chosen(files)),
+    )

@@ -21,7 +21,7 @@ from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
 from diagnosis.handover.overrun import OVERRUN, overrun
 from diagnosis.handover.transfer import on_record
-from diagnosis.improved import improved_machine
+from diagnosis.improved import improved_machine, without_effects
 from diagnosis.model.motions import LONGEST, Piece
 from diagnosis.model.parameters import moved, priors
 from diagnosis.model.residual import Candidate
@@ -99,13 +99,17 @@ def answered(
 
     begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
+    looks = course(options.looks)
+    verdict = confirmed({**verdict_of(found)["verdict"], **beside.to_json()["verdict"]}, looks)
+    if verdict.get("confirmed") is False and not verdict["effects"]:
+        found = without_effects(found)
     source = "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown)
     better = improved_machine(found, source)
     if options.record and better != given.machine:
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
-    looks = course(options.looks)
-    results = {**_results(found, beside, given, _elsewhere(found, apart), options, looks), "adopted": adopted}
+    told = {"verdict": verdict, "asked": looks}
+    results = {**_results(found, beside, given, _elsewhere(found, apart), options, told), "adopted": adopted}
     handover = found.how_far.handover
     files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)
     results["settling"] = settling_told(files, found.baseline.records, found.baseline.driving, options.seed)
@@ -192,19 +196,17 @@ def _results(
     given: Given,
     elsewhere: Mapping[str, Any] | None,
     options: DiagnosisOptions,
-    looks: Mapping[str, Any] | None,
+    told: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The agreed keys, and what the report needs besides."""
+    """The agreed keys, and what the report needs besides; told: the verdict, and the looks that it was asked for."""
     more, plain = beside.to_json(), verdict_of(found)
     plain["how_far"]["hold_out"] = elsewhere
-    verdict = confirmed({**plain["verdict"], **more["verdict"]}, looks)
     results = {
         **plain,
-        "verdict": verdict,
+        **told,
         "where": more["where"],
         "confusability": more["confusability"],
         "quick": options.quick,
-        "asked": looks,
         "truth": given.truth,
         "records": _with_motions(given.shown, found.baseline.pieces),
         "motion_part_s": LONGEST * loop_time(found.baseline.machine),

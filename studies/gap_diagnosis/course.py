@@ -6,13 +6,18 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from types import MappingProxyType
+from typing import Any, Final, TypeGuard
 
 from models.quantity import listed, show
 from studies.options import BadInputError
 
 LOOKS: Final = "looks.json"
 ASKED: Final = "asked"  # the folder of the records among the results
+COURSE: Final = MappingProxyType(
+    {"outcome": str, "effects": list, "needed": int | float, "seconds": int | float, "reason": str, "looks": list}
+)
+LOOK: Final = MappingProxyType({"seconds": int | float, "why": str, "asked": str, "log10_e_value": int | float})
 MANY: Final = 6.0  # powers of ten of an e-value that are not told any more
 
 
@@ -24,9 +29,21 @@ def course(file: Path | None) -> Mapping[str, Any] | None:
         content = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise BadInputError(f"--looks {file}: can't be read; give the {LOOKS} that --machine-process wrote") from error
-    if not isinstance(content, dict) or not isinstance(content.get("looks"), list) or "outcome" not in content:
+    if not _is_course(content):
         raise BadInputError(f"--looks {file}: is not the course of a diagnosis; give the {LOOKS} beside the records")
     return content
+
+
+def _is_course(content: Any) -> TypeGuard[Mapping[str, Any]]:
+    """Whether it has all that is told of a course and of each of its looks."""
+    whole = isinstance(content, dict) and _are(content, COURSE)
+    return whole and all(
+        isinstance(one, dict) and one.keys() >= {"failed", "after"} and _are(one, LOOK) for one in content["looks"]
+    )
+
+
+def _are(content: Mapping[str, Any], kinds: Mapping[str, Any]) -> bool:
+    return all(isinstance(content.get(name), kind) for name, kind in kinds.items())
 
 
 def copies(records: Sequence[Path], looks: Path) -> dict[str, bytes]:
@@ -44,7 +61,8 @@ def confirmed(verdict: Mapping[str, Any], looks: Mapping[str, Any] | None) -> di
     if looks is None or verdict["outcome"] not in {"attributed", "ambiguous"}:
         return dict(verdict)
     sure = [name for name in verdict["effects"] if name in looks["effects"]]
-    there = verdict["outcome"] == "ambiguous" and looks["looks"][-1]["log10_e_value"] >= math.log10(looks["needed"])
+    reached = max((look["log10_e_value"] for look in looks["looks"][-1:]), default=-math.inf)
+    there = verdict["outcome"] == "ambiguous" and reached >= math.log10(looks["needed"])
     if sure or there:
         return {**verdict, "confirmed": len(sure) == len(verdict["effects"])}
     return {**verdict, "outcome": "none_of_these", "effects": [], "partly": verdict["effects"], "confirmed": False}

@@ -18,7 +18,7 @@ from diagnosis.diagnose import Diagnosis, diagnose, to_json
 from diagnosis.evidence import evidence, examined
 from diagnosis.handover.files import judged, starts_of
 from diagnosis.how_far import errors_of
-from diagnosis.improved import improved_machine
+from diagnosis.improved import improved_machine, without_effects
 from diagnosis.model.fit import largest
 from diagnosis.model.residual import smooth
 from diagnosis.verdict import Outcome
@@ -57,6 +57,14 @@ def test_one_effect_is_named_with_its_size_and_closes_the_gap(viscous: Diagnosis
     assert found.how_far.closure > 0.9
     assert found.how_far.interval[0] <= found.how_far.closure <= found.how_far.interval[1]
     _the_written_file_leaves_what_is_told(found, tmp_path)
+
+
+def test_names_that_are_not_sure_after_all_are_in_no_file(viscous: Diagnosis) -> None:
+    assert viscous.how_far.handover.adopted.name == "with effects"
+    less = without_effects(viscous)
+    assert (less.outcome, less.effects, less.partly) == (Outcome.NONE, (), ("viscous_friction",))
+    assert less.how_far.handover.adopted.name in {"as delivered", "offset alone", "re-fitted"}
+    assert improved_machine(less).effects == ()
 
 
 def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> None:

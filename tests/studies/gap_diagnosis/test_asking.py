@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import positioning as pos
 from diagnosis.experiments.active import Asked, Budget, Settings, Step
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.look import Found
@@ -156,10 +157,28 @@ def test_a_name_that_no_record_confirmed_is_not_given() -> None:
     assert (one_of_two["outcome"], one_of_two["confirmed"]) == ("attributed", False)
 
 
+def test_a_name_that_no_record_confirmed_is_in_no_file(quick: Path, tmp_path: Path) -> None:
+    """Neither in what is said nor in what is handed over; the same run without looks names it."""
+    before = json.loads((quick / "results.json").read_text(encoding="utf-8"))["results"]
+    (name,) = before["verdict"]["effects"]
+    assert before["adopted"] == [name]
+    assert f"[effects.{name}]" in (quick / "improved.toml").read_text(encoding="utf-8")
+    file = tmp_path / "looks.json"
+    file.write_text(json.dumps(looks("cannot_tell", [], 0.3)), encoding="utf-8")
+    whole = pos.studies.gap_diagnosis(quick=True, looks=file)
+    found = whole.results
+    assert f"[effects.{name}]" not in whole.files["improved.toml"]
+    assert (found["verdict"]["partly"], found["verdict"]["confirmed"]) == ([name], False)
+    assert found["adopted"] == []
+    assert found["how_far"]["adopted_file"] != "with effects"
+    assert "and not in improved.toml" in found["answer"]["how_far"]
+
+
 def test_a_set_of_alike_names_needs_that_something_is_there() -> None:
     alike = {**VERDICT, "outcome": "ambiguous", "equivalent": [["cogging", "thrust_ripple"]]}
     assert confirmed(alike, looks("cannot_tell", [], 3.0))["outcome"] == "ambiguous"
     assert confirmed(alike, looks("cannot_tell", [], 1.0))["outcome"] == "none_of_these"
+    assert confirmed(alike, {**looks("cannot_tell", [], 3.0), "looks": []})["outcome"] == "none_of_these"
     nothing = {**VERDICT, "outcome": "nothing_to_explain", "effects": []}
     assert confirmed(nothing, looks("cannot_tell", [], 0.0)) == nothing
 
@@ -167,13 +186,13 @@ def test_a_set_of_alike_names_needs_that_something_is_there() -> None:
 def test_what_is_unsure_is_told_so() -> None:
     content = looks("cannot_tell", [], 0.3)
     verdict = {**confirmed(VERDICT, content), "form": {}, "direction": None}
-    assert answer._outcome(verdict) == "No name is sure; it looks like cogging"
     results: dict[str, Any] = {
         "verdict": verdict,
         "asked": content,
         "where": {"details": {"controller": []}},
         "learned": None,
     }
+    assert answer._outcome(results) == "No name is sure; it looks like cogging"
     told_of = answer._which({**results, **ROUGHNESS})
     assert "no record that had not chosen this name confirms it: the machine's time is spent" in told_of
 
@@ -191,7 +210,9 @@ def test_the_course_is_told_and_its_file_checked(tmp_path: Path) -> None:
     file.write_text(json.dumps(content), encoding="utf-8")
     assert course(file) == content
     assert course(None) is None
-    for text in ("{", "[]", '{"looks": 3, "outcome": "named"}'):
+    unwhole = [json.dumps({**content, name: None}) for name in ("effects", "needed", "seconds", "reason")]
+    unlooked = json.dumps({**content, "looks": [{"seconds": 2.0}]})
+    for text in ("{", "[]", '{"looks": 3, "outcome": "named"}', *unwhole, unlooked):
         file.write_text(text, encoding="utf-8")
         with pytest.raises(BadInputError, match=r"looks\.json"):
             course(file)
