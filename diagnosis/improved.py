@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
@@ -10,7 +11,9 @@ from diagnosis.handover.gate import chosen
 from diagnosis.handover.posterior import spreads
 from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
-from models.machine import Machine
+from models.machine import Machine, Provenance
+
+OFFSET: Final = "drive.offset"
 
 
 def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine:
@@ -29,12 +32,19 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     """
     nominal, adopted = diagnosis.baseline.machine, diagnosis.how_far.handover.adopted
     if adopted.finished is None:
-        return diagnosis.baseline.delivered if adopted.name == Content.DELIVERED else adopted.machine
+        given = diagnosis.baseline.delivered
+        return given if adopted.name == Content.DELIVERED else _with_offset(given, adopted.machine.drive.offset, source)
     fitted = adopted.finished.fitted
     segment = diagnosis.baseline.segment
     # Where something is left that has no name, values stand in for it by more than their deviations tell.
     stated = spreads(fitted, segment) if diagnosis.outcome is not Outcome.NONE else {}
     return machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
+
+
+def _with_offset(machine: Machine, offset: float, source: str) -> Machine:
+    """The machine with another offset [N], which the records showed, and nothing else changed."""
+    said = Provenance("identified", f"{source}, the mean of the force that the file left")
+    return replace(machine, drive=replace(machine.drive, offset=offset), sources={**machine.sources, OFFSET: said})
 
 
 def without_effects(diagnosis: Diagnosis) -> Diagnosis:

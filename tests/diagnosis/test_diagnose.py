@@ -17,6 +17,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.diagnose import Diagnosis, diagnose, to_json
 from diagnosis.evidence import evidence, examined
 from diagnosis.handover.files import judged, starts_of
+from diagnosis.handover.gate import offset_alone
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine, without_effects
 from diagnosis.model.fit import largest
@@ -65,6 +66,18 @@ def test_names_that_are_not_sure_after_all_are_in_no_file(viscous: Diagnosis) ->
     assert (less.outcome, less.effects, less.partly) == (Outcome.NONE, (), ("viscous_friction",))
     assert less.how_far.handover.adopted.name in {"as delivered", "offset alone", "re-fitted"}
     assert improved_machine(less).effects == ()
+
+
+def test_a_file_with_another_offset_alone_is_the_given_one_in_all_else(viscous: Diagnosis) -> None:
+    far, given = viscous.how_far, viscous.baseline.delivered
+    file = offset_alone(viscous.baseline, far.handover.files[0])
+    other = replace(viscous, how_far=replace(far, handover=replace(far.handover, adopted=file)))
+    better = improved_machine(other, "a test")
+    assert better.drive.offset == file.machine.drive.offset != given.drive.offset
+    said = better.sources["drive.offset"]
+    assert (said.kind, said.std) == ("identified", None)
+    assert said.detail.startswith("a test")
+    assert replace(better, drive=given.drive, sources=given.sources) == given
 
 
 def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> None:
