@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.identification.response import FrequencyResponse, period
 from models.machine import Machine
@@ -16,6 +17,12 @@ from models.records.files import Loaded, known_of, load
 from models.records.record import Record
 from models.records.tables.sizes import LIMITS, Limits
 
+Array = NDArray[np.float64]
+
+LONGEST: Final = 0.05  # s over which a reading is averaged, and
+SHORTEST: Final = 3  # samples
+AWAY: Final = 0.1  # of the reading's scatter: what an average may take off it
+NOISES: Final = 3.0  # of the scale's noise, below which what it takes off is that
 SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
 STRAIGHT: Final = (
     0.01  # of the way: by so much a reference of one speed may be off a straight line under the excitation
@@ -48,10 +55,22 @@ def recognised(machine: Machine, loaded: Loaded) -> str:
         return "motion"
     if np.ptp(record.feedforward) > 0 and (_straight(record) or period(record.feedforward) is not None):
         return "excitation"
-    width = max(round(0.05 / record.sample_time), 3)
-    smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
-    inertia = np.diff(smooth, 2) / record.sample_time**2 / machine.plant.rigid_gain
+    inertia = np.diff(_without_noise(record, machine), 2) / record.sample_time**2 / machine.plant.rigid_gain
     return "hysteresis" if np.std(inertia) < SLOW * np.std(record.command) else "dynamics"
+
+
+def _without_noise(record: Record, machine: Machine) -> Array:
+    """The reading [m], or rad, averaged over as long as leaves the motion as it is: a short one would take the noise's
+    acceleration for the table's, a long one averages a fast motion away."""
+    noise = max(machine.scale.noise, machine.scale.resolution)
+    moves = max(AWAY * float(np.std(record.position)), NOISES * noise)
+    width = max(round(LONGEST / record.sample_time), SHORTEST)
+    while True:
+        smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
+        cut = (record.position.size - smooth.size) // 2
+        if width == SHORTEST or np.std(record.position[cut : cut + smooth.size] - smooth) < moves:
+            return np.asarray(smooth)
+        width = max(width // 2, SHORTEST)
 
 
 def replayable(machine: Machine, loaded: Loaded, kind: str, columns: Columns) -> Loaded:

@@ -105,6 +105,20 @@ def test_an_excitation_that_does_not_repeat_is_recognised_by_the_straight_refere
     assert recognised(table, Loaded("slow", "", replace(slow, feedforward=0.1 * slow.command), (), ())) == "hysteresis"
 
 
+@pytest.mark.parametrize("rate", [2e3, 2e4])
+@pytest.mark.parametrize("frequency", [5.0, 40.0, 100.0])
+def test_a_fast_motion_shows_its_inertia_at_any_sample_rate(frequency: float, rate: float) -> None:
+    """The command is the inertial force alone, of a sine of 20 µm beside the reading's noise."""
+    table = load()
+    time, size = np.arange(round(2 * rate)) / rate, 20e-6
+    rng, noise = np.random.default_rng(2), max(table.scale.noise, table.scale.resolution)
+    position = size * np.sin(2 * np.pi * frequency * time)
+    command = -((2 * np.pi * frequency) ** 2) * position / table.plant.rigid_gain
+    rest = np.zeros(time.size)
+    record = Record(1 / rate, rest, position, rest, command, position + noise * rng.standard_normal(time.size))
+    assert recognised(table, Loaded("fast", "", record, (), ())) == "dynamics"
+
+
 def test_what_identification_looks_for_counts_the_thrust_constant() -> None:
     """The same plant with K_t = 2, halved gains and the rigid body last: a record shows only K_t times the gains."""
     table = load()
