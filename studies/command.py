@@ -61,7 +61,8 @@ def parser_of(study: Study) -> argparse.ArgumentParser:
         prog=f"studies.{study.name}",
         usage=f"python -m studies.{study.name} [options]",
         description=study.question,
-        epilog="Exit status: 0 done; 1 done, but a check of the study does not hold; 2 bad input; 130 interrupted.",
+        epilog="Exit status: 0 done; 1 done, but a check of the study does not hold; 2 bad input; 3 a fault of this "
+        "tool; 130 interrupted (143 by SIGTERM).",
     )
     add_options(parser, study.options, study.name)
     return parser

@@ -120,9 +120,17 @@ def write_at_once(file: Path, text: str) -> None:
                 stream.write(text)
                 stream.flush()
                 os.fsync(stream.fileno())
+            Path(name).chmod(0o666 & ~_umask())
             Path(name).replace(file)
         finally:
             Path(name).unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """The permissions that files of this process are not given; there is no way to read it but to set it."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
 
 
 def is_full(error: BaseException | None) -> bool:

@@ -208,13 +208,15 @@ class MachineProcess:
         raise self._fault(f"has written no limits.json in {STARTING:g} s")
 
     def _numbers(self, content: Any, where: str, names: Sequence[str]) -> tuple[float, ...]:
-        """What a JSON object of the program's states under these names."""
+        """What a JSON object of the program's states under these names; no run is within a limit of 0."""
         if not isinstance(content, dict):
             raise self._fault(f"{where} must be an object with {listed(names)}")
         for name in names:
             number = content.get(name)
             if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < np.inf:
                 raise self._fault(f"{where} must give {name} as a number from 0 on")
+            if number == 0 and name in OF_A_RUN:
+                raise self._fault(f"{where} must give {name} as more than 0, as the axis can't move within it")
         return tuple(float(content[name]) for name in names)
 
     def _answer(self, line: str, seconds: float) -> Mapping[str, Any]:
@@ -243,10 +245,12 @@ class MachineProcess:
 
 
 def _pass_on(stream: IO[str], lines: queue.Queue[str]) -> None:
-    """Puts each line of a stream into a queue, and an empty one at its end."""
-    with stream:
-        for line in stream:
-            lines.put(line)
+    """Puts each line of a stream into a queue, and an empty one at its end, whatever ends it."""
+    try:
+        with stream:
+            for line in stream:
+                lines.put(line)
+    finally:
         lines.put("")
 
 
@@ -285,6 +289,7 @@ def program(command: str | Sequence[str], work: Path, first: str | None = None) 
                 stderr=errors,
                 text=True,
                 encoding="utf-8",
+                errors="replace",  # a stray byte is no reason to wait for an answer that is there
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )
         except OSError as error:
@@ -298,6 +303,9 @@ def program(command: str | Sequence[str], work: Path, first: str | None = None) 
                 process.stdin.write(first + "\n")
                 process.stdin.flush()
         yield process
+    except BaseException:
+        process.terminate()  # the axis may move: it is told to stop before it is waited for
+        raise
     finally:
         _end(process)
 

@@ -87,6 +87,7 @@ def cascade_of(machine: Machine) -> Cascade:
     """The drive's cascade: the machine's own, or else the one whose loop is nearest to the PID's [1/s, N s/m, s].
 
     kp = Kv (Kp + 1 / Tn), ki = Kv Kp / Tn, kd = Kv; where that has no real solution, Kp = 1 / Tn = kp / (2 kd).
+    Without an integral part there is none in the cascade either: Kp = kp / kd.
     """
     control = machine.control
     if control.cascade is not None:
@@ -94,6 +95,8 @@ def cascade_of(machine: Machine) -> Cascade:
     pid = control.pid
     if not pid.kd > 0:
         raise ValueError("a PID without a derivative part has no cascade that resembles it; state [control.cascade]")
+    if pid.ki == 0:
+        return Cascade(pid.kp / pid.kd, pid.kd, 0.0, pid.derivative_filter, 1.0)
     total, product = pid.kp / pid.kd, pid.ki / pid.kd
     root = math.sqrt(max(total**2 / 4 - product, 0.0))
     rate = total / 2 + root

@@ -66,8 +66,9 @@ class Knowledge:
     @property
     def distance(self) -> Array:
         """(E, E) [1]: what the records so far tell of each effect and each pair at their usual sizes."""
+        count = len(self.effects)
         told = [n * one.distance for n, one in zip(self.runs, self.experiments, strict=True)]
-        return np.asarray(np.sum(told, axis=0))
+        return np.asarray(np.sum([np.zeros((count, count)), *told], axis=0))
 
 
 @dataclass(frozen=True)

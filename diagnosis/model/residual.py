@@ -1,6 +1,6 @@
 """What a candidate model leaves of the records: whitened innovations, and how they depend on every parameter.
 
-A candidate is the nominal machine, theta (nominal.py) and effects. Its friction is evaluated on the position that a
+A candidate is the nominal machine, theta (parameters.py) and effects. Its friction is evaluated on the position that a
 smoother makes of the recorded command and reading, so that what is left is linear in the unknown force; two closed
 loops are never compared, because the feedback hides the gap and hysteresis makes them part. n samples, M substeps.
 """

@@ -1,4 +1,4 @@
-"""From a hysteresis curve alone, measured or published, to the elements of eqs. (3)-(8); from a whole record: force.py.
+"""From a hysteresis curve alone, measured or published, to the elements of eqs. (3)-(8); from a whole record: force/.
 
 Two stages. Convex: on a fine grid of limits the force is linear in the stiffnesses, so that non-negative least squares
 finds the best distribution of them, whose neighbours are joined until N are left. Then a CasADi NLP sets the limits

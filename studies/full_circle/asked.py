@@ -57,7 +57,7 @@ def kept(folder: Path) -> tuple[Asked, ...]:
         try:
             content = json.loads(file.read_text(encoding="utf-8"))
             found.append(asked(content["kind"], content["table"]))
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, LookupError, TypeError):
             continue
     return tuple(found)
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from design.redesign.choice import WORSE
 from studies.blind_trial.figures_of_merit import rate_of
 
 QUANTITIES: Final = {"settling": "settling_s", "dispersion": "dispersion_m"}
@@ -16,7 +17,6 @@ WAYS: Final = {
     "pid": "another PID only",
     "learning": "ten rounds of learning",
 }
-WORSE: Final = 0.05
 RELATIVE: Final = 0.05  # of what there was before: a gap with less to be gained does not count as one
 DRAWS: Final = 2000
 

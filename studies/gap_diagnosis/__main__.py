@@ -48,8 +48,11 @@ def _asking(given: argparse.Namespace, folder: Path | None) -> int:
     """Asks the machine for records first, and tells the course of it last."""
     from studies.gap_diagnosis.asking import asked_for
     from studies.gap_diagnosis.course import course, told
+    from studies.gap_diagnosis.draft import require_draftable
     from studies.options import BadInputError
 
+    if given.draft_effect is not None:  # before the machine is moved for it
+        require_draftable(given.draft_effect, overwrite=given.overwrite)
     if folder is not None:
         raise BadInputError("--machine-process: begins anew; give the earlier records as RECORD instead of --continue")
     if given.looks is not None:

@@ -91,7 +91,8 @@ def _off_by(row: Results) -> str:
     size = row["moved"] * max(row["std"])
     told = _in_percent(size) if row["unit"] == "1" else show(size, row["unit"], 2)
     if row["values"] > 1 and row.get("in_all") is not None:
-        return f"{effect(row['name'])} by {_in_percent(row['in_all'])} in all (of single contacts by up to {told})"
+        single = _in_percent(math.expm1(size))  # which the fit has by its logarithm
+        return f"{effect(row['name'])} by {_in_percent(row['in_all'])} in all (single contacts by up to {single})"
     return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
 
 

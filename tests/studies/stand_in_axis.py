@@ -21,7 +21,17 @@ from models.machine import load
 from models.records.files import read
 from models.simulation.simulator import simulate
 
-FAULTS: Final = ("refuses", "trips", "no JSON", "ends", "ends at once", "no limits", "no record")
+FAULTS: Final = (
+    "refuses",
+    "trips",
+    "no JSON",
+    "ends",
+    "ends at once",
+    "no limits",
+    "no way",
+    "no record",
+    "stray byte",
+)
 LIMITS: Final = {
     "distance_m": 0.05,
     "speed_m_per_s": 0.3,
@@ -78,11 +88,14 @@ def main() -> int:
     if given.way == "ends at once":
         print("no axis here", file=sys.stderr)
         return 2
-    limits = {"speed_m_per_s": "fast"} if given.way == "no limits" else LIMITS
+    limits = {"no limits": {"speed_m_per_s": "fast"}, "no way": {**LIMITS, "distance_m": 0}}.get(given.way, LIMITS)
     (given.folder / "limits.json").write_text(json.dumps(limits), encoding="utf-8")
     for line in sys.stdin:
         if given.way == "ends":
             return 0
+        if given.way == "stray byte":
+            sys.stdout.buffer.write(b"\xb5m\n")
+            sys.stdout.flush()
         print(answer(given.way, line, given.folder, left), flush=True)
     (given.folder / "ended.txt").write_text("with its input", encoding="utf-8")
     return 0

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import shutil
+import stat
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +17,7 @@ from studies.all import run as run_all
 from studies.catalogue import every
 from studies.command import BAD_INPUT, DONE, main
 from studies.deadbeat_design.__main__ import STUDY
-from studies.folder import EVERY, Place, atomic_folder, earlier, require_free
+from studies.folder import EVERY, Place, atomic_folder, earlier, require_free, write_at_once
 from studies.manifest import FORMAT, sha256
 from studies.options import BadInputError
 from studies.study import Answer
@@ -284,3 +286,11 @@ def test_every_study_says_which_files_it_writes(name: str, quick_run: Callable[[
     written = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["outputs"]
     own = earlier(replace(place(folder), study=name, writes=(*EVERY, *study.writes)))
     assert own == {*written, "manifest.json"}
+
+
+@pytest.mark.skipif(not hasattr(os, "umask"), reason="this system has no permissions to give")
+def test_a_file_written_at_once_can_be_read_by_whom_others_can_be(tmp_path: Path) -> None:
+    (tmp_path / "usual.txt").write_text("x", encoding="utf-8")
+    write_at_once(tmp_path / "made.txt", "x")
+    usual, made = (stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("usual.txt", "made.txt"))
+    assert made == usual

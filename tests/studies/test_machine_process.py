@@ -82,6 +82,8 @@ def test_a_trip_takes_its_time(start: Start) -> None:
         ("no record", "its record can't be used"),
         ("ends at once", "ended before it had written limits.json; it said: no axis here"),
         ("no limits", "limits.json must give distance_m as a number"),
+        ("no way", "limits.json must give distance_m as more than 0, as the axis can't move within it"),
+        ("stray byte", "which is not JSON"),
     ],
 )
 def test_a_program_that_breaks_the_protocol_is_named_with_what_is_wrong(start: Start, way: str, said: str) -> None:
@@ -89,6 +91,16 @@ def test_a_program_that_breaks_the_protocol_is_named_with_what_is_wrong(start: S
         start(way).run(moves(), SAMPLE_TIME)
     assert said in str(caught.value)
     assert f"stand_in_axis {way}" in str(caught.value).replace("'", "")
+
+
+def test_a_program_is_told_to_stop_where_its_use_ends_in_an_error(tmp_path: Path) -> None:
+    """By a signal, and not by the end of its input, at which an axis may finish what it does."""
+    with (
+        pytest.raises(RuntimeError),
+        started([sys.executable, "-m", "tests.studies.stand_in_axis", "clean"], tmp_path),
+    ):
+        raise RuntimeError
+    assert not (tmp_path / "machine" / "ended.txt").exists()
 
 
 @pytest.mark.parametrize(

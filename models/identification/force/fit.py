@@ -1,4 +1,4 @@
-"""What an identification of friction by inverse dynamics (force.py) gives. Symbols as in models.friction."""
+"""What an identification of friction by inverse dynamics (by_elements.py) gives. Symbols as in models.friction."""
 
 from __future__ import annotations
 

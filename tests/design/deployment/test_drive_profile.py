@@ -49,6 +49,10 @@ def test_the_cascade_is_the_machine_s_or_the_nearest_to_its_pid() -> None:
     found = cascade_of(replace(table, control=replace(table.control, pid=pid)))
     assert nearest_pid(found).kp == pytest.approx(pid.kp)
     assert nearest_pid(found).ki == pytest.approx(pid.ki)
+    proportional = cascade_of(replace(table, control=replace(table.control, pid=replace(pid, ki=0.0))))
+    assert proportional.position_gain == pytest.approx(pid.kp / pid.kd)
+    assert proportional.integral_time == 0.0
+    assert nearest_pid(proportional).kp == pytest.approx(pid.kp)
     with pytest.raises(ValueError, match=r"control\.cascade"):
         cascade_of(replace(table, control=replace(table.control, pid=PID(1e6, 0.0, 0.0, 0.0))))
 

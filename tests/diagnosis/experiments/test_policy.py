@@ -161,3 +161,10 @@ def test_the_other_policies_do_as_they_say() -> None:
 
 def test_what_no_record_could_show_is_listed() -> None:
     assert policy.hidden(known(NOTHING)) == ("stribeck", "play")
+
+
+def test_where_limits_leave_no_experiment_nothing_is_shown_and_nothing_asked() -> None:
+    left = replace(known(COGGING), experiments=(), runs=())
+    assert policy.hidden(left) == EFFECTS
+    weight, _ = policy.questions(left)
+    assert weight.shape == (3, 3)

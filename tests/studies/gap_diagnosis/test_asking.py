@@ -107,6 +107,7 @@ def test_the_time_and_the_samples_bound_the_budget(
         ("refuses", ("--machine", str(DEFAULT)), "no record was made"),
         ("clean", ("--machine", str(DEFAULT), "--continue", "."), "give the earlier records as RECORD"),
         ("clean", ("--machine", str(DEFAULT), "--seconds", "0 s"), "--seconds"),
+        ("clean", ("--machine", str(DEFAULT), "--draft-effect", "no such folder/law.py"), "--draft-effect"),
     ],
 )
 @pytest.mark.usefixtures("script")

@@ -285,7 +285,7 @@ def test_a_nominal_value_that_is_off_is_told_with_its_size(results: dict[str, An
     told = sentences({**results, "verdict": verdict, "shifts": shifts})["which"]
     assert "off, payload mass by -3 %, dead time by 10 µs and presliding stiffness by up to 9 %; re-fitted" in told
     told = sentences({**results, "verdict": verdict, "shifts": [*shifts[:2], {**shifts[2], "in_all": -0.031}]})["which"]
-    assert "and presliding stiffness by -3.1 % in all (of single contacts by up to 9 %); re-fitted" in told
+    assert "and presliding stiffness by -3.1 % in all (single contacts by up to 9.4 %); re-fitted" in told
     rows["payload_mass"]["moved"] = 4800.0
     shifts = [{"name": name, **row} for name, row in rows.items()]
     assert "payload mass by 72 times," in sentences({**results, "verdict": verdict, "shifts": shifts})["which"]
