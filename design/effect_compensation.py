@@ -24,8 +24,8 @@ Made = TypeVar("Made")
 
 MET: Final = frozenset({Place.THRUST, Place.PATH, Place.LIMIT, Place.FRICTION, Place.FORCE})
 REASONS: Final = {
-    Place.READING: "the scale shows the table elsewhere, and the feedback goes by the scale: mend or calibrate it",
-    Place.CONTROL: "it is in the controller's own law: put that right",
+    Place.READING: "the scale shows the table elsewhere, and the feedback goes by the scale: repair or calibrate it",
+    Place.CONTROL: "it is in the controller's own law: correct that law",
     Place.COMMAND: "it acts on single commands, the feedback's among them: no thrust along x_T* undoes it",
 }
 CLOCKED: Final = "it follows a time whose beginning the controller does not know"

@@ -46,7 +46,8 @@ def require_designable(machine: Machine) -> None:
     if wanted.tolerance >= wanted.stroke:
         raise DesignError(
             f"specification.tolerance: +-{show(wanted.tolerance, 'm')} is not below specification.stroke, "
-            f"{show(wanted.stroke, 'm')}, so that standing still would settle; give a longer stroke or less tolerance"
+            f"{show(wanted.stroke, 'm')}, so a table that never moves would count as settled; give a longer stroke or "
+            "less tolerance"
         )
 
 

@@ -155,12 +155,12 @@ def _size(where: Where) -> Statement:
     if where.is_noise:
         return Statement(
             Topic.SIZE,
-            f"Followed as fast as it changes, the unknown force that remains, {show(size, 'N', 2)} (rms), is no larger "
-            f"than the scale's noise alone would make it, {show(least, 'N', 2)}: there is no force to locate.",
+            f"At the smoothing that fits best, the unknown force that remains, {show(size, 'N', 2)} (rms), is no "
+            f"larger than the scale's noise alone would make it, {show(least, 'N', 2)}: there is no force to locate.",
         )
     return Statement(
         Topic.SIZE,
-        f"Followed as fast as it changes (how far compares all models at one speed), an unknown force of "
+        f"At the smoothing that fits best (how far uses one smoothing for all models), an unknown force of "
         f"{show(size, 'N', 3)} (rms) remains, {size / least:.1f} times what the scale's noise alone would cause "
         f"({show(least, 'N', 2)}).",
     )
@@ -181,7 +181,7 @@ def _floor(where: Where) -> Statement:
     if floor.repeats is None:
         return Statement(
             Topic.FLOOR,
-            "No two motions are equal, so that repeats give no noise floor; the innovations put it at "
+            "No motion is repeated, so repeats give no noise floor; the innovations put it at "
             f"{show(floor.position, 'm', 2)} and {show(floor.force, 'N', 2)}.",
         )
     repeats = f"{percent(floor.repeats)} of the force's variance repeats, which an effect could explain"

@@ -258,7 +258,7 @@ def _next(
         "current": "what the design in place achieves is not in the records; the redesign is compared with it",
         "redesign": "the proof of the redesign"
         + ("" if redesign["shown"]["same_feedback"] else ", with the PID of controller.json in the drive")
-        + "; where it is worse, the design in place comes back",
+        + "; if it turns out worse, the design in place is restored",
     }
     missing = {
         "current": verified["before"] is None and not verified["met"],

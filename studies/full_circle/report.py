@@ -183,7 +183,7 @@ def headline(redesign: Results, verified: Results) -> str:
     if verified["state"] in {"holds", "missed"}:
         return _tried(verified, redesign["specified"]["settling_s"])
     if verified["state"] == "rolled back":
-        return "The redesign was run and was worse, so that the design in place comes back."
+        return "The redesign was run and was worse, so the design in place is restored."
     return f"There is a better design, to be verified: {gain}."
 
 

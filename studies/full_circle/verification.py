@@ -163,7 +163,7 @@ def sentence(one: Mapping[str, Any], specified: float) -> str:
     before, after, within = one["before"], one["after"], show(specified, "s")
     if one["state"] == "kept":
         told = "the design in place stays"
-        return told if before is None else f"{told}: it {settles(before)}, and {within} are specified"
+        return told if before is None else f"{told}: it {settles(before)}, against the specified {within}"
     if one["state"] == "asked":
         return "asked: there is no record of the redesign yet"
     if one["state"] == "rolled back":
@@ -210,4 +210,4 @@ def closing(one: Mapping[str, Any], unmet: Sequence[str]) -> str:
     off = one["state"] == "missed" and not one["inside"]["settling"]
     why = "; ".join([*["the axis settles outside the interval that its model expects"] * off, *unmet])
     head = "the specification is missed, and no record that is known to help is missing"
-    return f"{head}: {why}. Met was {reached}" if why else f"{head}. Met was {reached}"
+    return f"{head}: {why}. Achieved was {reached}" if why else f"{head}. Achieved was {reached}"

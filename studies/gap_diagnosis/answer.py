@@ -65,7 +65,7 @@ def _unsure(results: Results) -> str:
     if not _is_unsure(verdict):
         return ""
     names, reason = effects_listed(verdict["partly"]), results["asked"]["reason"]
-    return f"It looks like {names}, but no record that had not chosen this name confirms it: {reason}"
+    return f"It looks like {names}, but no independent record has confirmed it: {reason}"
 
 
 def _rivals(verdict: Results) -> Sequence[str]:
@@ -146,14 +146,14 @@ def _never_the_same(results: Results) -> str:
     off = [_off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
     wrong = f"Nominal values are off, {listed(off)}. " if off else ""
     return (
-        f"{wrong}What is left of the re-fitted model is another force each time that a motion is repeated, so that no "
+        f"{wrong}What is left of the re-fitted model differs every time a motion is repeated, so that no "
         "effect of the catalogue is seen to be missing"
     )
 
 
 def _beyond_the_catalogue(results: Results) -> str:
     """What else the cause may be, where no effect explains the gap."""
-    told = "the cause is out of catalogue"
+    told = "the cause is not in the catalogue"
     if results.get("friction_elements"):
         told += ", or is what so few elements leave of the friction's curve"
     if untried := results.get("not_looked_for"):
@@ -241,13 +241,16 @@ def _overrun(results: Results) -> list[str]:
     rows = results.get("overrun")
     if not rows or results["verdict"]["outcome"] == "nothing_to_explain":
         return []
-    more, are = len(rows) - LISTED, "values of improved.toml are" if len(rows) > 1 else "value of improved.toml is"
+    more, are = (
+        len(rows) - LISTED,
+        "values in improved.toml differ" if len(rows) > 1 else "value in improved.toml differs",
+    )
     told = listed([*map(_moved, rows[:LISTED]), *([f"{more} more"] if more > 0 else [])])
     incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
     if not (far_off(results) or incomplete):
-        return [f"{len(rows)} {are} elsewhere by {OVERRUN:g} of the file's stated deviations and more: {told}."]
+        return [f"{len(rows)} {are} from the file's by at least {OVERRUN:g} of its stated deviations: {told}."]
     return [
-        f"{len(rows)} {are} elsewhere by {OVERRUN:g} of the file's stated deviations and more, and may stand in for "
+        f"{len(rows)} {are} from the file's by at least {OVERRUN:g} of its stated deviations, and may stand in for "
         f"what the model lacks: {told}. Other motions may be predicted worse than with the file as it was."
     ]
 
@@ -327,7 +330,7 @@ def _handed_over(results: Results) -> list[str]:
         told.append(f"{' '.join(harms)} {FILES[far['adopted_file']]}")
     if far["at_bounds"]:
         values = bounds_told(far["at_bounds"])
-        told.append(f"{values[0].upper()}{values[1:]} at the end of twice the usual range: {bound_meant(results)}.")
+        told.append(f"{values[0].upper()}{values[1:]} at the limit of twice the usual range: {bound_meant(results)}.")
     elif far["widened"]:
         told.append(f"Twice the usual room was needed for {bounds_told(far['widened'], verb=False)}.")
     return [*told, *_carried_over(far["transfer"]), *elsewhere(far)]
@@ -342,8 +345,7 @@ def _carried_over(transfer: Results | None) -> list[str]:
     out = dict.fromkeys(one["part"] for one in transfer["by_record"] if one["kept_out"])
     if out:
         told.append(
-            f"The phase of {effects_listed(list(out))} is another in each record, so that it belongs to the records "
-            "and is not in improved.toml."
+            f"The phase of {effects_listed(list(out))} differs from record to record; it is left out of improved.toml."
         )
     return told
 
@@ -396,7 +398,7 @@ def harm_told(harm: Results, quantity: Callable[[float, str, int], str] = show) 
     before, after = (quantity(harm[name], harm["unit"], 3) for name in ("before", "after"))
     return (
         f"On motions left out of the fit, {CANDIDATES[harm['file']]} leaves {article} {MEASURES[harm['measure']]} of "
-        f"{after}, {CANDIDATES[harm['than']]} one of {before}: the former is not adopted."
+        f"{after}, and {CANDIDATES[harm['than']]} one of {before}: the former is therefore not adopted."
     )
 
 

@@ -38,7 +38,7 @@ class DiagnosisOptions(RecordOptions):
     )
     hold_out: tuple[Path, ...] = files(
         "RECORD",
-        "a record that nothing is fitted to: at the end it tells whether the gap shrinks there; may be repeated",
+        "a record kept out of every fit, on which it is checked at the end whether the gap shrinks; may be repeated",
         reviewable=True,
     )
     disable: tuple[str, ...] = texts(

@@ -55,8 +55,8 @@ def _of_gain(machine: Machine, records: Sequence[tuple[str, Loaded]]) -> Iterato
         if (gain := proportion(machine, record)) is not None and not 1 / OTHER < gain < OTHER:
             yield (
                 f"gain of {one.name}",
-                f"the stated feedback makes the logged command only times {gain:.3g}: {CAUSES}, or gains of [control] "
-                "that are",
+                f"the logged command is {gain:.3g} times what the stated feedback computes: {CAUSES}, or gains of "
+                "[control] that are",
             )
 
 

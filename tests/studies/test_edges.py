@@ -30,7 +30,7 @@ REFUSED = (
     (('"150 N"', '"16 N"'), "friction takes 16.5 N, all of the rated 16 N"),
     (('resolution = { value = "0.1 um"', 'resolution = { value = "5 um"'), "scale.resolution: 5 µm is above"),
     (('noise = { value = "0 um"', 'noise = { value = "5 um"'), "scale.noise: 5 µm is above specification.tolerance"),
-    (('stroke = { value = "20 um"', 'stroke = { value = "1 nm"'), "so that standing still would settle"),
+    (('stroke = { value = "20 um"', 'stroke = { value = "1 nm"'), "so a table that never moves would count as settled"),
     (
         (r"\[published\]", '[effects.viscous_friction]\ncoefficient = "1e7 N s/m"\n\n[published]'),
         "their forces make a mass of 44.74 kg run away within",

@@ -118,8 +118,8 @@ def _on_delay(inertia: Estimate, sample_time: float) -> Iterator[str]:
     )
     if delay < 0.5 * sample_time:
         yield (
-            f"The dead time came out {show(0.5 * sample_time - delay, 's')} below none and was set to 0: the position "
-            "is logged before its command, or friction bends the force where it is fast."
+            f"The fitted dead time was negative ({show(delay - 0.5 * sample_time, 's')}) and was set to 0: the "
+            "position is logged before its command, or friction bends the force where it is fast."
         )
 
 

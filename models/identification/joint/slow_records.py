@@ -148,7 +148,7 @@ def on_damping(fit: ForceFit) -> str:
     speed = float(np.max(np.abs(np.gradient(fit.path, fit.time))))
     most = 1e3 * fit.longest_lag
     if fit.longest_lag * speed > max(fit.friction.limit):
-        return "The record does not show damping of the elements, nor bound it: it passes their range too quickly."
+        return "The record neither shows nor bounds damping of the elements: the axis crosses their range too quickly."
     return (
         f"The record does not show damping of the elements: it is too slow, {1e3 * speed:.2g} mm/s at most, to tell "
         f"{time:.2g} ms times K from none; by {SURE:g} standard deviations D is at most {most:.2g} ms times K, which "
@@ -162,8 +162,8 @@ def _on_spring(fit: ForceFit) -> Iterator[str]:
         value, std = fit.estimate.value(SPRING), fit.estimate.deviation(SPRING)
         yield (
             f"A force of {value:.4g} N/m with a standard deviation of {std:.2g} N/m goes in proportion to the position "
-            "over the whole width of the loops, as that of a spring to ground does and friction does not; it is no "
-            "element, but the effect cable_spring of the machine file."
+            "over the whole width of the loops, as that of a spring to ground does and friction does not; it is "
+            "entered as the effect cable_spring in the machine file, not as a friction element."
         )
 
 

@@ -81,7 +81,7 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
         std = fit.estimate.deviation(modes.LAG)
         yield (
             f"The current loop lags by {show(fit.lag, 's')} with a standard deviation of {show(std, 's', 2)}, beside "
-            "the dead time; of a machine file that is the effect current_loop_lag."
+            "the dead time; in a machine file this is the effect current_loop_lag."
         )
     if fit.drag > 0:
         std = fit.estimate.deviation(modes.DRAG)
@@ -92,7 +92,7 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
         yield f"From a command to the middle of its action it takes {1e3 * late:.4g} ms, half a sample included."
     if fit.early < 0:
         yield (
-            f"The dead time came out {show(-fit.early, 's')} below none and was set to 0: the position is logged "
+            f"The fitted dead time was negative ({show(fit.early, 's')}) and was set to 0: the position is logged "
             "before its command, or the sample time is another."
         )
     richer = fit.orders[-1] if fit.orders else None
@@ -109,7 +109,7 @@ def _on_spring(fit: modes.Fit) -> Iterator[str]:
         std = fit.estimate.deviation(SPRING)
         yield (
             f"A spring to ground of {fit.spring:.4g} N/m with a standard deviation of {std:.2g} N/m pulls at the axis: "
-            "the force rises in proportion to the way that it rolls; of a machine file that is the effect cable_spring."
+            "the force rises in proportion to the way that it rolls; in a machine file this is the effect cable_spring."
         )
     elif fit.spring > 0:
         yield f"The spring to ground of {fit.spring:.4g} N/m, which the machine file states, is in the model."

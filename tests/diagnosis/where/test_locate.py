@@ -314,7 +314,7 @@ def test_without_repeats_the_floor_is_of_the_innovations_and_it_is_said() -> Non
     assert found.unknown.floor.source == "innovations"
     assert found.unknown.floor.repeats is None
     assert found.unknown.floor.position < 2 * machine.scale.resolution
-    assert "No two motions are equal" in statements(found)[-1].text
+    assert "No motion is repeated" in statements(found)[-1].text
 
 
 @pytest.fixture(scope="module")

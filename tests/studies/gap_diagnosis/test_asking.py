@@ -195,7 +195,7 @@ def test_what_is_unsure_is_told_so() -> None:
     }
     assert answer._outcome(results) == "No name is sure; it looks like cogging"
     told_of = answer._which({**results, **ROUGHNESS})
-    assert "no record that had not chosen this name confirms it: the machine's time is spent" in told_of
+    assert "no independent record has confirmed it: the machine's time is spent" in told_of
 
 
 def test_the_course_is_told_and_its_file_checked(tmp_path: Path) -> None:

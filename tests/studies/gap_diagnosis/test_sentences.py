@@ -44,7 +44,7 @@ def test_the_first_page_chooses_what_was_found_by_its_topic(
     [
         ("nothing_to_explain", [], [], "explains the records as it is"),
         ("parameters", ["payload_mass", "dead_time"], [], "Nominal values are off, payload mass by "),
-        ("none_of_these", [], [], "the cause is out of catalogue"),
+        ("none_of_these", [], [], "the cause is not in the catalogue"),
         ("ambiguous", ["cogging"], [["cogging", "cable_spring"]], "cannot distinguish from it: cable spring"),
         ("ambiguous", ["current_loop_lag"], [["current_loop_lag", "dead_time"]], "from it: another dead time"),
         ("attributed", ["friction_relaxation"], [], "It is friction relaxation"),
@@ -77,7 +77,7 @@ def test_what_was_not_tried_is_said_where_nothing_explains_the_records(results: 
     told = sentences({**results, "verdict": verdict})["which"]
     assert "Not tried, as the machine file has no [priors.NAME] for it: velocity strengthening." in told
     tried = sentences({**results, "verdict": verdict, "not_looked_for": []})["which"]
-    assert "the cause is out of catalogue." in tried
+    assert "the cause is not in the catalogue." in tried
 
 
 def test_the_input_delay_has_as_many_digits_as_its_deviation(results: dict[str, Any]) -> None:
@@ -107,13 +107,16 @@ def test_values_that_an_incomplete_model_moved_far_are_said(results: dict[str, A
     moved = {**results, "overrun": [row]}
     complete = sentences(moved)["how_far"]  # a load that was changed, say
     assert "stand in for" not in complete
-    assert "1 value of improved.toml is elsewhere by 10 of the file's stated deviations and more: effects: " in complete
+    assert (
+        "1 value in improved.toml differs from the file's by at least 10 of its stated deviations: effects: "
+        in complete
+    )
     rough = {**results["chi_square_per_sample"], "with_effects": [14.0]}
     told = sentences({**moved, "chi_square_per_sample": rough})["how_far"]
-    assert "deviations and more, and may stand in for what the model lacks" in told
+    assert "stated deviations, and may stand in for what the model lacks" in told
     assert "effects: current loop lag time 249.8 µs ± 880 ns before and 2 µs now" in told
     many = sentences({**results, "overrun": [row] * 5})["how_far"]
-    assert "5 values of improved.toml are elsewhere" in many
+    assert "5 values in improved.toml differ" in many
     assert many.endswith("before and 2 µs now and 2 more.")
 
 
@@ -142,12 +145,12 @@ def test_what_never_repeats_is_not_called_out_of_catalogue(results: dict[str, An
     given = {**results, "verdict": verdict, "how_far": far, "shifts": shifts}
     told = sentences(given)["which"]
     assert told.startswith(
-        "Nominal values are off, payload mass by -7.7 %. What is left of the re-fitted model is another"
+        "Nominal values are off, payload mass by -7.7 %. What is left of the re-fitted model differs"
     )
-    assert "out of catalogue" not in told
+    assert "not in the catalogue" not in told
     others = [{**far, "gap_refitted": {**gap, "force_N": size}} for size in (0.05, 0.002)]
     for still in ({**far, "floor_source": "simulated"}, *others):
-        assert "the cause is out of catalogue" in sentences({**given, "how_far": still})["which"]
+        assert "the cause is not in the catalogue" in sentences({**given, "how_far": still})["which"]
 
 
 def test_weights_that_hold_for_no_record_are_said_in_whatever_order(results: dict[str, Any]) -> None:
@@ -219,7 +222,7 @@ def test_what_surely_has_no_name_beside_names_is_said(
 def test_what_stands_in_for_a_floor_is_said_where_nothing_repeats(results: dict[str, Any]) -> None:
     """The quick run's moves are all different."""
     text = results["where"]["statements"][-1]
-    assert text.startswith("No two motions are equal, so that repeats give no noise floor; the innovations put it at ")
+    assert text.startswith("No motion is repeated, so repeats give no noise floor; the innovations put it at ")
     assert results["where"]["details"]["floor"]["repeats"] is None
 
 
@@ -245,9 +248,11 @@ def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> 
         "at_bounds": [bound],
     }
     told = sentences({**results, "how_far": far})["how_far"]
-    assert "the machine with effects leaves a position error of 8.2 µm, the machine as delivered one of 2.3 µm" in told
+    assert (
+        "the machine with effects leaves a position error of 8.2 µm, and the machine as delivered one of 2.3 µm" in told
+    )
     assert "improved.toml is the machine as delivered." in told
-    assert "Payload mass is at the end of twice the usual range: the model is incomplete." in told
+    assert "Payload mass is at the limit of twice the usual range: the model is incomplete." in told
 
 
 def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[str, Any]) -> None:
@@ -255,7 +260,7 @@ def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[s
     verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cogging"]}
     far = {**results["how_far"], "at_bounds": [bound]}
     named = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
-    assert "The period of cogging is at the end of twice the usual range: these records do not determine" in named
+    assert "The period of cogging is at the limit of twice the usual range: these records do not determine" in named
     beside = {**far, "at_bounds": [bound, {**bound, "part": "nominal", "name": "payload_mass"}]}
     assert "the model is incomplete" in sentences({**results, "verdict": verdict, "how_far": beside})["how_far"]
     unnamed = {**verdict, "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}

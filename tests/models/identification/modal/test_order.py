@@ -112,7 +112,7 @@ def test_a_dead_time_below_none_is_said() -> None:
     fit = modes.fit(measured(early, 3))
     assert fit.plant.dead_time == 0.0
     assert fit.early == pytest.approx(-100e-6, rel=0.1)
-    assert any("below none and was set to 0" in text for text in on_response(fit, measured(early, 3)))
+    assert any("was negative (-" in text and "was set to 0" in text for text in on_response(fit, measured(early, 3)))
 
 
 def test_responses_of_one_axis_are_one_machine() -> None:
