@@ -21,7 +21,17 @@ from diagnosis.experiments.within_limits import Bounds, experiments
 from models.machine import Machine
 from models.records.record import Record
 
-Run = Callable[[Schedule], Record | str]
+
+@dataclass(frozen=True)
+class NotRun:
+    """Why a machine made no record of what it was asked; spent: whether it took its time for it all the same, as one
+    that tripped did, and one that refused did not."""
+
+    why: str
+    spent: bool
+
+
+Run = Callable[[Schedule], Record | NotRun]
 """Has the machine run references: its record, or why there is none."""
 Say = Callable[[float, str], None]
 
@@ -50,8 +60,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Step:
-    """One record and what is known with it: what was asked in words, why, its time [s]; what was found before and
-    after; the e-process; failed: why there is no record."""
+    """One record and what is known with it: what was asked in words, why, what it took of the machine's time [s]; what
+    was found before and after; the e-process; failed: why there is no record."""
 
     asked: str
     why: str
@@ -105,10 +115,12 @@ def ask(
         share = 1 - course.known.seconds / budget.seconds
         say(share, f"asked {_words(parts)}, {choice.why}")
         result = run(_joined(parts))
-        begun, course = course.known, replace(course, known=_taken(course.known, parts, choice))
-        if isinstance(result, str):
-            say(share, f"the machine did not: {result}")
-            steps = (*course.steps, _step(parts, choice, begun, None, failed=result))
+        begun = course.known
+        if not isinstance(result, NotRun) or result.spent:
+            course = replace(course, known=_taken(begun, parts, choice))
+        if isinstance(result, NotRun):
+            say(share, f"the machine did not: {result.why}")
+            steps = (*course.steps, _step(parts, choice, begun, None, result))
             course = replace(course, known=_without(course.known, choice), steps=steps)
         else:
             course = replace(course, records=(*course.records, result))
@@ -177,22 +189,25 @@ def _words(parts: Sequence[Told]) -> str:
     return "; then ".join(one.experiment.words for one in parts)
 
 
-def _step(parts: list[Told], choice: Choice, begun: Knowledge, known: Knowledge | None, failed: str = "") -> Step:
+def _step(
+    parts: list[Told], choice: Choice, begun: Knowledge, known: Knowledge | None, not_run: NotRun | None = None
+) -> Step:
     return Step(
         _words(parts),
         choice.why,
-        sum(one.seconds for one in parts),
+        sum(one.seconds for one in parts) if not_run is None or not_run.spent else 0.0,
         begun.found[-1] if begun.found else None,
         known.found[-1] if known else None,
         (known or begun).process,
-        failed,
+        not_run.why if not_run else "",
     )
 
 
 def _asked(course: _Course, budget: Budget) -> Asked:
     known = course.known
     if course.last is None:
-        reason = "nothing that stays within the limits was run"
+        refused = course.steps[-1].failed if course.steps else ""
+        reason = f"nothing that stays within the limits was run{f'; the machine said: {refused}' if refused else ''}"
         return Asked(Stop.CANNOT_TELL, reason, (), course.steps, (), None, known.effects)
     end = policy.ending(known, budget.chance)
     if end is None:

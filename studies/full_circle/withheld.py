@@ -103,10 +103,10 @@ def _asked(work: _Work, first: Record, settings: active.Settings, terms: Terms) 
     machine, limits = work.machine, work.limits
     seconds = min(terms.seconds, limits.machine_time, MOST_SAMPLES * machine.sample_time)
 
-    def run(references: Schedule) -> Record | str:
+    def run(references: Schedule) -> Record | active.NotRun:
         told = work.ask("main", references, None)
         found = _record(told)
-        return found if found is not None else str(told.get("refused") or told.get("tripped"))
+        return found if found is not None else active.NotRun(_why_not(told), "tripped" in told)
 
     budget = active.Budget(
         Bounds(limits.distance, limits.speed, limits.feedforward),
@@ -185,11 +185,16 @@ class _Work:
         controller = None if own else redesigning.controller_file(self.machine, design)
         told = self.ask(bench, references, controller)
         found = _record(told)
-        return found if found is not None else str(told.get("refused") or told.get("tripped"))
+        return found if found is not None else _why_not(told)
 
     def _of_error(self) -> Any:
         law = self.machine.control.law
         return self.machine.control.pid if law is None else law.of_error()
+
+
+def _why_not(told: Mapping[str, Any]) -> str:
+    """Why there was no run."""
+    return str(told.get("refused") or told.get("tripped"))
 
 
 def _record(told: Mapping[str, Any]) -> Record | None:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from diagnosis.experiments.active import Asked, Budget, Settings, ask, to_json
+from diagnosis.experiments.active import Asked, Budget, NotRun, Settings, ask, to_json
 from diagnosis.experiments.schedules import Schedule
 from diagnosis.experiments.within_limits import Bounds
 from models.machine import Machine
@@ -26,7 +26,7 @@ from studies.gap_diagnosis.compute import CACHE
 from studies.gap_diagnosis.course import LOOKS
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded
-from studies.machine_process import MachineProcess, Ran, started
+from studies.machine_process import MachineProcess, Ran, Tripped, started
 from studies.options import BadInputError
 from studies.study import Progress, machine_for, machine_of
 
@@ -82,12 +82,12 @@ def _asked(
 ) -> tuple[Asked, list[Path]]:
     files = list[Path]()
 
-    def run(references: Schedule) -> Record | str:
+    def run(references: Schedule) -> Record | NotRun:
         result = process.run(references, machine.sample_time)
         if isinstance(result, Ran):
             files.append(result.file)
             return _as_diagnosed(machine, result.record)
-        return result.why
+        return NotRun(result.why, isinstance(result, Tripped))
 
     found = loaded(machine, options, progress) if options.record else ()
     have = tuple(one.content for one in found if isinstance(one.content, Record))

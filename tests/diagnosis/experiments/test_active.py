@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.experiments import active
-from diagnosis.experiments.active import Budget, ask, to_json
+from diagnosis.experiments.active import Budget, NotRun, ask, to_json
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.information import Told, told
 from diagnosis.experiments.look import Found
@@ -59,16 +59,16 @@ def script(menu: tuple[Told, ...], monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 class Bench:
-    """A machine that follows exactly, or fails in its first runs."""
+    """A machine that follows exactly, or trips in its first runs, or refuses them."""
 
-    def __init__(self, failing: int = 0) -> None:
+    def __init__(self, failing: int = 0, *, refuses: bool = False) -> None:
         self.asked: list[Schedule] = []
-        self.failing = failing
+        self.failing, self.refuses = failing, refuses
 
-    def run(self, references: Schedule) -> Record | str:
+    def run(self, references: Schedule) -> Record | NotRun:
         self.asked.append(references)
         if len(self.asked) <= self.failing:
-            return "tripped"
+            return NotRun("the door is open", spent=False) if self.refuses else NotRun("tripped", spent=True)
         given = references.given
         force = given.feedforward
         return Record(MACHINE.sample_time, references.target, given.position, force, force, given.position)
@@ -118,7 +118,19 @@ def test_a_machine_that_runs_nothing_cannot_tell(script: Any) -> None:
     script([NOTHING], 0.0)
     found = ask(MACHINE, Bench(failing=99).run, BUDGET)
     assert (found.stop, found.last) == (Stop.CANNOT_TELL, None)
-    assert "nothing that stays within the limits was run" in found.reason
+    assert found.reason == "nothing that stays within the limits was run; the machine said: tripped"
+    assert to_json(found)["seconds"] == pytest.approx(sum(one.seconds for one in found.steps))
+
+
+def test_what_is_refused_costs_nothing(script: Any) -> None:
+    script([NOTHING], 0.0)
+    refused = ask(MACHINE, Bench(failing=99, refuses=True).run, BUDGET)
+    assert (refused.stop, to_json(refused)["seconds"]) == (Stop.CANNOT_TELL, 0.0)
+    assert refused.reason.endswith("the machine said: the door is open")
+    bench = Bench(failing=1, refuses=True)
+    found = ask(MACHINE, bench.run, BUDGET)
+    assert [look.seconds > 0 for look in found.steps[:2]] == [False, True]
+    assert len(found.records) == len(bench.asked) - 1
 
 
 def test_records_that_there_are_come_first_and_cost_nothing(script: Any) -> None:
