@@ -11,10 +11,10 @@ from typing import Any, Final
 
 from studies.command import plain
 from studies.folder import write_at_once
-from studies.manifest import ROOT, SUFFIXES, tree_hash
+from studies.manifest import ROOT, SUFFIXES, lock_hash, tree_hash
 
 MADE_BY: Final = ("models", "design", "diagnosis")
-AND_BY: Final = ("own_axis.py", "policies.py", "redesigning.py", "steps.py", "withheld.py")
+SHOWN_BY: Final = ("report.py", "figures.py")  # of a study, whose other modules a step's answer may be from
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,15 @@ class Steps:
 
 
 def program() -> str:
-    """SHA-256 over all sources that a step's results follow from; a change of a report changes no step."""
+    """SHA-256 over all that a step's results follow from, the pinned versions too; a change of a report changes no
+    step."""
+    return f"{tree_hash(sources())} {lock_hash()}"
+
+
+def sources() -> list[Path]:
+    """The files of the program that a step's results follow from."""
     files = [one for part in MADE_BY for one in (ROOT / part).rglob("*") if one.suffix in SUFFIXES]
-    return tree_hash(sorted([*files, *(Path(__file__).parent / name for name in AND_BY)]))
+    return sorted([*files, *(one for one in (ROOT / "studies").rglob("*.py") if one.name not in SHOWN_BY)])
 
 
 def _read(file: Path) -> Mapping[str, Any]:
