@@ -67,10 +67,15 @@ def duration(*, quick: bool) -> float:
 def _schedules(machine: Machine, *, quick: bool) -> tuple[Schedule, ...]:
     if not quick:
         return experiments.sequence(machine), experiments.suite(machine)
+    rest = experiments.pause(machine)
+    near, most = (experiments.length(machine, 0, strokes) for strokes in (5, 1000))
+    # Of an axis whose strokes are long, no further than it goes while a motion settles.
+    far = max(machine.specification.stroke, experiments.rounded(min(most, machine.drive.rated_speed * rest / 3)))
+    speed = experiments.allowed(machine, far, experiments.rounded(0.15 * far / rest))
     short = [
-        experiments.amplitude_ladder(machine, (5e-6, 20e-6, 100e-6)),
-        experiments.dwell_sweep(machine, (0.1, 0.5)),
-        experiments.strokes(machine, 20e-3, (0.12,)),
+        experiments.amplitude_ladder(machine, [experiments.rounded(part * near) for part in (0.05, 0.2, 1.0)]),
+        experiments.dwell_sweep(machine, [experiments.rounded(times * rest) for times in (4, 20)]),
+        experiments.strokes(machine, far, (speed,)),
     ]
     return (experiments.together("short suite", short),)
 

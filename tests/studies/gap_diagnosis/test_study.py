@@ -21,7 +21,7 @@ from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT_DESIGN
 from studies.gap_diagnosis.__main__ import STUDY
 from studies.gap_diagnosis.compute import CLOSED
-from studies.gap_diagnosis.own_records import Made, made
+from studies.gap_diagnosis.own_records import Made, _schedules, made
 from studies.review.follows import review
 from studies.study import Progress, machine_of
 
@@ -36,6 +36,19 @@ FAR = {"gap_as_delivered", "gap_refitted", "gap_after", "floor", "closure", "clo
 def own() -> Made:
     """The records that a quick run makes, of seed 0."""
     return made(load(), 0, quick=True)
+
+
+@pytest.mark.parametrize("travel", [0.0, 5e-3])
+@pytest.mark.parametrize("times", [1.0, 1000.0])
+def test_quick_records_go_as_far_as_the_axis_is_for(times: float, travel: float) -> None:
+    """Of a table with the paper's stroke and of one with a thousand times that, within what both may travel."""
+    machine = load()
+    wanted = replace(machine.specification, stroke=times * machine.specification.stroke)
+    drive = replace(machine.drive, travel=max(1.0, times) * travel)
+    (planned,) = _schedules(replace(machine, specification=wanted, drive=drive), quick=True)
+    span, room = float(np.ptp(planned.given.position)), drive.travel or np.inf
+    assert 4 * wanted.stroke < span <= min(1001 * wanted.stroke, room)
+    assert planned.target.size * machine.sample_time < 20
 
 
 def write(record: Record, path: Path) -> Path:
