@@ -99,6 +99,7 @@ def run(study: Study, given: argparse.Namespace) -> int:
     with renderer(study, progress) if not options.no_report else nullcontext() as render:
         machine, path = machine_for(options)
         assert path is not None  # on the command line a machine is a file
+        content = _machine_file(path)  # which may be edited while the study runs
         answer = study.compute(machine, options, progress)
         whole = plain(
             {
@@ -111,11 +112,11 @@ def run(study: Study, given: argparse.Namespace) -> int:
         )
         with atomic_folder(place) as folder:
             _write(folder, {"results.json": whole, **answer.files})
-            source = _keep_machine(path, folder / "machine.toml")
+            (folder / "machine.toml").write_bytes(content)
             if options.controller is not None:
                 shutil.copyfile(options.controller, folder / "given_controller.json")
             figures, tables = render(whole, folder) if render is not None else ({}, {})
-            record = {**manifest(study.name, vars(given), source, folder), "figures": figures, "tables": tables}
+            record = {**manifest(study.name, vars(given), path.name, folder), "figures": figures, "tables": tables}
             (folder / "manifest.json").write_text(to_text(record), encoding="utf-8")
             written = sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
     progress(1.0, "done")
@@ -134,16 +135,13 @@ def _write(folder: Path, files: Mapping[str, Any]) -> None:
             (folder / name).write_text(text, encoding="utf-8")
 
 
-def _keep_machine(path: Path, copy: Path) -> Path:
-    """Puts the machine beside the results, a nominal.json as the machine file that it amounts to; the file to be hashed
-    as the input."""
+def _machine_file(path: Path) -> bytes:
+    """What machine.toml beside the results holds: the machine file, or that which a nominal.json amounts to."""
     if path.suffix != ".json":
-        shutil.copyfile(path, copy)
-        return path
+        return path.read_bytes()
     from models.machine_file import to_toml
 
-    copy.write_text(to_toml(machine_of(path)), encoding="utf-8")
-    return copy
+    return to_toml(machine_of(path)).encode()
 
 
 def _print_summary(answer: Answer, output: Path, written: Sequence[Path]) -> None:

@@ -21,10 +21,11 @@ NOT_ASKED: Final = {"output", "overwrite", "tls_ca", "tls_cert", "tls_key", "tim
 SUFFIXES: Final = {".py", ".toml", ".md", ".css", ".html", ".typ", ".lua", ".j2"}
 
 
-def manifest(study: str, options: Mapping[str, Any], machine: Path, folder: Path) -> dict[str, Any]:
+def manifest(study: str, options: Mapping[str, Any], machine: str, folder: Path) -> dict[str, Any]:
     """What manifest.json says of a run's options and inputs, of the versions, and of the outputs below `folder`.
 
-    The machine file is kept beside the results as machine.toml, so that its hash can be checked without this machine.
+    The machine file, which is called `machine`, is kept in the folder as machine.toml, as it was when the run began:
+    its hash can be checked without that file.
     """
     files = [(name, file) for name, value in sorted(options.items()) if name not in NOT_ASKED for file in _paths(value)]
     shown = {
@@ -38,10 +39,10 @@ def manifest(study: str, options: Mapping[str, Any], machine: Path, folder: Path
         "options": shown,
         "inputs": {
             "machine": {
-                "file": machine.name,
+                "file": machine,
                 "default": options.get("machine") is None,
                 "copy": "machine.toml",
-                "sha256": sha256(machine),
+                "sha256": sha256(folder / "machine.toml"),
             },
             "files": [
                 {"option": name, "file": _named(file), "sha256": sha256(file)}

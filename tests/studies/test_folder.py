@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from models.machine import DEFAULT
 from studies.all import run as run_all
 from studies.catalogue import every
 from studies.command import BAD_INPUT, DONE, main
@@ -189,6 +190,23 @@ def test_the_command_insists_with_overwrite(tmp_path: Path, monkeypatch: pytest.
     assert "overwrite" not in content["options"]
     assert (tmp_path / "data.csv").read_text(encoding="utf-8") == SOMEBODYS
     assert main(STUDY, ["--no-report", "--output", str(tmp_path)]) == DONE  # what the first run wrote makes way
+
+
+def test_a_machine_file_that_is_edited_meanwhile_is_kept_as_it_was_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "mine.toml"
+    shutil.copyfile(DEFAULT, file)
+
+    def edited(*_: object) -> Answer:
+        file.write_text("not the machine that the study ran on\n", encoding="utf-8")
+        return Answer({}, ())
+
+    monkeypatch.setattr(type(STUDY), "compute", edited)
+    assert main(STUDY, ["--no-report", "--machine", str(file), "--output", str(tmp_path / "out")]) == DONE
+    given = json.loads((tmp_path / "out" / "manifest.json").read_text(encoding="utf-8"))["inputs"]["machine"]
+    assert (given["file"], given["sha256"]) == ("mine.toml", sha256(DEFAULT))
+    assert sha256(tmp_path / "out" / "machine.toml") == sha256(DEFAULT)
 
 
 def test_all_studies_refuse_what_is_somebody_elses_unless_one_insists(
