@@ -222,7 +222,7 @@ def known(machine: Machine) -> tuple[Known, ...]:
 
 def known_apart(machine: Machine) -> tuple[Known, ...]:
     """As `known`, for errors that are taken one by one (SI): friction elements whose deviations have errors in common
-    are then known by the tolerance, as each of them may be open by a half where their sum is sure.
+    are then known by the tolerance, as each of them may be uncertain by a half where their sum is sure.
 
     >>> from models.machine import load
     >>> known_apart(load()) == known(load())

@@ -4,9 +4,9 @@ A move is a seventh-order polynomial in time, with zero speed, acceleration and 
 the force that the rigid body needs for it, plus an excitation at rest where the experiment has one.
 
 What an axis is asked to do is in its own sizes: lengths in the specified stroke or in the friction's presliding
-distance, speeds in the rated one, forces in the friction, times in the specified settling time or in samples where that
-is less, frequencies in the sample rate. The rated thrust and speed are kept to, and the travel
-where the machine file states it.
+distance, speeds in the rated one, forces in the friction, frequencies in the sample rate, times in the specified
+settling time or in samples where that is less; but for a hold of 15 s, which is for what goes on by itself. The rated
+thrust and speed are kept to, and the travel where the machine file states it.
 """
 
 from __future__ import annotations

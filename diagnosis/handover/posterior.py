@@ -4,8 +4,8 @@ Values are drawn together, as records of an axis leave their sums and ratios far
 covariance is that of the table of effects: of what is left within a motion as dependent, and never less than if it were
 white. What a fit holds as logarithms is drawn as parts of the value: the motion is linear in stiffnesses, so that the
 sum of elements which stand in for each other stays as sure as it is, where draws of logarithms would make it larger. So
-it is with a lag beside the dead time: of one near 0 the logarithm is open by several, and its draws lay at both ends of
-its range.
+it is with a lag beside the dead time: for one near 0 the logarithm is uncertain by several units, and its draws lay at
+both ends of its range.
 """
 
 from __future__ import annotations

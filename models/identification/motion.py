@@ -381,7 +381,7 @@ def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) ->
 
 
 def _diverged(theta: Array) -> str:
-    """What to say where no machine near the one that is known makes the motions."""
+    """What to say where no machine close to the known one reproduces the motions."""
     mass, level, length = theta[:3].tolist()
     return (
         f"the fit of its motions does not converge: it has come to {mass:.3g} times the mass, {level:.3g} times the "

@@ -34,8 +34,8 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
 UNSOLVED: Final = (
-    "no machine near the one of the machine file explains this record, taken as {kind}; check its units and signs, and "
-    "mass, friction and control of the machine file"
+    "no machine close to that of the machine file reproduces this record, taken as {kind}; check its units and signs, "
+    "and mass, friction and control of the machine file"
 )
 
 
@@ -51,14 +51,14 @@ def identify(
 ) -> Identified:
     """Which machine the records show, with standard deviations; what they don't show stays as in `machine`.
 
-    records: files (CSV, CSV.gz, MAT or Parquet, their columns as machine.record maps them), or what
+    records: files of any kind that models.records.files reads, their columns as machine.record maps them, or what
     `recognise.read` made of them. kinds: one of "response", "excitation", "hysteresis", "motion", "dynamics" or "auto"
     for each; recognised by default. pass_band [Hz]: of the low-pass for friction, by default 80 times the frequency
     of its loops, or 5.8 times that of a fast record's motion. modes: how many vibration modes a frequency response
     has, by default the fewest that pass. rolled: frequency responses in files were measured while the axis rolled.
     tell: hears the share that is done [1] and a sentence, before each record.
-    A frequency response that friction bends throughout, beside another one, and motions that no machine near the known
-    one makes, beside any other record, are left out, and told in the remarks and in `left_out`.
+    A frequency response that friction bends throughout, beside another one, and motions that no machine close to the
+    known one reproduces, beside any other record, are left out, and told in the remarks and in `left_out`.
     Raises RecordError, a sentence that begins with the file's name, for a record that can't be used or is of another
     kind, and ValueError for an option that means nothing.
 

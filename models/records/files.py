@@ -1,4 +1,4 @@
-"""Records and frequency responses from CSV, CSV.gz, MAT (v5 and v7.3) and Parquet files, in SI units.
+"""Records and frequency responses from the files that drives, oscilloscopes and spreadsheets write, in SI units.
 
 `read` gives whatever the file holds under its own names; `load` maps the names by `Columns`, checks, and returns a
 Record or a measured FrequencyResponse, whichever the file is. Every fault is one sentence in a RecordError.

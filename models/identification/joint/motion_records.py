@@ -72,8 +72,8 @@ def _surest(estimate: Estimate, before: Sequence[Estimate], *names: str) -> bool
 
 
 def _advice(found: Identified, record: Record) -> str:
-    """What to do about motions that no machine near the known one makes: first what replays them, then what is known
-    of the machine."""
+    """What to do about motions that no machine close to the known one reproduces: first what replays them, then what is
+    known of the machine."""
     changes = np.diff(record.command)
     made = np.diff(replay(record, found.machine.control.feedback, found.machine.control.reference_delay))
     left = float(np.std(changes - made)) / max(float(np.std(changes)), 1e-300)

@@ -97,7 +97,7 @@ def _check_excited(fit: modes.Fit, measured: FrequencyResponse) -> None:
     if gain_std < LOOSE * gain and 2 * np.pi * top * late_std < 1:
         return
     raise ValueError(
-        f"does not excite the axis: from {measured.frequency[0]:.3g} to {top:.3g} Hz it leaves the mass open by "
+        f"does not excite the axis: from {measured.frequency[0]:.3g} to {top:.3g} Hz it leaves the mass uncertain by "
         f"{100 * gain_std / gain:.2g} % and the dead time by {1e3 * late_std:.2g} ms; excite with more force, over two "
         "octaves or more, or name another kind"
     )

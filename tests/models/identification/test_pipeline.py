@@ -99,7 +99,9 @@ def test_a_record_that_no_machine_explains_is_refused_in_words_of_its_own() -> N
     """A command whose sign is turned, which is trusted: no message and no warning of NumPy comes through."""
     record = own_records.motions(MACHINE, 1)
     turned = Loaded("turned.csv", "0", replace(record, command=-record.command), (), ())
-    with pytest.raises(RecordError, match=r"turned\.csv: (no machine near|the fit of its motions does not converge)"):
+    with pytest.raises(
+        RecordError, match=r"turned\.csv: (no machine close to|the fit of its motions does not converge)"
+    ):
         identify(MACHINE, [turned], kinds=["motion"])
 
 
@@ -154,7 +156,7 @@ def test_a_response_that_friction_bends_is_left_out_beside_one_that_it_does_not(
 def test_the_words_of_a_library_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(motion, "identify", lambda *_, **__: np.linalg.inv(np.zeros((2, 2))))  # "Singular matrix"
     record = Loaded("flat.csv", "0", own_records.motions(MACHINE, 1), (), ())
-    with pytest.raises(RecordError, match=r"flat\.csv: no machine near the one of the machine file explains"):
+    with pytest.raises(RecordError, match=r"flat\.csv: no machine close to that of the machine file reproduces"):
         identify(MACHINE, [record], kinds=["motion"])
 
 
