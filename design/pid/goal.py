@@ -32,16 +32,23 @@ OBJECTIVES: Final[dict[Objective, str]] = {
 
 @dataclass(frozen=True)
 class Goal:
-    """What is sought: an objective, for "band" its ends [Hz], for "step" the time [s] from which on the error counts.
+    """What is sought: an objective, for "band" its ends [Hz], for "step" the times [s] between which the error counts.
 
     integral_time: the longest kp / ki [s]; without a limit the least peak of |PS| in a band needs no integral action.
+    Raises ValueError for a band or a step without the numbers that it is about, which go with the machine.
     """
 
     objective: Objective = "integral"
-    band: tuple[float, float] = (0.8, 6.4)
+    band: tuple[float, float] = (math.nan, math.nan)
     integral_time: float = math.inf
-    begin: float = 25e-3
-    end: float = 50e-3
+    begin: float = math.nan
+    end: float = math.nan
+
+    def __post_init__(self) -> None:
+        if self.objective == "band" and not 0 < self.band[0] < self.band[1]:
+            raise ValueError("band: must be two frequencies, the lower one first")
+        if self.objective == "step" and not 0 < self.begin < self.end:
+            raise ValueError("begin, end: must be two times, the earlier one first")
 
 
 def achieved(members: Sequence[Member], pid: PID, goal: Goal) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import control
 import numpy as np
 import pytest
@@ -136,15 +134,22 @@ def test_no_nearby_pid_within_the_bounds_has_a_larger_integral_gain(problem: Pro
         )
 
 
-@pytest.mark.parametrize("objective", ["band", "step"])
-def test_the_other_objectives_are_better_in_what_they_seek(objective: str) -> None:
-    goal = Goal(objective, integral_time=0.05 if objective == "band" else math.inf)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    "goal", [Goal("band", band=(0.8, 6.4), integral_time=0.05), Goal("step", begin=25e-3, end=50e-3)]
+)
+def test_the_other_objectives_are_better_in_what_they_seek(goal: Goal) -> None:
     members = [member for member in family(MACHINE) if member.nominal]
     found = tune(pose(members, goal, MACHINE.control.pid), BOUNDS, [("slow", SLOW)])
     integral = tune(pose(members, Goal(), MACHINE.control.pid), BOUNDS, [("slow", SLOW)])
     assert found.value == pytest.approx(achieved(members, found.pid, goal))
     assert found.value <= achieved(members, integral.pid, goal) * (1 + 1e-3)
     assert found.pid.ki <= integral.pid.ki * (1 + 1e-3)
+
+
+def test_a_goal_needs_the_numbers_that_it_is_about() -> None:
+    for unsaid in ({"objective": "band"}, {"objective": "step"}, {"objective": "band", "band": (6.4, 0.8)}):
+        with pytest.raises(ValueError, match="must be two"):
+            Goal(**unsaid)
 
 
 def test_bounds_that_nothing_meets_are_a_sentence() -> None:
