@@ -3,6 +3,7 @@
 refit and null     the nominal model re-fitted; what the search gains by chance       baseline.py, refit.py, null.py
 select             forwards: one effect more while it gains more than chance          which/select.py, detectors.py
 prune              backwards: without what the others make useless; shares            which/prune.py
+values             where the plant's run to their bounds: they beyond, or the effects handover/final_fit.py
 slow               where nothing is found: what a force that walks at random follows which/slow.py
 closure            how far the gap shrinks on motions that nothing was fitted to      closure.py, how_far.py
 verdict            the rules by which an answer is given                              verdict.py, criteria.py
