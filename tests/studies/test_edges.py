@@ -105,7 +105,7 @@ def test_a_machine_on_which_nothing_can_be_designed_is_refused_by_every_study(
             ('stroke = { value = "20 um"', 'stroke = { value = "20 mm"'),
             "a stroke of 20 mm cannot settle",
         ),
-        ("gap_diagnosis", ('"150 N"', '"40 N"'), "its loop cannot follow them within drive.rated_thrust, 40 N"),
+        ("gap_diagnosis", ('"150 N"', '"30 N"'), "its loop cannot follow them within drive.rated_thrust, 30 N"),
     ],
 )
 def test_what_a_study_would_have_to_simulate_for_itself_is_refused(
