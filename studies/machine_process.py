@@ -216,7 +216,7 @@ class MachineProcess:
             if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < np.inf:
                 raise self._fault(f"{where} must give {name} as a number from 0 on")
             if number == 0 and name in OF_A_RUN:
-                raise self._fault(f"{where} must give {name} as more than 0, as the axis can't move within it")
+                raise self._fault(f"{where} must give {name} as more than 0: no experiment stays within that")
         return tuple(float(content[name]) for name in names)
 
     def _answer(self, line: str, seconds: float) -> Mapping[str, Any]:

@@ -206,8 +206,8 @@ def _step(
 def _asked(course: _Course, budget: Budget) -> Asked:
     known = course.known
     if course.last is None:
-        refused = course.steps[-1].failed if course.steps else ""
-        reason = f"nothing that stays within the limits was run{f'; the machine said: {refused}' if refused else ''}"
+        said = course.steps[-1].failed if course.steps else ""
+        reason = f"nothing that stays within the limits was run{f'; the machine said: {said}' if said else ''}"
         return Asked(Stop.CANNOT_TELL, reason, (), course.steps, (), None, known.effects)
     end = policy.ending(known, budget.chance)
     if end is None:

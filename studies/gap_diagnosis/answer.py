@@ -128,7 +128,7 @@ def _which(results: Results) -> str:
     if outcome == "ambiguous":
         alike = f"{_others(results)}{roughness(results)}"
         told = f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
-        return told + _input_delay(results)
+        return told + (_input_delay(results) if "dead_time" in _rivals(verdict) else "")
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
     return f"It is {listed(shown)}{roughness(results)}.{by_curve}{_said_beside(results)}"
@@ -241,10 +241,8 @@ def _overrun(results: Results) -> list[str]:
     rows = results.get("overrun")
     if not rows or results["verdict"]["outcome"] == "nothing_to_explain":
         return []
-    more, are = (
-        len(rows) - LISTED,
-        "values in improved.toml differ" if len(rows) > 1 else "value in improved.toml differs",
-    )
+    more = len(rows) - LISTED
+    are = "values in improved.toml differ" if len(rows) > 1 else "value in improved.toml differs"
     told = listed([*map(_moved, rows[:LISTED]), *([f"{more} more"] if more > 0 else [])])
     incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
     if not (far_off(results) or incomplete):

@@ -82,7 +82,7 @@ def test_a_trip_takes_its_time(start: Start) -> None:
         ("no record", "its record can't be used"),
         ("ends at once", "ended before it had written limits.json; it said: no axis here"),
         ("no limits", "limits.json must give distance_m as a number"),
-        ("no way", "limits.json must give distance_m as more than 0, as the axis can't move within it"),
+        ("no way", "limits.json must give distance_m as more than 0: no experiment stays within that"),
         ("stray byte", "which is not JSON"),
     ],
 )

@@ -296,6 +296,16 @@ def test_a_nominal_value_that_is_off_is_told_with_its_size(results: dict[str, An
     assert "payload mass by 72 times," in sentences({**results, "verdict": verdict, "shifts": shifts})["which"]
 
 
+@pytest.mark.parametrize(("rival", "said"), [("dead_time", True), ("cable_spring", False)])
+def test_the_input_delay_is_told_where_a_dead_time_is_a_rival(rival: str, said: bool, results: dict[str, Any]) -> None:
+    """Elsewhere it may stand in for what the model lacks."""
+    equivalent = [["current_loop_lag", rival]]
+    delay = {**results["verdict"]["input_delay"], "total_s": 1e-3, "std_s": 1e-6, "delivered_s": 0.7e-3}
+    more = {"outcome": "ambiguous", "effects": ["current_loop_lag"], "equivalent": equivalent, "input_delay": delay}
+    told = sentences({**results, "verdict": {**results["verdict"], **more}})["which"]
+    assert ("is 1.0000 ± 0.001 ms instead of 0.7000 ms" in told) == said
+
+
 @pytest.mark.parametrize(("least", "small"), [(0.5, False), (1.5, True)])
 def test_a_shift_that_is_sure_below_the_noise_floor_is_said_to_be_small(
     least: float, small: bool, results: dict[str, Any]
