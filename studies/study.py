@@ -139,7 +139,9 @@ class Progress:
         """`share` (0 .. 1) of the work is done, and not less than was said before; `text` is what comes next."""
         elapsed = self._clock() - self._begin
         rest = self._left(share, elapsed)
-        print(f"[{self._share:4.0%} after {elapsed:.1f} s{rest}] {text}", file=self._stream, flush=True)
+        line = f"[{self._share:4.0%} after {elapsed:.1f} s{rest}] {text}\n"
+        self._stream.write(line)  # in one piece, so that an interruption does not come between a line and its end
+        self._stream.flush()
 
     def _left(self, share: float, elapsed: float) -> str:
         """What may be left, where enough is done and the share has grown since it was last told."""

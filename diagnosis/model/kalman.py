@@ -277,8 +277,11 @@ def _block(model: Predictor, entry: Array) -> tuple[Array, Array, Array, Array]:
 
 def _blocked(signals: Array, blocks: int, length: int) -> Array:
     """Signals (k, n) as rows (k blocks, length), padded with zeros at the end."""
-    short = blocks * length - signals.shape[1]
-    whole = np.pad(signals, ((0, 0), (0, short))) if short else signals
+    count, given = signals.shape
+    if given == blocks * length:
+        return signals.reshape(-1, length)
+    whole = np.empty((count, blocks * length))
+    whole[:, :given], whole[:, given:] = signals, 0.0
     return whole.reshape(-1, length)
 
 

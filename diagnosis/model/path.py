@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +19,8 @@ def path_through(states: Array, count: int, record: Record, vibration: Array) ->
     """The path (n, M) [m] through smoothed states (n, S), of which the first `count` are the plant's, with the
     vibration (n,) [m] of its effects: cubic Hermite between the samples."""
     ts = record.sample_time
-    x, v = states[:, 0:count:2].sum(axis=1) + vibration, states[:, 1:count:2].sum(axis=1)
+    positions, speeds_of_modes = states.T[0:count:2], states.T[1:count:2]  # added whole: numpy's sums of few are slow
+    x, v = reduce(np.add, positions) + vibration, reduce(np.add, speeds_of_modes)
     t = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
     places = np.array([2 * t**3 - 3 * t**2 + 1, (t**3 - 2 * t**2 + t) * ts, 3 * t**2 - 2 * t**3, (t**3 - t**2) * ts])
     speeds = np.array([6 * (t**2 - t) / ts, 3 * t**2 - 4 * t + 1, 3 * t**2 - 2 * t])

@@ -33,6 +33,7 @@ ACTING: Final = {
     "reading": frozenset({Place.READING}),
 }
 """What acts along a path, and the hooks that change it."""
+ONCE: Final = frozenset({Place.READING, Place.COMMAND})  # hooks that are called once a sample, not every substep
 
 
 class Path(NamedTuple):
@@ -85,10 +86,14 @@ def replay(
     anew = ACTING.keys() - known.keys()
     course = Path(path.sample_time, *(np.ascontiguousarray(signal, float) for signal in path[1:]))
     contact, empty = _contact(friction, state), np.empty((0, 0))
-    hooks = pack([effect for effect in effects if not touched(effect).isdisjoint(anew)], contact.shape[1])
+    acting = [effect for effect in effects if not touched(effect).isdisjoint(anew)]
+    hooks = pack(acting, contact.shape[1])
     found = dict(known)
     if not anew.isdisjoint({"reading", "thrust"}):
-        reading, taken = _sampled(course, hooks, contact)
+        if any(effect.hooks.keys() & ONCE for effect in acting):
+            reading, taken = _sampled(course, hooks, contact)
+        else:
+            reading, taken = np.zeros_like(course.command), course.command
         if "reading" in anew:
             found["reading"] = reading
         if "thrust" in anew:
@@ -97,7 +102,7 @@ def replay(
     flags = np.array([name in anew for name in ("thrust", "friction", "force")])
     if flags.any():
         thrust, rubbing, force = (np.empty_like(course.position) if flag else empty for flag in flags)
-        elements = np.array([friction.limit, friction.damping])
+        elements = np.array([friction.limit, *([friction.damping] if any(friction.damping) else [])])
         _along(course, elements, hooks, contact, found["sent"], (thrust, rubbing, force), flags)
         found = {"thrust": thrust, "friction": rubbing, "force": force} | found
         found["state"] = contact[0] if flags[1] else known["state"]
@@ -236,10 +241,13 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays, origin: floa
     follows_law = law.c.size > 0
     phi, gamma, state = loop.phi, loop.gamma, run.state
     modes, n = state.shape[0], run.reference.size
-    contact, elements = np.empty((3, run.z.size)), np.empty((2, run.z.size))
+    damped = np.any(loop.damping != 0.0)
+    contact, elements = np.empty((3, run.z.size)), np.empty((2 if damped else 1, run.z.size))
     for i in range(run.z.size):
         contact[0, i], contact[1, i], contact[2, i] = run.z[i], loop.stiffness[i], loop.limit[i]
-        elements[0, i], elements[1, i] = loop.limit[i], loop.damping[i]
+        elements[0, i] = loop.limit[i]
+        if damped:
+            elements[1, i] = loop.damping[i]
     now, taken = np.zeros(8), np.empty(n)
     kept_memory, trial_contact = np.empty(hooks.memory.size), np.empty(contact.shape)
     put(hooks.memory, kept_memory)
@@ -323,17 +331,22 @@ def friction_step(
 ) -> tuple[float, float]:
     """Moves the friction's contacts along with the table to `position` [m]: their own position then [m], friction [N].
 
-    previous_contact: the contacts' position before, which a path hook makes differ from the table's. elements: rows X_i
-    [m] and D_i [N s/m]. now: of this move, with the table's MOVED, which becomes that of the contacts.
+    previous_contact: the contacts' position before, which a path hook makes differ from the table's. elements: X_i [m],
+    and in a second row, where any is damped, D_i [N s/m]. now: of this move, with the table's MOVED, which becomes that
+    of the contacts.
     """
     contact_position = act(PATH, position, hooks, now, contact)
-    now[MOVED] = contact_position - previous_contact
+    now[MOVED] = moved = contact_position - previous_contact
     factor = act(LIMIT, 1.0, hooks, now, contact)
     force = 0.0
-    limit, damping = elements[0], elements[1]
-    for i in range(limit.size):
-        contact[2, i] = factor * limit[i]
-        contact[0, i] = clipped(contact[0, i] + now[MOVED], contact[2, i])
-        stuck = contact[1, i] * contact[0, i]
-        force += stuck if damping[i] == 0.0 else clipped(stuck + damping[i] * now[V], contact[1, i] * contact[2, i])
+    for i in range(elements.shape[1]):
+        furthest = factor * elements[0, i]
+        displaced = clipped(contact[0, i] + moved, furthest)
+        contact[2, i], contact[0, i] = furthest, displaced
+        force += contact[1, i] * displaced
+    if elements.shape[0] > 1:
+        force = 0.0
+        for i in range(elements.shape[1]):
+            stuck, damping = contact[1, i] * contact[0, i], elements[1, i]
+            force += stuck if damping == 0.0 else clipped(stuck + damping * now[V], contact[1, i] * contact[2, i])
     return contact_position, act(FRICTION, force, hooks, now, contact)
