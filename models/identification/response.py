@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from models.identification.modal.local_rational import LOCAL as NOISE_LOCAL
 from models.identification.modal.local_rational import distortion_between_lines, noise_between_lines, noise_under_sweep
@@ -50,6 +51,7 @@ FEWEST: Final = 4 * (2 * LOCAL + 1)  # lines of one sweep
 OCTAVES: Final = 2.0  # that one sweep covers at least
 SKIRT: Final = 0.02  # of the sweep's time below its lowest line and above its highest, where its start and stop leak
 LED: Final = 0.9  # coherence of command and sweep: below, feedback of the noise leads the command
+NEAR: Final = 0.8  # of half the rate: a sweep that gets there may have gone on beyond
 SEEN: Final = 0.5  # coherence of position and sweep: below, the position moves by less than the scale resolves
 
 
@@ -63,7 +65,8 @@ class FrequencyResponse:
     leave of each mode, too; None: no such part. settled [s]: for how long before it the excitation was the same, so
     that what dies out in that time is the same at both ends; 0 for a single sweep. turned: the share [1] of the samples
     in which an axis that was to roll moved back, as a mode that is excited too strongly makes it. slope: of the line
-    that was taken off the position [m per sample]; a spring to ground pulls along it.
+    that was taken off the position [m per sample]; a spring to ground pulls along it. hold [s]: for how long a command
+    is held, where the samples are further apart, as in a log of every fourth one; None: from one to the next.
     """
 
     frequency: Array
@@ -76,6 +79,12 @@ class FrequencyResponse:
     settled: float = 0.0
     turned: float = 0.0
     slope: float = 0.0
+    hold: float | None = None
+
+    @property
+    def held(self) -> float:
+        """For how long a command is held [s]; 0: a response of the continuous plant."""
+        return self.sample_time if self.hold is None else self.hold
 
 
 def period(signal: Array) -> int | None:
@@ -215,7 +224,13 @@ def _swept(record: Record) -> FrequencyResponse:
     level = _level(part.position)
     r, u, x = (np.fft.rfft(signal) / n for signal in (part.feedforward, part.command, level))
     frequency, (low, high) = np.fft.rfftfreq(n, ts), _band(part.feedforward, ts)
-    swept = (frequency > low) & (frequency < min(high, 0.45 / ts))
+    folded = _folded_from(part.feedforward, ts)
+    swept = (frequency > low) & (frequency < min(high, 0.45 / ts, folded))
+    if np.sum(swept) < FEWEST and folded < high:
+        raise ValueError(
+            f"the sweep goes beyond half the log's rate, so that only below {folded:.3g} Hz it is all that is seen; log "
+            f"it with less than {ts:.3g} s from sample to sample, or end it at {0.4 / ts:.3g} Hz"
+        )
     if np.sum(swept) < FEWEST:
         raise ValueError(
             f"the sweep of {n * ts:.3g} s has {np.sum(swept)} lines; {FEWEST} are needed, sweep for longer"
@@ -260,6 +275,21 @@ def _band(sweep: Array, sample_time: float) -> tuple[float, float]:
     passed = np.cumsum(spans[order]) / np.sum(spans)
     low, high = spans[order][np.searchsorted(passed, (SKIRT, 1 - SKIRT))]
     return 0.5 / (low * sample_time), 0.5 / (high * sample_time)
+
+
+def _folded_from(sweep: Array, sample_time: float) -> float:
+    """The frequency [Hz] from which on a sweep (n,) [any unit] that goes beyond half the rate comes by a second time,
+    folded back; infinite where it stays well below that."""
+    s = sweep - np.mean(sweep)
+    crossed = np.flatnonzero(s[:-1] * s[1:] < 0)
+    times = crossed + s[crossed] / (s[crossed] - s[crossed + 1])
+    if times.size < FEWEST:
+        return math.inf
+    course = 0.5 / (median_filter(np.diff(times), 2 * LOCAL + 1) * sample_time)
+    peak = int(np.argmax(course))
+    if course[peak] < NEAR * 0.5 / sample_time:
+        return math.inf
+    return float(max(np.min(course[: peak + 1]), np.min(course[peak:])))
 
 
 def _past_the_start(used: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -116,9 +116,7 @@ def _response(gave: ResponseStep) -> dict[str, Any]:
     measured, fit = gave.measured, gave.fit
     if gave.together is not None:
         fit = replace(gave.together, used_lines=fit.used_lines)
-    model = modes.model(
-        fit.plant, measured.frequency, measured.sample_time, lag=fit.lag, drag=fit.drag, spring=fit.spring
-    )
+    model = modes.model(fit.plant, measured.frequency, measured.held, lag=fit.lag, drag=fit.drag, spring=fit.spring)
     phase = np.rad2deg(np.unwrap(np.angle(model)))
     phase -= 360 * np.round((phase[0] + 180) / 360)  # a rigid body begins at -180 degrees
     lines = {

@@ -22,12 +22,17 @@ from models.records.record import Record
 
 AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved backwards: it bends hardly more
 
+SLOWER: Final = 1.01  # times the controller's sample time: a log further apart has not all of its samples
+
 
 def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
     """P_l from a measured frequency response, or from an excitation; from all of them together if there are several."""
     content = loaded.content
     if isinstance(content, Record):
         measured, level = response.measured(content), float(np.std(content.feedforward))
+        held = found.machine.sample_time
+        if content.sample_time > SLOWER * held:
+            measured = replace(measured, hold=held)
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
     spring = _spring(found)

@@ -68,14 +68,15 @@ class Structure:
 
 @dataclass(frozen=True)
 class Lines:
-    """One response: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], and U (n,) or None; settled
-    [s]: for how long before it the excitation was the same as in it; slope [m per sample]: of the straight line that
-    was taken off the position."""
+    """One response: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], for how long a command is held
+    [s], and U (n,) or None; settled [s]: for how long before it the excitation was the same as in it; slope [m per
+    sample]: of the straight line that was taken off the position."""
 
     f: Array
     p: Complex
     weight: Array
     ts: float
+    hold: float
     command: Complex | None
     settled: float = 0.0
     slope: float = 0.0
@@ -89,6 +90,11 @@ class Lines:
     def back(self) -> Complex:
         """exp(-s h) (n,) [1]: a sample back."""
         return np.asarray(np.exp(-2j * math.pi * self.f * self.ts))
+
+    @cached_property
+    def held_back(self) -> Complex:
+        """exp(-s h) (n,) [1] of the hold."""
+        return np.asarray(np.exp(-2j * math.pi * self.f * self.hold))
 
     @cached_property
     def scale(self) -> Complex:
@@ -170,7 +176,7 @@ def problem_of(
         p = one.response[kept]
         weight = np.sqrt(2 / one.variance[kept]) if known else 1 / np.abs(p)
         command = None if one.command is None else one.command[kept]
-        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, command, one.settled, one.slope))
+        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, one.held, command, one.settled, one.slope))
     unit = 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines))
     return Problem(tuple(lines), known, unit, _gain(lines), spring)
 
@@ -242,7 +248,7 @@ def _shown(terms: Expansion, lines: Lines) -> Complex:
     """The weighted response (n,) [1]."""
     if lines.ts == 0:
         return expanded(terms.pole, terms.weight, lines.f, terms.dead_time, 0.0) * lines.weight
-    return sampled(terms.pole, terms.weight, lines.back, terms.dead_time, lines.ts) * lines.weight
+    return sampled(terms.pole, terms.weight, lines.held_back, terms.dead_time, lines.hold) * lines.weight
 
 
 class _Ends(NamedTuple):
@@ -387,7 +393,7 @@ def trend(structure: Structure, problem: Problem) -> Array:
         phase = np.unwrap(np.angle(one.p * s2))
         phase -= 2 * math.pi * round(float(np.median(phase[: max(phase.size // 5, 1)])) / (2 * math.pi))
         upper = one.f > np.median(one.f)
-        delays.append(float(np.median(-phase[upper] / (2 * math.pi * one.f[upper]))) - one.ts / 2)
+        delays.append(float(np.median(-phase[upper] / (2 * math.pi * one.f[upper]))) - one.hold / 2)
     late = max(float(np.median(delays)), 0.0) / problem.unit
     low, high = problem.band
     lag = min(max(0.3 * late, 0.1), 0.5 * high / low)
@@ -436,7 +442,7 @@ def _mode_columns(natural: Array, damping: float, dead_time: float, lag: float, 
     upper = np.asarray(2 * math.pi * natural * (-damping + 1j * math.sqrt(1 - damping**2)), complex)
     half = np.asarray(upper / (upper - upper.conj()), complex)[:, None]
     behind = lines.weight / (1 + 2j * math.pi * lines.f * lag)
-    both = half * units(upper, lines.f, dead_time, lines.ts)
-    both += np.conj(half) * units(np.asarray(upper.conj(), complex), lines.f, dead_time, lines.ts)
+    both = half * units(upper, lines.f, dead_time, lines.hold)
+    both += np.conj(half) * units(np.asarray(upper.conj(), complex), lines.f, dead_time, lines.hold)
     both *= behind
     return np.hstack([both.real, both.imag]).T

@@ -87,9 +87,14 @@ def on_response(fit: modes.Fit, measured: FrequencyResponse) -> Iterator[str]:
         std = fit.estimate.deviation(modes.DRAG)
         yield f"Viscous friction is {fit.drag:.3g} N s/m with a standard deviation of {std:.2g} N s/m."
     yield from _on_spring(fit)
-    late = fit.plant.dead_time + fit.lag + measured.sample_time / 2
+    late = fit.plant.dead_time + fit.lag + measured.held / 2
+    if measured.hold is not None:
+        yield (
+            f"The log has a sample every {show(measured.sample_time, 's')}; a command is taken to be held for the "
+            f"{show(measured.hold, 's')} of the controller."
+        )
     if measured.sample_time > 0:
-        yield f"From a command to the middle of its action it takes {1e3 * late:.4g} ms, half a sample included."
+        yield f"From a command to the middle of its action it takes {1e3 * late:.4g} ms, half its hold included."
     if fit.early < 0:
         yield (
             f"The fitted dead time was negative ({show(fit.early, 's')}) and was set to 0: the position is logged "

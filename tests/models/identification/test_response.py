@@ -157,6 +157,25 @@ def test_one_sweep_shows_the_plant_within_its_deviations() -> None:
     assert np.sqrt(np.mean(np.square(errors))) > 0.5  # nor are the deviations stated too large
 
 
+@pytest.mark.parametrize("every", [2, 4])
+def test_a_log_of_every_second_or_fourth_sample_shows_the_plant_with_its_dead_time(every: int) -> None:
+    """Commands are held for one sample of the controller, not of the log; and what of the sweep is faster than half the
+    log's rate, and comes by a second time, is left out. Of every fourth, 100 Hz are left of 400."""
+    whole = _swept(MACHINE, 12)
+    signals = (whole.target, whole.reference, whole.feedforward, whole.command, whole.position)
+    log = Record(every * whole.sample_time, *(np.asarray(signal[::every]) for signal in signals))
+    found = identify(MACHINE, [Loaded("sweep.csv", "12ab", log, (), ())])
+    assert log.sample_time > MACHINE.sample_time
+    (gave,) = (step.gave for step in found.steps)
+    assert isinstance(gave, ResponseStep)
+    measured, fit = gave.measured, gave.fit
+    assert measured.frequency[-1] == pytest.approx({2: 400, 4: 100}[every], rel=0.1)
+    assert fit.chi_square < 1.5
+    assert abs(fit.plant.dead_time - MACHINE.plant.dead_time) < 4 * fit.estimate.deviation("dead time") < 2e-5
+    assert fit.plant.modes[0].gain == pytest.approx(MACHINE.plant.modes[0].gain, rel=3e-3)
+    assert any("a command is taken to be held for the 500 µs of the controller" in one for one in found.remarks)
+
+
 @pytest.mark.parametrize("grows", [0.0, 1.0])
 def test_a_sweep_shows_the_plant_from_its_lowest_lines_on_however_its_force_grows(grows: float) -> None:
     """Nearly all power of one whose force grows with the frequency lies near its end."""

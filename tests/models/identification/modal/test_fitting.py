@@ -23,7 +23,7 @@ def _problem(command: bool, ts: float = TS, settled: float = 0.0) -> Problem:
     spectrum = drawn[0] + 1j * drawn[1] if command else None
     weight = (2 * np.pi * F) ** 2 / np.exp(0.1)
     return Problem(
-        (Lines(F, np.zeros(LINES, complex), weight, ts, spectrum, settled),), True, 1 / (2 * np.pi * F[-1]), 0.1
+        (Lines(F, np.zeros(LINES, complex), weight, ts, ts, spectrum, settled),), True, 1 / (2 * np.pi * F[-1]), 0.1
     )
 
 
