@@ -18,12 +18,13 @@ from diagnosis.model.motions import Piece, numbered, pieces
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.model.units import loop_time, with_units
-from diagnosis.null import Null, begun
+from diagnosis.null import Begun, Null, begun
 from diagnosis.refit import weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
 from models.machine import Machine
 from models.records.record import Record
+from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -113,11 +114,13 @@ def refit_and_null(
 ) -> Baseline:
     """The nominal model re-fitted to the records, and beside it the thresholds: what chance gains on simulated tables.
 
-    cache: a folder in which the simulated gains are kept for other records of the same machine and references.
+    cache: a folder in which the simulated gains are kept for other records of the same machine and references. Raises
+    RecordError for a log that has one of several samples where the commands jump more than these show.
     """
     say = progress or (lambda _share, _text: None)
     say(0.02, "re-fitting the nominal parameters; simulating what the search gains by chance")
     records, known = with_what_was_added(machine, records, criteria)
+    criteria = criteria.of_a_log(max(record.every for record in records))
     machine = with_units(machine, records)
     layout = parameters(machine, len(records))
     told = partial(say, 0.1)
@@ -125,6 +128,7 @@ def refit_and_null(
         call,
         (lambda: within_rating(machine, records), lambda: begun(layout, records, cache=cache, say=told)),
     )
+    _require_smooth(records, first, criteria)
     motions = pieces(records, loop_time(machine))
     finer = with_finer_friction(smooth, records, numbered(motions, records), criteria)
     nominal = weighed(finer, records, criteria, first.usual)
@@ -135,6 +139,21 @@ def refit_and_null(
     chance = first.completed(told)
     given = smooth.candidate.nominal if finer is not smooth else None
     return Baseline(nominal, tuple(records), motions, chance, criteria, known, given)
+
+
+def _require_smooth(records: Sequence[Record], null: Begun, criteria: Criteria) -> None:
+    """Raises RecordError where interpolation leaves much of a machine with nothing wrong: values would bend to it."""
+    filled = [i for i, record in enumerate(records) if record.every > 1]
+    if not filled:
+        return
+    usual = null.usual()
+    worst = max(filled, key=lambda i: usual[i])
+    if usual[worst] > criteria.filled_most_left:
+        raise RecordError(
+            f"record {worst + 1}: has one of {records[worst].every} samples of the controller, and its commands jump "
+            f"more than these show: interpolation leaves {usual[worst]:.2g} times what the scale's noise does where "
+            "nothing is wrong; log more of the samples, for a shorter time or of fewer signals"
+        )
 
 
 def with_what_was_added(

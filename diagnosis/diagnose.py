@@ -42,7 +42,7 @@ from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import acting
 from diagnosis.learned.learn import Learned, learned
-from diagnosis.model.diagnosable import check
+from diagnosis.model.diagnosable import checked
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import on_single_blas_thread
 from diagnosis.refit import wrong_parameters
@@ -131,7 +131,8 @@ def diagnose(
 ) -> Diagnosis:
     """Why the records differ from what the machine file says, and how far the gap closes once that is in the model.
 
-    records: of one machine, each with its signals (n,) in [m] and [N]. criteria: every threshold of a decision. seed:
+    records: of one machine, each with its signals (n,) in [m] and [N]; of a log with one of several samples of the
+    controller, the others are interpolated. criteria: every threshold of a decision. seed:
     of simulated floors. disabled: names of effects that are not to be used. trusted: records that only look wrong (in a
     unit or a sign, or of an axis that rests) are taken as they are. progress is told the share of the work that
     is done, 0 .. 1, and what comes next. cache: a folder in which the null's gains are kept for other records of the
@@ -145,7 +146,7 @@ def diagnose(
     Traceback (most recent call last):
     ValueError: a diagnosis needs at least one record
     """
-    check(machine, records, disabled, trusted=trusted)
+    records = checked(machine, records, disabled, trusted=trusted)
     baseline = refit_and_null(machine, records, criteria=criteria, progress=progress, cache=cache)
     return diagnosed(baseline, seed=seed, disabled=disabled, progress=progress)
 

@@ -136,10 +136,13 @@ def _simulated(candidate: Candidate, record: Record, index: int, seed: int) -> t
         origin=origin,
     )
     made = run.record.last(record.position.size)
+    if record.every > 1:  # as its log would have shown it
+        made = made.thinned(record.every).filled(record.every)
     moved = run.position[: lead + 1] - origin
     state = deflections(machine.friction.limit, moved, initial_state(layout, candidate.theta, index))
     return Record(
         record.sample_time, record.target, record.reference, record.feedforward, made.command, made.position,
+        every=record.every,
     ), state[-1]  # fmt: skip
 
 
@@ -321,6 +324,7 @@ def _key(machine: Machine, records: Sequence[Record], draws: int, roughness: Seq
     for record in records:
         for signal in (record.target, record.reference, record.feedforward):
             digest.update(np.ascontiguousarray(signal).tobytes())
+        digest.update(repr(record.every).encode())
     for folder in ("diagnosis", "models"):
         for path in sorted((Path(__file__).parents[1] / folder).rglob("*.py")):
             digest.update(path.read_bytes())

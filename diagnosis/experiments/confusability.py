@@ -79,17 +79,20 @@ def confusability(
     """The matrix for the fit's records, without the effects in `left_out`. Distances are [1].
 
     An effect that shows in the log only is neither a force nor an addition to the reading, so that no other effect can
-    be mistaken for it, nor it for another: its distance from every other is that from the nominal parameters.
+    be mistaken for it, nor it for another: its distance from every other is that from the nominal parameters. A log
+    that has only one of several samples of the controller doesn't show it at all.
     """
     kinds = fitted.candidate.nominal.kinds
     names = tuple(name for name in kinds if name not in left_out)
     logged = [name for name in names if kinds[name].shown_in() == "log"]
     distance = distances(products(fitted, records, [name for name in names if name not in logged]), names)
     of_log, machine = [names.index(name) for name in logged], fitted.candidate.nominal
+    distance[of_log, :] = 0.0
     for i, name in zip(of_log, logged, strict=True):
-        distance[i, :] = np.sqrt(
-            _squared_distance_in_log(kinds[name].typical(machine.priors), fitted, records, criteria)
-        )
+        if all(record.every == 1 for record in records):
+            distance[i, :] = np.sqrt(
+                _squared_distance_in_log(kinds[name].typical(machine.priors), fitted, records, criteria)
+            )
     distance[:, of_log] = np.diag(distance)[:, None]
     return _confusability(names, distance, machine, criteria.distinguishable)
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Sequence
+from typing import Final
 
 from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
 from models.machine import Machine
+from models.quantity import show
 from models.records.checks import (
+    SAME_TIME,
     SIGNALS,
     DoubtfulError,
     Facts,
@@ -23,9 +26,34 @@ from models.records.plausible import doubts
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
+SLOWEST: Final = (
+    1.0  # loop times from one sample of a log to the next: what happens within is smooth enough for splines
+)
 
-def check(machine: Machine, records: Sequence[Record], disabled: Collection[str], *, trusted: bool) -> None:
-    """Raises ValueError, a sentence, for records or effects that a diagnosis of this machine can't take.
+
+def with_all_samples(machine: Machine, record: Record) -> Record:
+    """The record with all samples of the machine's controller (SI): of a log that has one of several, those between are
+    interpolated, and its `every` says so. Raises RecordError for one that has too few, or whose samples are not of the
+    controller's rate."""
+    every = round(record.sample_time / machine.sample_time)
+    if every < 2 or abs(record.sample_time / (every * machine.sample_time) - 1) > SAME_TIME:
+        check_sample_time(record, machine.sample_time)
+        return record
+    most = SLOWEST * loop_time(machine)
+    if record.sample_time > most:
+        raise RecordError(
+            f"has a sample every {show(record.sample_time, 's')}, one of {every} of the machine's controller; these "
+            f"are too few to interpolate the others, as the loop acts within {show(loop_time(machine), 's', 2)}: log "
+            f"a sample every {show(most, 's', 2)} or more often, for a shorter time or of fewer signals"
+        )
+    return record.filled(every)
+
+
+def checked(
+    machine: Machine, records: Sequence[Record], disabled: Collection[str], *, trusted: bool
+) -> tuple[Record, ...]:
+    """The records with all samples of the controller. Raises ValueError, a sentence, for records or effects that a
+    diagnosis of this machine can't take.
 
     disabled: names of effects. trusted: records that only look wrong, in a unit or a sign say, are taken as they are.
     """
@@ -34,17 +62,18 @@ def check(machine: Machine, records: Sequence[Record], disabled: Collection[str]
     if not records:
         raise ValueError("a diagnosis needs at least one record")
     check_names(disabled, machine)
-    names = [f"record {i}" for i in range(1, len(records) + 1)]
+    names, whole = [f"record {i}" for i in range(1, len(records) + 1)], list[Record]()
     for name, record in zip(names, records, strict=True):
         try:
             check_signals(record)
-            check_sample_time(record, machine.sample_time)
+            whole.append(with_all_samples(machine, record))
         except RecordError as error:
             raise RecordError(f"{name}: {error}") from error
     check_length(records)
     if not trusted:
         _check_doubts(machine, records, names)
-    check_count(records, loop_time(machine))
+    check_count(whole, loop_time(machine))
+    return tuple(whole)
 
 
 def _check_doubts(machine: Machine, records: Sequence[Record], names: Sequence[str]) -> None:

@@ -44,9 +44,9 @@ class Replayed:
     """How far the replayed command is from the logged one: largest and rms difference [N], the tolerance [N], the first
     sample beyond it (departs), and the best of the changes that were tried (remedy) with the rms that remains [N].
 
-    checked: False for a record that has no reference to replay on. structure: the PID or P/PI cascade that leaves least
-    of the commands, whose standard deviation is spread [N], where no such change leaves rounding alone. added: the
-    signal that was added behind the controller, where that leaves least.
+    checked: False for a record that has no reference to replay on, or only one of `every` samples. structure: the PID
+    or P/PI cascade that leaves least of the commands, whose standard deviation is spread [N], where no such change
+    leaves rounding alone. added: the signal that was added behind the controller, where that leaves least.
     """
 
     checked: bool
@@ -59,6 +59,7 @@ class Replayed:
     structure: Structure | None = None
     spread: float = 0.0
     added: Added | None = None
+    every: int = 1
 
     @property
     def other(self) -> str | None:
@@ -85,6 +86,8 @@ class Replayed:
 
 def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> Replayed:
     """The machine's feedback and reference delay, replayed on a record; forces in [N]."""
+    if record.every > 1:
+        return Replayed(False, 0.0, 0.0, 0.0, None, None, 0.0, every=record.every)
     feedback, delay = machine.control.feedback, machine.control.reference_delay
     plain, made, begin = _plainly(machine, record, criteria)
     if plain.replays:

@@ -86,6 +86,7 @@ def _details(where: Where) -> dict[str, Any]:
             {
                 "replays": one.replays,
                 "checked": one.checked,
+                "every": one.every,
                 "largest_N": one.largest,
                 "rms_N": one.rms,
                 "tolerance_N": one.tolerance,

@@ -83,7 +83,7 @@ def catalogue_scan(seen: View) -> Detected:
 def random_force(seen: View) -> Detected:
     """A force about a frequency that is not locked to the motion, such as a floor's vibration."""
     name, criteria = FloorVibration.name, seen.baseline.criteria
-    if name in seen.disabled or len(seen.fitted.candidate.random_forces) >= criteria.max_effects:
+    if name in seen.disabled or _is_filled(seen) or len(seen.fitted.candidate.random_forces) >= criteria.max_effects:
         return Detected()
     found = strongest_random_force(seen.fitted, seen.baseline.records, seen.own)
     if found is None or _rings(seen.fitted, found.resonance.frequency):
@@ -125,11 +125,17 @@ def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:
     return bool(max(float(np.mean(apart[alike])), at_rest) < criteria.random_force_apart * moving)
 
 
+def _is_filled(seen: View) -> bool:
+    """Whether a log has only one of several samples of the controller: what interpolation makes of the commands between
+    them is in what is left, and no noise of the drive."""
+    return any(record.every > 1 for record in seen.baseline.records)
+
+
 def command_jitter(seen: View) -> Detected:
     """Commands that act late now and then: what differs among equal motions grows with the commands' steps."""
     name, thresholds = TimingJitter.name, seen.baseline.thresholds
     threshold = max(seen.baseline.criteria.late_commands_min_gain, thresholds.get(name, 0.0))
-    if name in seen.disabled:
+    if name in seen.disabled or _is_filled(seen):
         return Detected()
     found = lateness(seen.fitted, seen.baseline.records)
     if found.gain > threshold and seen.fitted.candidate.added_effects:

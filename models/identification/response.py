@@ -228,8 +228,8 @@ def _swept(record: Record) -> FrequencyResponse:
     swept = (frequency > low) & (frequency < min(high, 0.45 / ts, folded))
     if np.sum(swept) < FEWEST and folded < high:
         raise ValueError(
-            f"the sweep goes beyond half the log's rate, so that only below {folded:.3g} Hz it is all that is seen; log "
-            f"it with less than {ts:.3g} s from sample to sample, or end it at {0.4 / ts:.3g} Hz"
+            f"the sweep goes beyond half the log's rate, and only below {folded:.3g} Hz nothing of it is folded back; "
+            f"log it with less than {ts:.3g} s from sample to sample, or end it at {0.4 / ts:.3g} Hz"
         )
     if np.sum(swept) < FEWEST:
         raise ValueError(

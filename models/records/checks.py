@@ -107,7 +107,8 @@ def check_sample_time(record: Record, sample_time: float) -> None:
     if abs(record.sample_time / sample_time - 1) > SAME_TIME:
         raise RecordError(
             f"is sampled every {show(record.sample_time, 's')}, and the machine's controller runs every "
-            f"{show(sample_time, 's')}; give the machine file of this record, or a record of this machine; "
+            f"{show(sample_time, 's')}; give the machine file of this record, or a record that holds all of that "
+            "controller's samples, or every second, third and so on; "
             f'where only the times in the file are off, map time = "{ROW} * {show(sample_time, "s", 6)}"'
         )
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from models.quantity import show
 
@@ -26,7 +27,8 @@ class Column:
 class Record:
     """Equally spaced samples (n,): r [m], x_T* [m], u_ff + u_rf [N], u_M as put out [N], the scale's reading [m].
 
-    columns: what else its file holds, where that is known; and the column of the feedforward as it was logged.
+    columns: what else its file holds, where that is known; and the column of the feedforward as it was logged. every:
+    of how many samples its log had one, the others being interpolated.
 
     >>> response.record
     Record(2000 samples every 500 µs, position 0 m to 100... µm, command up to ... N)
@@ -39,6 +41,7 @@ class Record:
     command: Array
     position: Array
     columns: tuple[Column, ...] = field(default=(), kw_only=True)
+    every: int = field(default=1, kw_only=True)
 
     def __repr__(self) -> str:
         low, high, most = np.min(self.position), np.max(self.position), np.max(np.abs(self.command))
@@ -55,7 +58,24 @@ class Record:
         """Samples start .. stop."""
         signals = (self.target, self.reference, self.feedforward, self.command, self.position)
         columns = tuple(replace(one, values=one.values[start:stop]) for one in self.columns)
-        return Record(self.sample_time, *(signal[start:stop] for signal in signals), columns=columns)
+        parts = (signal[start:stop] for signal in signals)
+        return Record(self.sample_time, *parts, columns=columns, every=self.every)
+
+    def thinned(self, every: int) -> Record:
+        """One sample of `every`, as a log has them that is slower than the controller."""
+        columns = tuple(replace(one, values=one.values[::every]) for one in self.columns)
+        signals = (self.target, self.reference, self.feedforward, self.command, self.position)
+        return Record(every * self.sample_time, *(signal[::every] for signal in signals), columns=columns)
+
+    def filled(self, every: int) -> Record:
+        """The record with `every` samples where it has one: command and position along cubic splines, reference and
+        feedforward along curves that do not overshoot, the target held. Its columns are left out."""
+        count = self.position.size
+        at, fine = np.arange(count, dtype=float), np.arange((count - 1) * every + 1) / every
+        command, position = (CubicSpline(at, signal)(fine) for signal in (self.command, self.position))
+        reference, feedforward = (PchipInterpolator(at, one)(fine) for one in (self.reference, self.feedforward))
+        target = self.target[np.floor(fine + 1e-9).astype(int)]
+        return Record(self.sample_time / every, target, reference, feedforward, command, position, every=every)
 
 
 @dataclass(frozen=True)

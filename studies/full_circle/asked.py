@@ -98,12 +98,17 @@ def _first(path: Array) -> int | None:
 
 
 def _off(part: Record, one: Asked) -> float:
-    """By how much a run departs from a table, as a share of the way or of the feedforward, the larger of both."""
-    n, origin = part.position.size, part.reference[0] - one.reference[0]
-    away = float(np.max(np.abs(part.reference - origin - one.reference[:n]))) / max(
-        float(np.ptp(one.reference)), 1e-300
-    )
+    """By how much a run departs from a table, as a share of the way or of the feedforward, the larger of both; of a log
+    that has one of several samples, at these, where they are nearest to the table's."""
+    return min(_off_at(part, one, slice(first, part.position.size, part.every)) for first in range(part.every))
+
+
+def _off_at(part: Record, one: Asked, at: slice) -> float:
+    reference, feedforward = part.reference[at], part.feedforward[at]
+    known = one.reference[: part.position.size][at]
+    away = float(np.max(np.abs(reference - reference[0] - known + known[0])))
+    away /= max(float(np.ptp(one.reference)), 1e-300)
     if not np.ptp(part.feedforward) > 0:
         return away
-    pushed = float(np.max(np.abs(part.feedforward - one.feedforward[:n])))
+    pushed = float(np.max(np.abs(feedforward - one.feedforward[: part.position.size][at])))
     return max(away, pushed / max(float(np.max(np.abs(one.feedforward))), 1e-300))

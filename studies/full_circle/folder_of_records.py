@@ -15,6 +15,7 @@ from models.records.tables.formats import FORMATS, LISTED
 from models.records.tables.sizes import RecordError
 from studies.full_circle.asked import Asked, ran
 from studies.full_circle.options import CircleOptions
+from studies.gap_diagnosis.records import filled
 from studies.options import BadInputError
 from studies.record_columns import mapped
 from studies.study import Progress
@@ -84,12 +85,19 @@ def loaded(machine: Machine, options: CircleOptions, tables: Sequence[Asked], pr
 
 def _sorted(machine: Machine, file: Path, one: Loaded, tables: Sequence[Asked]) -> Given:
     kind = recognised(machine, one)
-    known = ran(one.content, tables) if isinstance(one.content, Record) else None
+    identified = kind in IDENTIFIED
+    try:
+        whole = filled(machine, one) if isinstance(one.content, Record) else one
+    except RecordError as error:
+        if not identified:
+            raise BadInputError(f"{file}: {error}; or move {file.name} out of --records") from error
+        whole = one
+    known = ran(whole.content, tables) if isinstance(whole.content, Record) else None
     if known is not None and known[0].kind in JUDGED:
-        return Given(file, kind, known[0].kind, one, *known)
+        return Given(file, kind, known[0].kind, whole, *known)
     if known is not None:  # an experiment that a diagnosis asked for, whatever its kind
-        return Given(file, kind, "diagnose", one, known[0])
-    return Given(file, kind, "identify" if kind in IDENTIFIED else "diagnose", one)
+        return Given(file, kind, "diagnose", whole, known[0])
+    return Given(file, kind, "identify", one) if identified else Given(file, kind, "diagnose", whole)
 
 
 def hashes(given: Sequence[Given], *roles: str) -> Mapping[str, str]:

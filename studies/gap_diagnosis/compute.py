@@ -35,6 +35,7 @@ from models.machine import Machine
 from models.machine_file import to_toml
 from models.records.files import Loaded
 from models.records.record import Record
+from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable, require_stable
 from studies.effort import MOST, diagnosing, foresee, more_samples
 from studies.gap_diagnosis import own_records
@@ -97,7 +98,10 @@ def answered(
     def say(share: float, text: str) -> None:
         progress(0.05 + 0.8 * share, text)
 
-    begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
+    try:
+        begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
+    except RecordError as error:
+        raise BadInputError(str(error)) from error
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
     looks = course(options.looks)
     verdict = confirmed({**verdict_of(found)["verdict"], **beside.to_json()["verdict"]}, looks)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from diagnosis.model.diagnosable import check_names
+from diagnosis.model.diagnosable import check_names, with_all_samples
 from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
 from diagnosis.where.controller import reproduces
@@ -19,7 +19,6 @@ from models.records.checks import (
     check_length,
     check_movement,
     check_one_machine,
-    check_sample_time,
     derivative_of_error,
 )
 from models.records.files import Loaded, with_columns
@@ -85,10 +84,13 @@ def loaded_of(
                 f"{path}: is a frequency response; a diagnosis needs records over time (identify_machine takes it)"
             )
         with _refused(str(path)):
-            check_sample_time(one.content, machine.sample_time)
+            one = filled(machine, one)
+        content = one.content
+        assert isinstance(content, Record)
         if columns.derivative == "position":
-            one = replace(one, content=derivative_of_error(one.content, control.pid, control.reference_delay))
-        if isinstance(one.content, Record) and not reproduces(machine, one.content):
+            content = derivative_of_error(content, control.pid, control.reference_delay)
+            one = replace(one, content=content)
+        if content.every == 1 and not reproduces(machine, content):
             one = with_columns(one, path, columns, limits)
         found.append(one)
         progress(0.02, "\n".join([f"read {path}", *one.recognised]))
@@ -98,6 +100,20 @@ def loaded_of(
     records = [one.content for one in found if isinstance(one.content, Record)]
     doubts = check(machine, records, paths, trusted=options.trust_records)
     return (replace(found[0], findings=(*doubts, *found[0].findings)), *found[1:])
+
+
+def filled(machine: Machine, one: Loaded) -> Loaded:
+    """A record with all samples of the controller, with what is said of it where its log has fewer. Raises
+    RecordError."""
+    assert isinstance(one.content, Record)
+    content = with_all_samples(machine, one.content)
+    if content.every == 1:
+        return one
+    said = (
+        f"It has one of {content.every} samples of the controller; those between are interpolated, so that the "
+        "controller can't be replayed."
+    )
+    return replace(one, content=content, findings=(*one.findings, said))
 
 
 def _samples(one: Loaded) -> int:

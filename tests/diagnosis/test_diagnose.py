@@ -16,6 +16,8 @@ from diagnosis.closure import held_out_closure
 from diagnosis.criteria import Criteria
 from diagnosis.diagnose import Diagnosis, diagnose, to_json
 from diagnosis.evidence import evidence, examined
+from diagnosis.experiments.confusability import confusability
+from diagnosis.experiments.schedules import strokes
 from diagnosis.handover.files import judged, starts_of
 from diagnosis.handover.gate import offset_alone
 from diagnosis.how_far import errors_of
@@ -111,6 +113,37 @@ def test_a_size_beyond_the_usual_ones_is_found_where_nothing_else_is_missing(nul
     (stribeck,) = found.final.candidate.added_effects
     assert isinstance(stribeck, Stribeck)
     assert (stribeck.rise, stribeck.speed) == pytest.approx((0.25, 0.011), rel=0.03)
+
+
+def test_a_log_of_every_third_sample_gives_the_name_and_the_size(null_cache: Path) -> None:
+    """Of a loop that is slow enough for that. What lies between its samples is interpolated, in the tables that the
+    thresholds come from as well; whether the controller made it can't be checked."""
+    pid = MACHINE.control.pid
+    soft = replace(pid, kp=pid.kp / 9, ki=pid.ki / 27, kd=pid.kd / 3)
+    slow = replace(MACHINE, control=replace(MACHINE.control, pid=soft))
+    plan = (strokes(slow, 20e-3, (0.1,), passes=4), strokes(slow, 2e-3, (0.02,)))
+    log = [one.thinned(3) for one in recorded(slow, plan, [Cogging(1.5, 0.008, 1.0)], seed=12)]
+    found = diagnose(slow, log, cache=null_cache)
+    assert (found.outcome, found.effects) == (Outcome.ATTRIBUTED, ("cogging",))
+    (cogging,) = found.told.candidate.added_effects
+    assert isinstance(cogging, Cogging)
+    assert (cogging.amplitude, cogging.pitch) == pytest.approx((1.5, 0.008), rel=0.03)
+    assert found.how_far.closure > 0.9
+    begun = found.baseline
+    assert [one.every for one in begun.records] == [3, 3]
+    assert begun.records[0].sample_time == pytest.approx(slow.sample_time)
+    seen = locate(begun.nominal, begun.records, begun.pieces, spike=begun.spike)
+    said, _ = (one.text for one in statements(seen) if one.topic == Topic.UNCHECKED)
+    assert said.endswith("record 1 cannot be checked, because its log has only one of 3 samples.")
+    hidden = confusability(begun.nominal, begun.records).not_identifiable
+    assert {"timing_jitter", "controller_mismatch"} <= set(hidden)
+
+
+def test_a_log_whose_commands_jump_between_its_samples_is_refused(null_cache: Path) -> None:
+    """Interpolation would have moved modes and dead time by eight deviations."""
+    (record,) = recorded(MACHINE, PLAN, seed=4, wrong=0.0)
+    with pytest.raises(ValueError, match=r"record 1: has one of 2 samples .* interpolation leaves 5\.\d times what"):
+        diagnose(MACHINE, [record.thinned(2)], cache=null_cache)
 
 
 def test_two_effects_are_both_named(null_cache: Path) -> None:

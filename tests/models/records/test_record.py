@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from models.records.record import Record, cut, feeding_sequence, motions
+from models.records.record import Column, Record, cut, feeding_sequence, motions
 from models.records.settling import dispersion, overshoot, settling_time
 
 
@@ -25,6 +25,31 @@ def test_the_sequence_of_figure_5() -> None:
 def test_a_record_in_which_nothing_moves_has_no_motions() -> None:
     nothing = np.zeros(100)
     assert cut(Record(1e-3, nothing, nothing, nothing, nothing, nothing)) == ()
+
+
+def test_a_log_of_every_fourth_sample_is_filled_through_its_samples() -> None:
+    """Splines have the error of their order between the samples, none at them; what is commanded does not overshoot."""
+    time = 2.5e-4 * np.arange(4001, dtype=float)
+    step = np.where(time < 0.5, 0.0, 1e-3)
+    signals = (step, step, 2 * step, np.sin(30 * time), 1e-3 * np.sin(30 * time))
+    record = Record(2.5e-4, *signals, columns=(Column("I", time),))
+    log = record.thinned(4)
+    assert (log.sample_time, log.position.size, log.columns[0].values.size) == (1e-3, 1001, 1001)
+    filled = log.filled(4)
+    assert (filled.sample_time, filled.every, filled.columns) == (2.5e-4, 4, ())
+    assert filled.position.size == record.position.size
+    assert filled.part(8, 80).every == 4
+    for one, fine in (
+        (log.position, filled.position),
+        (log.command, filled.command),
+        (log.reference, filled.reference),
+    ):
+        assert fine[::4] == pytest.approx(one, rel=1e-12, abs=1e-15)
+    assert np.max(np.abs(filled.command - record.command)) < (30 * 1e-3) ** 4
+    assert np.min(filled.reference) == 0
+    assert np.max(filled.reference) == 1e-3
+    assert set(filled.target) == {0.0, 1e-3}
+    assert np.count_nonzero(np.diff(filled.target)) == 1
 
 
 def test_settling_is_the_time_after_which_nothing_leaves_the_band() -> None:

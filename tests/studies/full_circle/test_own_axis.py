@@ -20,12 +20,13 @@ from models.machine_file import to_toml
 from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
-from studies.full_circle import asked, own_axis
+from studies.full_circle import asked, folder_of_records, own_axis
 from studies.full_circle.__main__ import STUDY
 from studies.full_circle.folder_of_records import loaded
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.redesigning import old_design, references_of, table
 from studies.full_circle.steps import Steps
+from studies.options import BadInputError
 from studies.sticking import found_in
 from studies.study import Progress
 from tests.design.machines import far_side
@@ -180,6 +181,26 @@ def test_a_record_of_an_experiment_that_was_asked_for_is_diagnosed(begun: Path) 
         assert one.table is not None
         assert (one.role, one.table.kind) == (role, kind)
         assert (one.run is not None) == (role == "current")
+
+
+def test_a_record_of_a_slower_log_is_known_by_its_table_and_one_that_is_too_slow_is_refused(
+    begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base = copied(begun, tmp_path)
+    (file,) = (base / "records").glob("strokes*.csv")
+    head, *rows = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    options = CircleOptions(machine=base / "my.toml", records=base / "records")
+    table = asked.asked("current", (base / "strokes.csv").read_text(encoding="utf-8"))
+    file.write_text("".join([head, *rows[::2]]), encoding="utf-8")
+    (one,) = loaded(KNOWN, options, (table,), Progress())
+    assert (one.role, one.run is not None) == ("current", True)
+    assert isinstance(one.loaded.content, Record)
+    assert one.loaded.content.every == 2
+    assert one.loaded.content.sample_time == pytest.approx(KNOWN.sample_time)
+    monkeypatch.setattr(folder_of_records, "recognised", lambda *_: "motions")
+    file.write_text("".join([head, *rows[::20]]), encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"one of 20 of the machine's controller; .* or move .* out of --records"):
+        loaded(KNOWN, options, (table,), Progress())
 
 
 def test_a_suite_leaves_room_for_the_records_that_are_there(begun: Path, tmp_path: Path) -> None:

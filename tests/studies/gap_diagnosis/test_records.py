@@ -10,8 +10,11 @@ import pytest
 
 from diagnosis.model.units import loop_time
 from models.machine import load as load_machine
+from models.records.files import Loaded
+from models.records.record import Record
+from models.records.tables.sizes import RecordError
 from studies.gap_diagnosis.options import DiagnosisOptions
-from studies.gap_diagnosis.records import check, loaded
+from studies.gap_diagnosis.records import check, filled, loaded
 from studies.identify_machine import own_records
 from studies.options import BadInputError
 from tests.models.records.test_checks import MASS, moving
@@ -73,3 +76,23 @@ def test_motions_are_counted_as_the_machines_own_loop_cuts_them() -> None:
     check(MACHINE, records, PATHS)
     with pytest.raises(BadInputError, match=r"a.csv, b.csv: .* too few, some have to be left out"):
         check(drowsy, records, PATHS)
+
+
+def test_a_log_of_every_nth_sample_is_filled_as_long_as_it_follows_the_loop() -> None:
+    record = own_records.motions(MACHINE, 1)
+    few = int(loop_time(MACHINE) / MACHINE.sample_time)
+    for every, kept in ((1, True), (2, True), (few, True), (few + 1, False), (2 * few, False)):
+        log = Loaded("log.csv", "12ab", record.thinned(every), (), ("Said before.",))
+        if not kept:
+            with pytest.raises(RecordError, match=f"one of {every} of the machine's controller; these are too few"):
+                filled(MACHINE, log)
+            continue
+        whole = filled(MACHINE, log)
+        assert isinstance(whole.content, Record)
+        assert whole.content.sample_time == pytest.approx(MACHINE.sample_time)
+        assert whole.content.every == every
+        assert whole.findings[0] == "Said before."
+        assert any(f"It has one of {every} samples" in one for one in whole.findings) == (every > 1)
+    uneven = Loaded("log.csv", "12ab", replace(record, sample_time=2.3 * record.sample_time), (), ())
+    with pytest.raises(RecordError, match=r"is sampled every 1\.15 ms, and the machine's controller runs every 500 µs"):
+        filled(MACHINE, uneven)
