@@ -267,7 +267,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     if outcome is Outcome.NONE:
         names = ()
     if outcome is Outcome.PARAMETERS:
-        names = wrong_parameters(stages[0].fitted, criteria)
+        names = wrong_parameters(stages[0].fitted, criteria, far.floor.force)
     shares = _shares(pruned.shares, (*names, *partly), parts) if known is None else {names[0]: 1.0}
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
     unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))

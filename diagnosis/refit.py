@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
@@ -34,6 +35,7 @@ ENOUGH: Final = 20.0  # chi-square
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
 LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
 # The names under which a reader knows parameters of the fit.
+OFFSET: Final = "amplifier_offset"
 CALLED: Final = {"mode_gain": "payload_mass", "presliding_limit": "presliding_stiffness"}
 CLOSE: Final = 0.05  # relative difference of white forces that are the same
 
@@ -182,8 +184,10 @@ def _information(fitted: Fit) -> tuple[NDArray[np.int64], Array]:
     return where, inverse
 
 
-def wrong_parameters(fitted: Fit, criteria: Criteria) -> tuple[str, ...]:
-    """The nominal parameters that are wrong, those whose shift matters the most first."""
+def wrong_parameters(fitted: Fit, criteria: Criteria, floor: float = math.inf) -> tuple[str, ...]:
+    """The nominal parameters that are wrong, those whose shift matters the most first. An offset comes before them
+    where it is surely above the noise floor's force [N]: what is constant, the filter's own unknown force follows, so
+    that innovations hardly show it."""
     where, inverse = _information(fitted)
     layout, theta = fitted.candidate.layout, fitted.candidate.theta
     gains: dict[str, float] = {}
@@ -194,4 +198,7 @@ def wrong_parameters(fitted: Fit, criteria: Criteria) -> tuple[str, ...]:
             called = CALLED.get(name, name)
             gains[called] = gains.get(called, 0.0) + float(moved @ inverse[np.ix_(own, own)] @ moved)
     least = max(criteria.parameter_share * max(gains.values()), criteria.parameter_min_gain)
-    return tuple(sorted((name for name in gains if gains[name] > least), key=lambda name: -gains[name]))
+    offset = float(theta[layout.of(OFFSET)][0])
+    first = (OFFSET,) * (offset**2 > criteria.min_force_ratio * floor**2)
+    found = sorted((name for name in gains if gains[name] > least), key=lambda name: -gains[name])
+    return tuple(dict.fromkeys((*first, *found)))

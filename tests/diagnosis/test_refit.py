@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from diagnosis import refit as refit_module
+from diagnosis.criteria import Criteria
 from diagnosis.model.fit import one_step
 from diagnosis.model.parameters import FURTHER, applied, parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.refit import refit_within
+from diagnosis.refit import refit_within, wrong_parameters
 from models.friction import elements
 from models.machine import Tolerance
 from tests.diagnosis.tables import recorded, schedules, table
@@ -63,6 +64,17 @@ def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
     theta = np.zeros(wide.count)
     theta[at] = 5.0
     assert applied(wide, theta).tolerance == loose.tolerance
+
+
+def test_an_offset_that_makes_most_of_the_gap_is_named_first() -> None:
+    """Innovations hardly show it: what is constant, the filter's own unknown force follows."""
+    shifted = replace(MACHINE, drive=replace(MACHINE.drive, offset=MACHINE.drive.offset + 1.0))
+    found = refit_within(MACHINE, recorded(shifted, PLAN[1:], seed=19, wrong=0.0))
+    loose = replace(Criteria(), parameter_min_gain=1e9)
+    assert wrong_parameters(found, loose) == ()
+    assert wrong_parameters(found, loose, floor=0.02) == ("amplifier_offset",)
+    assert wrong_parameters(found, loose, floor=0.8) == ()  # no more than twice the floor's energy
+    assert wrong_parameters(found, Criteria(), floor=0.02)[0] == "amplifier_offset"
 
 
 @pytest.mark.parametrize("deviations", [5, -6])
