@@ -25,12 +25,21 @@ from models.identification.into_machine import (
 )
 from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together
 from models.identification.joint.one_branch import one_branch
-from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
+from models.identification.joint.steps import (
+    ForceStep,
+    Identified,
+    Settings,
+    Step,
+    record_of,
+    with_step,
+)
+from models.identification.modal.remarks import ResponseStep
 from models.identification.modes import DRAG
 from models.machine import Machine
 from models.quantity import listed, show
 from models.records.files import Loaded
 
+AGAINST: Final = 10.0  # times the reduced chi-square of a response without a spring, from which on it has none
 WIDER: Final = 2.0  # times the way in which friction turns round, that loops go on in which a spring is told from it
 
 
@@ -38,6 +47,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     """The friction elements from a slow record, or from all of them together; mass and dead time as known so far."""
     plant, ts = found.machine.plant, found.machine.sample_time
     dead_time = [std for _, std in found.earlier("dead time")]
+    against: str | None = None
     terms = Terms(
         mass=plant.mass,
         drag=drag_of(found.machine),
@@ -52,7 +62,9 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     if spring_of(found.machine) == 0 and _may_be_a_spring(fit):
         sprung = by_elements.identify(record, replace(terms, spring=True), pass_band=band)
         if _springs(fit, sprung):
-            terms, fit = replace(terms, spring=True), sprung
+            against = _against(found, sprung, loaded)
+            if against is None:
+                terms, fit = replace(terms, spring=True), sprung
     free = replace(terms, viscous=True, drag=0.0)
     dragged = None if _shown_by_a_response(found) else by_elements.identify(record, free, pass_band=band)
     if dragged and _drags(fit, dragged):
@@ -67,6 +79,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
         *on_agreement(steps, ("offset",)),
         *on_slip(steps, "one branch fitted to all, with deviations as wide"),
         *_on_spring(fit),
+        *([against] if against else []),
         *_on_memory(fit),
         *on_effects(found.machine),
     )
@@ -110,6 +123,24 @@ def _springs(plain: ForceFit, sprung: ForceFit) -> bool:
     fallen = plain.criterion[counts[0]] - sprung.criterion[counts[1]]
     better = fallen > (0.0 if counts[1] < counts[0] else STRONG)
     return value > SURE * std and better and _wide_beside(sprung)
+
+
+def _against(found: Identified, sprung: ForceFit, loaded: Loaded) -> str | None:
+    """What speaks against the spring of a slow record: a response of the rolling axis that would fit far worse with
+    it. Loops that end within a smooth friction curve take its tail for a spring, which would then be extrapolated."""
+    value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)
+    machine = with_spring(found.machine, (value, std), Found(loaded, "hysteresis"))
+    with_it = replace(found, machine=machine)
+    for step in found.steps:
+        if isinstance(step.gave, ResponseStep) and step.gave.measured.rolling:
+            least = AGAINST * max(found.misfit(step.gave), 1.0)
+            if with_it.misfit(step.gave) > least:
+                return (
+                    f"The record alone would show a spring to ground of {show(value, 'N/m', 3)}; it is not taken, as "
+                    f"the response of {step.loaded.name}, in which the axis rolls, does not have it. The friction's "
+                    "curve goes on beyond these loops: record wider ones."
+                )
+    return None
 
 
 def _drags(plain: ForceFit, dragged: ForceFit) -> bool:

@@ -146,14 +146,20 @@ def test_a_response_of_an_axis_on_a_spring_shows_the_spring_and_no_lag(stated: b
     assert answer.misfit(step) < 1.5
 
 
+def rolling_sweep(true: Machine) -> Record:
+    """A sweep to 2 kHz while the stage rolls."""
+    ts = STAGE.sample_time
+    sweep = 0.2 * chirp(np.arange(round(2 / ts)) * ts, 200, 2, 2000, method="logarithmic", phi=-90)
+    force = np.concatenate([np.zeros(round(0.2 / ts)), sweep])
+    return own_records.run(true, 1.0137e-3 * ts * np.arange(force.size, dtype=float), np.asarray(force, float), 1)
+
+
 @pytest.mark.parametrize("stated", [True, False])
 def test_one_sweep_while_a_small_stage_rolls_tells_its_spring_from_a_lag(stated: bool) -> None:
     """Its lines are far above the spring's own frequency: what tells is that the command rises along the way."""
-    true, ts = replace(STAGE, effects=(CableSpring(180.0),)), STAGE.sample_time
-    sweep = 0.2 * chirp(np.arange(round(2 / ts)) * ts, 200, 2, 2000, method="logarithmic", phi=-90)
-    force = np.concatenate([np.zeros(round(0.2 / ts)), sweep])
-    record = own_records.run(true, 1.0137e-3 * ts * np.arange(force.size, dtype=float), np.asarray(force, float), 1)
-    answer = identify(true if stated else STAGE, [Loaded("sweep.csv", "", record, (), ())], kinds=["excitation"])
+    true = replace(STAGE, effects=(CableSpring(180.0),))
+    sweep = Loaded("sweep.csv", "", rolling_sweep(true), (), ())
+    answer = identify(true if stated else STAGE, [sweep], kinds=["excitation"])
     estimate, step = answer.estimates["sweep.csv"], answer.steps[0].gave
     truth = {"rigid body gain": 3.2, "dead time": 85e-6, "mode 2 frequency": 640.0} | (
         {} if stated else {SPRING: 180.0}
@@ -163,3 +169,17 @@ def test_one_sweep_while_a_small_stage_rolls_tells_its_spring_from_a_lag(stated:
     assert LAG not in estimate.names
     assert isinstance(step, ResponseStep)
     assert answer.misfit(step) < 1.5
+
+
+def test_a_spring_that_only_loops_show_is_not_taken_where_the_rolling_axis_has_none() -> None:
+    """Loops that end within a smooth friction curve had taken its tail for a spring of 4 N/mm, 160 N at the end of the
+    travel, which the file then had."""
+    loops = Loaded("slow.csv", "12ab", slow_loops(replace(STAGE, effects=(CableSpring(600.0),))), (), ())
+    sweep = Loaded("sweep.csv", "34cd", rolling_sweep(STAGE), (), ())
+    alone, beside = (identify(STAGE, given) for given in ([loops], [loops, sweep]))
+    assert [one.name for one in alone.machine.effects] == ["cable_spring"]
+    assert beside.machine.effects == ()
+    assert SPRING not in beside.estimates["slow.csv"].names
+    assert any("is not taken, as the response of sweep.csv" in one for one in beside.remarks)
+    (gave,) = (step.gave for step in beside.steps if isinstance(step.gave, ResponseStep))
+    assert beside.misfit(gave) < 1.5
