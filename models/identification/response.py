@@ -51,6 +51,7 @@ FEWEST: Final = 4 * (2 * LOCAL + 1)  # lines of one sweep
 OCTAVES: Final = 2.0  # that one sweep covers at least
 SKIRT: Final = 0.02  # of the sweep's time below its lowest line and above its highest, where its start and stop leak
 LED: Final = 0.9  # coherence of command and sweep: below, feedback of the noise leads the command
+BEFORE: Final = 0.95  # of the frequency at which a sweep comes by again: its skirt is there earlier
 NEAR: Final = 0.8  # of half the rate: a sweep that gets there may have gone on beyond
 SEEN: Final = 0.5  # coherence of position and sweep: below, the position moves by less than the scale resolves
 
@@ -289,7 +290,7 @@ def _folded_from(sweep: Array, sample_time: float) -> float:
     peak = int(np.argmax(course))
     if course[peak] < NEAR * 0.5 / sample_time:
         return math.inf
-    return float(max(np.min(course[: peak + 1]), np.min(course[peak:])))
+    return BEFORE * float(max(np.min(course[: peak + 1]), np.min(course[peak:])))
 
 
 def _past_the_start(used: NDArray[np.bool_]) -> NDArray[np.bool_]:

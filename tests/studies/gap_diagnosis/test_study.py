@@ -207,13 +207,14 @@ def test_what_can_not_be_diagnosed_is_one_line(own: Made, tmp_path: Path, capsys
     nothing = np.zeros(3000)
     hold = Record(5e-4, nothing, nothing, nothing, 1e-3 * draw.standard_normal(3000), still)
     coarse = replace(whole, position=np.round(whole.position / 1e-6) * 1e-6)
-    slow = replace(whole, sample_time=1e-3)
+    quick, slow = replace(whole, sample_time=3.5e-4), replace(whole, sample_time=1e-3)
     heavier = replace(whole, command=3 * whole.command)
     for records, says in (
         ([whole.part(0, 600)], "600 samples are too short"),
         ([whole.part(300, 1700)], "too few"),
         ([hold], "nothing moves"),
-        ([slow], "is sampled every 1 ms, and the machine's controller runs every 500 µs"),
+        ([quick], "is sampled every 350 µs, and the machine's controller runs every 500 µs"),
+        ([slow], "has one of 2 samples of the controller, and its commands jump more than these show"),
         ([whole, coarse], "are of two machines: their scales"),
         ([whole, heavier], "are of two machines: their commands move"),
     ):
