@@ -79,7 +79,7 @@ def checked(
 def _check_doubts(machine: Machine, records: Sequence[Record], names: Sequence[str]) -> None:
     facts = Facts(**known_of(machine))
     for name, record in zip(names, records, strict=True):
-        if (doubt := next(doubts(record, set(SIGNALS), facts), None)) is not None:
+        if (doubt := next(doubts(record, set(SIGNALS), facts.seen_in(record)), None)) is not None:
             raise DoubtfulError(f"{name}: {doubt}")
     check_movement(records, machine.friction)
     check_one_machine(records, names, 2 * max(machine.friction.limit))

@@ -71,6 +71,11 @@ class Facts:
     friction: float | None = None
     rotary: bool | None = None
 
+    def seen_in(self, record: Record) -> Facts:
+        """Without the controller for a record that has not all of its samples, from which it can't be replayed."""
+        slower = self.sample_time is not None and record.sample_time > (1 + SAME_TIME) * self.sample_time
+        return replace(self, pid=None) if slower else self
+
 
 def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, ...]:
     """Sentences on a record that can be used; raises RecordError for one that can't. given: signals of the file."""

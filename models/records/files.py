@@ -75,6 +75,7 @@ def load(
                 path.name, digest, response, (), (), recognised(table, columns, used, response, turns=facts.rotary)
             )
         record, given, placed = _record(table, columns, facts.sample_time)
+        facts = facts.seen_in(record)
         by_error = "reference" in given and given["reference"] == names["error"]
         as_read = {"error" if by_error and signal == "reference" else signal: name for signal, name in given.items()}
         _check_units(table, columns, as_read, facts)

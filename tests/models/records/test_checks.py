@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from models.friction import elements
+from models.machine import load as load_machine
 from models.records.checks import (
     SAME_MASS,
+    SIGNALS,
     Facts,
     check_length,
     check_movement,
@@ -20,8 +22,10 @@ from models.records.checks import (
     rolling,
     scatter_at_rest,
 )
+from models.records.files import known_of
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
+from studies.identify_machine import own_records
 
 TS = 5e-4
 MASS, FRICTION, OFFSET = 20.0, 3.0, 0.5
@@ -159,6 +163,17 @@ def test_what_shakes_under_a_reference_that_stands_still_is_not_the_scales(frequ
     shaken = record.position + 2e-7 * np.sin(2 * np.pi * frequency * TS * np.arange(record.position.size))
     found = scatter_at_rest(replace(record, position=shaken))
     assert found is None or found < 12e-9
+
+
+def test_a_log_without_all_samples_is_not_blamed_for_the_controller() -> None:
+    """From one of two samples it can't be replayed, so that nothing is said of its gains, delay or columns."""
+    machine = load_machine()
+    known, record = Facts(**known_of(machine)), own_records.hysteresis(machine, 1)
+    wrong = replace(known, pid=replace(machine.control.pid, kd=3 * machine.control.pid.kd))
+    assert known.seen_in(record) == known
+    assert known.seen_in(record.thinned(2)) == replace(known, pid=None)
+    for one, blamed in ((record, True), (record.thinned(2), False)):
+        assert any("controller" in said for said in findings(one, SIGNALS, wrong.seen_in(one))) == blamed
 
 
 STILL = replace(moving(), position=np.full(4000, 1e-5))
