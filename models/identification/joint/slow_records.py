@@ -38,8 +38,9 @@ from models.identification.modes import DRAG
 from models.machine import Machine
 from models.quantity import listed, show
 from models.records.files import Loaded
+from models.records.record import Record
 
-AGAINST: Final = 10.0  # times the reduced chi-square of a response without a spring, from which on it has none
+AGAINST: Final = 10.0  # times the reduced chi-square of a response, from which on it contradicts what slow loops add
 WIDER: Final = 2.0  # times the way in which friction turns round, that loops go on in which a spring is told from it
 
 
@@ -47,7 +48,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     """The friction elements from a slow record, or from all of them together; mass and dead time as known so far."""
     plant, ts = found.machine.plant, found.machine.sample_time
     dead_time = [std for _, std in found.earlier("dead time")]
-    against: str | None = None
+    source = Found(loaded, "hysteresis")
     terms = Terms(
         mass=plant.mass,
         drag=drag_of(found.machine),
@@ -59,31 +60,24 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     record = record_of(loaded)
     band = settings.pass_band or slow_band(record)
     fit = by_elements.identify(record, terms, pass_band=band)
-    if spring_of(found.machine) == 0 and _may_be_a_spring(fit):
-        sprung = by_elements.identify(record, replace(terms, spring=True), pass_band=band)
-        if _springs(fit, sprung):
-            against = _against(found, sprung, loaded)
-            if against is None:
-                terms, fit = replace(terms, spring=True), sprung
-    free = replace(terms, viscous=True, drag=0.0)
-    dragged = None if _shown_by_a_response(found) else by_elements.identify(record, free, pass_band=band)
-    if dragged and _drags(fit, dragged):
-        fit = dragged
+    terms, fit, refused = _with_spring(found, record, terms, fit, source)
+    fit, dragged, not_dragged = _with_drag(found, record, terms, fit, source)
     slip, spread = fit.slip_force()
     steps = [*steps_of(found, "hysteresis"), Step(kind, loaded, ForceStep(fit))]
     fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
     remarks = (
         f"At full slip the friction is {show(slip, 'N')} with a standard deviation of {show(spread, 'N', 2)}.",
         on_damping(fit),
-        _on_drag(dragged, taken=fit is dragged) if dragged and not terms.drag else _off_drag(terms.drag),
+        *([] if not_dragged else [_on_the_drag(terms, fit, dragged)]),
         *on_agreement(steps, ("offset",)),
         *on_slip(steps, "one branch fitted to all, with deviations as wide"),
         *_on_spring(fit),
-        *([against] if against else []),
+        *refused,
+        *not_dragged,
         *_on_memory(fit),
         *on_effects(found.machine),
     )
-    source, e = Found(loaded, "hysteresis"), fit.estimate
+    e = fit.estimate
     offset = joint_estimate([one.estimate for one in fits], ("offset",))
     of_all = Found(together(steps), "hysteresis")
     machine = with_friction(found.machine, one_branch(fits), of_all)
@@ -91,8 +85,43 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     if SPRING in e.names:
         machine = with_spring(machine, (e.value(SPRING), e.deviation(SPRING)), source)
     if fit is dragged:
-        machine = with_drag(machine, (e.value("viscous friction"), e.deviation("viscous friction")), None, source)
+        machine = with_drag(machine, (e.value(DRAG), e.deviation(DRAG)), None, source)
     return with_step(found, machine, kind, loaded, ForceStep(fit), remarks)
+
+
+def _with_spring(
+    found: Identified, record: Record, terms: Terms, fit: ForceFit, source: Found
+) -> tuple[Terms, ForceFit, tuple[str, ...]]:
+    """The terms and the fit of a record with a spring to ground, where it shows one; and why one is not taken."""
+    if spring_of(found.machine) != 0 or not _may_be_a_spring(fit):
+        return terms, fit, ()
+    with_it = replace(terms, spring=True)
+    sprung = by_elements.identify(record, with_it, pass_band=fit.pass_band)
+    if not _springs(fit, sprung):
+        return terms, fit, ()
+    value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)
+    against = _against(found, with_spring(found.machine, (value, std), source))
+    if against is None:
+        return with_it, sprung, ()
+    spring = f"a spring to ground of {show(value, 'N/m', 3)}, where the friction's curve goes on"
+    return terms, fit, (_not_taken(spring, against),)
+
+
+def _with_drag(
+    found: Identified, record: Record, terms: Terms, fit: ForceFit, source: Found
+) -> tuple[ForceFit, ForceFit | None, tuple[str, ...]]:
+    """The fit of a record with viscous friction, where it shows some; what was tried for it, None where a response gave
+    it; and why one is not taken."""
+    if _shown_by_a_response(found):
+        return fit, None, ()
+    dragged = by_elements.identify(record, replace(terms, viscous=True, drag=0.0), pass_band=fit.pass_band)
+    if not _drags(fit, dragged):
+        return fit, dragged, ()
+    value, std = dragged.estimate.value(DRAG), dragged.estimate.deviation(DRAG)
+    against = _against(found, with_drag(found.machine, (value, std), None, source))
+    if against is None:
+        return dragged, dragged, ()
+    return fit, dragged, (_not_taken(f"viscous friction of {value:.3g} N s/m", against),)
 
 
 def _shown_by_a_response(found: Identified) -> bool:
@@ -125,29 +154,33 @@ def _springs(plain: ForceFit, sprung: ForceFit) -> bool:
     return value > SURE * std and better and _wide_beside(sprung)
 
 
-def _against(found: Identified, sprung: ForceFit, loaded: Loaded) -> str | None:
-    """What speaks against the spring of a slow record: a response of the rolling axis that would fit far worse with
-    it. Loops that end within a smooth friction curve take its tail for a spring, which would then be extrapolated."""
-    value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)
-    machine = with_spring(found.machine, (value, std), Found(loaded, "hysteresis"))
-    with_it = replace(found, machine=machine)
+def _against(found: Identified, machine: Machine) -> str | None:
+    """The record of a rolling axis whose response is far worse explained by this machine than by what was found so far:
+    the tail of a smooth friction curve, or its form, looks like a spring or a drag in slow loops."""
     for step in found.steps:
         if isinstance(step.gave, ResponseStep) and step.gave.measured.rolling:
             least = AGAINST * max(found.misfit(step.gave), 1.0)
-            if with_it.misfit(step.gave) > least:
-                return (
-                    f"The record alone would show a spring to ground of {show(value, 'N/m', 3)}; it is not taken, as "
-                    f"the response of {step.loaded.name}, in which the axis rolls, does not have it. The friction's "
-                    "curve goes on beyond these loops: record wider ones."
-                )
+            if replace(found, machine=machine).misfit(step.gave) > least:
+                return step.loaded.name
     return None
+
+
+def _not_taken(what: str, against: str) -> str:
+    return (
+        f"The record alone would show {what}; it is not taken, as the response of {against}, in which the axis rolls, "
+        "does not have it."
+    )
 
 
 def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
     """Whether a slow record shows viscous friction: BIC falls by ten, and it is surely above none."""
     fallen = plain.criterion[len(plain.friction.limit)] - dragged.criterion[len(dragged.friction.limit)]
-    name = "viscous friction"
-    return fallen > STRONG and dragged.estimate.value(name) > SURE * dragged.estimate.deviation(name)
+    return fallen > STRONG and dragged.estimate.value(DRAG) > SURE * dragged.estimate.deviation(DRAG)
+
+
+def _on_the_drag(terms: Terms, fit: ForceFit, dragged: ForceFit | None) -> str:
+    """What is said of viscous friction."""
+    return _on_drag(dragged, taken=fit is dragged) if dragged and not terms.drag else _off_drag(terms.drag)
 
 
 def _off_drag(known: float) -> str:
@@ -157,7 +190,7 @@ def _off_drag(known: float) -> str:
 
 def _on_drag(dragged: ForceFit, *, taken: bool) -> str:
     """What a slow record says of viscous friction."""
-    value, std = (f("viscous friction") for f in (dragged.estimate.value, dragged.estimate.deviation))
+    value, std = (f(DRAG) for f in (dragged.estimate.value, dragged.estimate.deviation))
     if taken:
         return f"Viscous friction is {value:.3g} N s/m with a standard deviation of {std:.2g} N s/m."
     return (

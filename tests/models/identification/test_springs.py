@@ -12,6 +12,7 @@ from scipy.signal import chirp
 
 from models.controller import PID
 from models.effects.base import Effect
+from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging, ThrustRipple
 from models.effects.structure import CableSpring
 from models.friction import elements
@@ -171,15 +172,15 @@ def test_one_sweep_while_a_small_stage_rolls_tells_its_spring_from_a_lag(stated:
     assert answer.misfit(step) < 1.5
 
 
-def test_a_spring_that_only_loops_show_is_not_taken_where_the_rolling_axis_has_none() -> None:
+@pytest.mark.parametrize("effect", [CableSpring(600.0), ViscousFriction(300.0)], ids=lambda one: one.name)
+def test_what_only_slow_loops_show_is_not_taken_where_the_rolling_axis_has_none(effect: Effect) -> None:
     """Loops that end within a smooth friction curve had taken its tail for a spring of 4 N/mm, 160 N at the end of the
-    travel, which the file then had."""
-    loops = Loaded("slow.csv", "12ab", slow_loops(replace(STAGE, effects=(CableSpring(600.0),))), (), ())
+    travel, and its form for a drag of 540 N s/m, which the file then had."""
+    loops = Loaded("slow.csv", "12ab", slow_loops(replace(STAGE, effects=(effect,))), (), ())
     sweep = Loaded("sweep.csv", "34cd", rolling_sweep(STAGE), (), ())
     alone, beside = (identify(STAGE, given) for given in ([loops], [loops, sweep]))
-    assert [one.name for one in alone.machine.effects] == ["cable_spring"]
+    assert [one.name for one in alone.machine.effects] == [effect.name]
     assert beside.machine.effects == ()
-    assert SPRING not in beside.estimates["slow.csv"].names
     assert any("is not taken, as the response of sweep.csv" in one for one in beside.remarks)
     (gave,) = (step.gave for step in beside.steps if isinstance(step.gave, ResponseStep))
     assert beside.misfit(gave) < 1.5
