@@ -11,6 +11,7 @@ import pytest
 
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from reports import text
 from studies.gap_diagnosis import report
 from studies.gap_diagnosis.answer import _in_percent, elsewhere, sentences
 from studies.gap_diagnosis.compute import _of_all_contacts
@@ -337,6 +338,19 @@ def test_the_figure_of_gains_says_what_they_are_beside(still: bool, quick: Path,
     whole["results"] = {**results, "verdict": {**results["verdict"], "beside_still_force": still}}
     captions = {figure.name: str(figure.caption) for figure in report.tell(whole).figures}
     assert ("beside a white unknown force" in captions["gains"]) == still
+
+
+@pytest.mark.parametrize(("every", "said"), [(1, True), (3, False)])
+def test_the_report_says_why_a_controller_was_not_replayed(every: int, said: bool, quick: Path) -> None:
+    """Of a log of one of three samples that is said with the record."""
+    whole = json.loads((quick / "results.json").read_text())
+    for one in whole["results"]["where"]["details"]["controller"]:
+        one |= {"checked": False, "every": every}
+    told = report.tell(whole)
+    captions = {figure.name: figure.caption for figure in told.figures}
+    page = text.fill(told.template, whole, captions, told.filters)
+    assert ("has no reference" in page) == said
+    assert "replayed on the logged error" not in page
 
 
 def test_a_share_is_written_out() -> None:
