@@ -266,27 +266,29 @@ def _band(sweep: Array, sample_time: float) -> tuple[float, float]:
     """The frequencies [Hz] between which a sweep (n,) [any unit] is for all but SKIRT of its time at either end, from
     its half-waves; none where it has none. By its power, one whose force grows with the frequency would begin far above
     its lowest."""
-    s = sweep - np.mean(sweep)
-    crossed = np.flatnonzero(s[:-1] * s[1:] < 0)
-    times = crossed + s[crossed] / (s[crossed] - s[crossed + 1])
-    if times.size < 2:
+    spans = _half_waves(sweep)
+    if not spans.size:
         return math.inf, 0.0
-    spans = np.diff(times)
     order = np.argsort(-spans, kind="stable")
     passed = np.cumsum(spans[order]) / np.sum(spans)
     low, high = spans[order][np.searchsorted(passed, (SKIRT, 1 - SKIRT))]
     return 0.5 / (low * sample_time), 0.5 / (high * sample_time)
 
 
+def _half_waves(sweep: Array) -> Array:
+    """How long the half-waves of a sweep (n,) [any unit] are, one after another [samples]."""
+    s = sweep - np.mean(sweep)
+    crossed = np.flatnonzero(s[:-1] * s[1:] < 0)
+    return np.diff(crossed + s[crossed] / (s[crossed] - s[crossed + 1]))
+
+
 def _folded_from(sweep: Array, sample_time: float) -> float:
     """The frequency [Hz] from which on a sweep (n,) [any unit] that goes beyond half the rate comes by a second time,
     folded back; infinite where it stays well below that."""
-    s = sweep - np.mean(sweep)
-    crossed = np.flatnonzero(s[:-1] * s[1:] < 0)
-    times = crossed + s[crossed] / (s[crossed] - s[crossed + 1])
-    if times.size < FEWEST:
+    spans = _half_waves(sweep)
+    if spans.size < FEWEST:
         return math.inf
-    course = 0.5 / (median_filter(np.diff(times), 2 * LOCAL + 1) * sample_time)
+    course = 0.5 / (median_filter(spans, 2 * LOCAL + 1) * sample_time)
     peak = int(np.argmax(course))
     if course[peak] < NEAR * 0.5 / sample_time:
         return math.inf

@@ -91,6 +91,10 @@ def _asked(
 
     found = loaded(machine, options, progress) if options.record else ()
     have = tuple(one.content for one in found if isinstance(one.content, Record))
+    if any(record.every > 1 for record in have):
+        raise BadInputError(
+            "--machine-process: begins with records that hold all samples of the controller; leave out those that don't"
+        )
     return (
         ask(
             machine,

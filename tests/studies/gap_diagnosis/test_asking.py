@@ -18,13 +18,15 @@ from diagnosis.experiments.look import Found
 from diagnosis.experiments.policy import Stop
 from diagnosis.experiments.within_limits import Bounds, experiments
 from diagnosis.verdict import Outcome
-from models.machine import DEFAULT, Machine
+from models.machine import DEFAULT, Machine, load
 from models.records.record import Record
 from studies.command import BAD_INPUT, DONE, parser_of
 from studies.gap_diagnosis import __main__ as command
 from studies.gap_diagnosis import answer, asking
 from studies.gap_diagnosis.course import confirmed, copies, course, ended, told
+from studies.identify_machine import own_records
 from studies.options import BadInputError
+from tests.studies.gap_diagnosis.test_study import write
 from tests.studies.stand_in_axis import LIMITS
 
 AXIS = f"{sys.executable} -m tests.studies.stand_in_axis"
@@ -125,6 +127,17 @@ def test_what_cannot_be_is_one_line(
     assert said in line
     assert not studied
     assert (tmp_path / "out-machine").exists() == (way == "refuses")
+
+
+@pytest.mark.usefixtures("script")
+def test_it_does_not_begin_with_a_log_of_every_second_sample(
+    studied: list[argparse.Namespace], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Which may be refused for its commands in the middle of the course, when the machine has moved."""
+    log = write(own_records.motions(load(), 1).thinned(2), tmp_path / "log.csv")
+    assert asked("clean", tmp_path / "out", str(log), "--machine", str(DEFAULT), "--trust-records") == BAD_INPUT
+    assert "begins with records that hold all samples of the controller" in capsys.readouterr().err
+    assert not studied
 
 
 @pytest.mark.usefixtures("script", "studied")
