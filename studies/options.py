@@ -137,24 +137,42 @@ def _number(
 
 def whole(metavar: str, meaning: str, low: int, high: int | None = None, *, default: int | None = None) -> Any:
     """A field that is a whole number [1] from `low` on, or to `high`."""
+    read, one = _whole(low, high)
+
+    def accepted(name: str, value: Any) -> int | None:
+        return None if value is None and default is None else one(name, value)
+
+    return _field(default, accepted, reviewable=True, metavar=metavar, help=meaning, type=read, default=default)
+
+
+def wholes(metavar: str, meaning: str, low: int) -> Any:
+    """A field that is a tuple of whole numbers [1] from `low` on; the option may be repeated."""
+    read, one = _whole(low, None)
+
+    def accepted(name: str, value: Any) -> tuple[int, ...]:
+        return tuple(one(name, item) for item in (value if isinstance(value, list | tuple) else [value]))
+
+    return _field((), accepted, reviewable=True, metavar=metavar, help=meaning, action="append", type=read, default=[])
+
+
+def _whole(low: int, high: int | None) -> tuple[Callable[[str], int], Callable[[str, Any], int]]:
+    """What reads a whole number [1] of this range from text, and what checks one that is given from Python."""
     span = f"from {low} on" if high is None else f"from {low} to {high}"
 
+    def within(number: int) -> bool:
+        return number >= low and (high is None or number <= high)
+
     def read(text: str) -> int:
-        if not text.isdecimal() or not _within(int(text)):
+        if not text.isdecimal() or not within(int(text)):
             raise argparse.ArgumentTypeError(f"{text!r} must be a whole number {span}")
         return int(text)
 
-    def accepted(name: str, value: Any) -> int | None:
-        if value is None and default is None:
-            return None
-        if isinstance(value, bool) or not isinstance(value, numbers.Integral) or not _within(int(value)):
+    def accepted(name: str, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral) or not within(int(value)):
             raise BadInputError(f"{name}: {value!r} must be a whole number {span}")
         return int(value)
 
-    def _within(number: int) -> bool:
-        return number >= low and (high is None or number <= high)
-
-    return _field(default, accepted, reviewable=True, metavar=metavar, help=meaning, type=read, default=default)
+    return read, accepted
 
 
 def choice(meaning: str, known: Sequence[str]) -> Any:

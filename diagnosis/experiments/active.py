@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from diagnosis.baseline import refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.experiments import policy
@@ -236,17 +234,10 @@ def to_json(asked: Asked) -> dict[str, Any]:
                 "why": one.why,
                 "seconds": one.seconds,
                 "failed": one.failed,
-                "before": _shown(one.before),
-                "after": _shown(one.found),
-                "log10_e_value": one.process.any / np.log(10),
-                "log10_e_values": {name: log / np.log(10) for name, log in one.process.names.items()},
+                "before": one.before and one.before.to_json(),
+                "after": one.found and one.found.to_json(),
+                **one.process.decades(),
             }
             for one in asked.steps
         ],
     }
-
-
-def _shown(found: Found | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {"outcome": str(found.outcome), "names": list(found.names), "alike": [list(one) for one in found.alike]}

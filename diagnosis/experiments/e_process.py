@@ -30,7 +30,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,12 @@ class EProcess:
             names[name] = names.get(name, 0.0) + staked(ratio)
         return EProcess(self.any + staked(whole), names)
 
+    def decades(self) -> dict[str, Any]:
+        """The decimal logarithms of the e-values [1], of anything and of each name, as a course holds them."""
+        decade = math.log(10)
+        each = {name: log / decade for name, log in self.names.items()}
+        return {"log10_e_value": self.any / decade, "log10_e_values": each}
+
 
 def staked(ratio: float) -> float:
     """Logarithm of (1 + LR^TEMPER) / 2 [1], of that of LR."""
@@ -83,16 +89,19 @@ def staked(ratio: float) -> float:
 
 
 def tested(before: Look, now: Baseline, process: EProcess) -> EProcess:
-    """The e-process with the last record of `now`, by what the look `before` it tried; as it is where that was nothing.
-    Logarithms [1]."""
+    """The e-process with the records of `now` that came after the look `before`, by what that tried; as it is where
+    that was nothing. Logarithms [1]; of interpolated samples, which tell nothing new, less by their number to one that
+    was logged."""
     named = [name for name in before.tried if name in now.machine.kinds]
-    if not named:
+    fresh = len(now.records) - len(before.baseline.records)
+    if not named or fresh < 1:
         return process
-    logged = {name: _in_the_log(name, before, now) for name in named if _is_logged(name, before)}
-    random = _of_random_forces(before, now)
+    logged = {name: _in_the_log(name, before, now, fresh) for name in named if _is_logged(name, before)}
+    random = _of_random_forces(before, now, fresh)
     forces = {name: [one for one in before.effects if one.name == name] for name in named}
     forces = {name: effects for name, effects in forces.items() if effects}
-    ratios = _ratios(now, forces) if forces else {}
+    every = max(record.every for record in now.records)
+    ratios = {name: one / every for name, one in _ratios(now, forces, fresh).items()} if forces else {}
     each = {**logged, **{name: random for name in named if name not in logged and name not in forces}, **ratios}
     parts = [ratios[""]] * bool(ratios) + list(logged.values()) + [random] * bool(before.fitted.candidate.random_forces)
     if not parts:
@@ -101,13 +110,13 @@ def tested(before: Look, now: Baseline, process: EProcess) -> EProcess:
     return process.after(whole, {name: each[name] for name in named})
 
 
-def _ratios(now: Baseline, forces: Mapping[str, list[Effect]]) -> dict[str, float]:
-    """Logarithms of LR [1] on the last record: "" of all effects against none, and of each against all others."""
+def _ratios(now: Baseline, forces: Mapping[str, list[Effect]], fresh: int) -> dict[str, float]:
+    """Logarithms of LR [1] on so many last records: "" of all effects against none, and of each against all others."""
     fitted, records = now.nominal, now.records
     trials = [in_order((*fitted.candidate.effects, *effects)) for effects in forces.values()]
     moved = columns(fitted.candidate, trials, records, fitted.paths, fitted.residuals, fitted.walk)
     moved = moved * weights(records)[:, None]
-    earlier = sum(record.position.size for record in records[:-1])
+    earlier = sum(record.position.size for record in records[:-fresh])
     base, slopes = at_the_priors(fitted)
 
     def predicted(kept: NDArray[np.bool_]) -> float:
@@ -148,27 +157,28 @@ def _is_logged(name: str, before: Look) -> bool:
     return before.baseline.machine.kinds[name].shown_in() == "log"
 
 
-def _in_the_log(name: str, before: Look, now: Baseline) -> float:
+def _in_the_log(name: str, before: Look, now: Baseline, fresh: int) -> float:
     """Logarithm of LR [1] of what no force law shows: a replay that fails again, commands that are late again."""
     if Place.CONTROL in now.machine.kinds[name].hooks:
-        return -CERTAIN if now.replays[-1].replays else CERTAIN
-    last = replace(now.nominal, residuals=now.nominal.residuals[-1:], paths=now.nominal.paths[-1:])
-    seen, known = lateness(last, now.records[-1:]), lateness(before.baseline.nominal, before.baseline.records)
+        return -CERTAIN if all(one.replays for one in now.replays[-fresh:]) else CERTAIN
+    last = replace(now.nominal, residuals=now.nominal.residuals[-fresh:], paths=now.nominal.paths[-fresh:])
+    seen, known = lateness(last, now.records[-fresh:]), lateness(before.baseline.nominal, before.baseline.records)
     if not np.isfinite(seen.scatter) or seen.scatter <= 0:
         return 0.0
     expected, found = known.size**2 / seen.scatter / LATE, np.sqrt(seen.gain) / LATE
     return float(expected * (found - 0.5 * expected))
 
 
-def _of_random_forces(before: Look, now: Baseline) -> float:
-    """Logarithm of LR [1] of the random forces in the model: what the filter with them leaves of the last record."""
+def _of_random_forces(before: Look, now: Baseline, fresh: int) -> float:
+    """Logarithm of LR [1] of the random forces in the model: what the filter with them leaves of the last records."""
     forces = before.fitted.candidate.random_forces
     if not forces:
         return 0.0
     fitted = now.nominal
     other = replace(fitted.candidate, random_forces=forces)
     after = evaluate(other, now.records, fitted.paths, fitted.walk)
-    return 0.5 * (_cost(fitted.residuals[-1]) - _cost(after[-1]))
+    pairs = zip(fitted.residuals[-fresh:], after[-fresh:], strict=True)
+    return 0.5 * sum(_cost(without) - _cost(within) for without, within in pairs)
 
 
 def _cost(left: Residual) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,10 @@ class Found:
     names: tuple[str, ...]
     alike: tuple[tuple[str, ...], ...]
     gains: Mapping[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """The outcome, the names and what is alike, as a course holds them."""
+        return {"outcome": str(self.outcome), "names": list(self.names), "alike": [list(one) for one in self.alike]}
 
 
 @dataclass(frozen=True)

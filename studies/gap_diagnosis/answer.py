@@ -11,6 +11,7 @@ from diagnosis.handover.overrun import OVERRUN
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
+from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, fitted, words
 
@@ -42,11 +43,11 @@ def effects_listed(names: Sequence[str], last: str = "and") -> str:
 
 def _outcome(results: Results) -> str:
     verdict = results["verdict"]
-    if _is_unsure(verdict):
+    if is_unsure(verdict):
         return f"No name is sure; it looks like {effects_listed(verdict['partly'])}"
     alike = f"; in part it resembles {effects_listed(verdict['partly'])}" if verdict["partly"] else ""
     return {
-        "attributed": f"Attributed to {effects_listed(verdict['effects'])}",
+        "attributed": f"Attributed to {effects_listed(verdict['effects'])}{marked(verdict)}",
         "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
         "none_of_these": f"No effect of the catalogue explains it{alike}",
         "nothing_to_explain": "Nothing to explain",
@@ -54,15 +55,10 @@ def _outcome(results: Results) -> str:
     }[verdict["outcome"]]
 
 
-def _is_unsure(verdict: Results) -> bool:
-    """Whether the records alone would give names, which no record confirmed that had not chosen them."""
-    return verdict.get("confirmed") is False and verdict["outcome"] == "none_of_these"
-
-
 def _unsure(results: Results) -> str:
     """What is said of names that are not sure; empty where they are, or where there are none."""
     verdict = results["verdict"]
-    if not _is_unsure(verdict):
+    if not is_unsure(verdict):
         return ""
     names, reason = effects_listed(verdict["partly"]), results["asked"]["reason"]
     return f"It looks like {names}, but no independent record has confirmed it: {reason}"
@@ -109,7 +105,7 @@ def _which(results: Results) -> str:
         never_the_same = _never_the_same(results)
         catalogue = "No effect of the catalogue, alone or with others, explains it within its prior range: "
         told = _unsure(results) or never_the_same or catalogue + _beyond_the_catalogue(results)
-        if verdict["partly"] and not _is_unsure(verdict):
+        if verdict["partly"] and not is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
             rows = {row["effect"]: row for row in results["which"]}
             shown = [f"{effect(name)}{_parameters(rows.get(name))}" for name in verdict["partly"]]
@@ -128,10 +124,10 @@ def _which(results: Results) -> str:
     if outcome == "ambiguous":
         alike = f"{_others(results)}{roughness(results)}"
         told = f"It is {listed(shown)}, or what these records cannot distinguish from it: {alike}."
-        return told + (_input_delay(results) if "dead_time" in _rivals(verdict) else "")
+        return told + (_input_delay(results) if "dead_time" in _rivals(verdict) else "") + unconfirmed(results)
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
-    return f"It is {listed(shown)}{roughness(results)}.{by_curve}{_said_beside(results)}"
+    return f"It is {listed(shown)}{roughness(results)}.{by_curve}{_said_beside(results)}{unconfirmed(results)}"
 
 
 def _never_the_same(results: Results) -> str:

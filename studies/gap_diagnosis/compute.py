@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +18,7 @@ from diagnosis.baseline import driven, refit_and_null
 from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
+from diagnosis.experiments.active import Settings
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
 from diagnosis.handover.overrun import OVERRUN, overrun
@@ -38,7 +40,7 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable, require_stable
 from studies.effort import MOST, diagnosing, foresee, more_samples
-from studies.gap_diagnosis import own_records
+from studies.gap_diagnosis import by_hand, own_records
 from studies.gap_diagnosis.answer import sentences
 from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
@@ -77,10 +79,12 @@ def compute(machine: Machine, options: DiagnosisOptions, progress: Progress) -> 
         _foresee(machine, samples, 1, options, progress)
     unused = disabled(options.disable, machine)
     given = _given(machine, options, progress)
+    by_hand.require_growing(options.looked, len(given.records))
     apart, _ = held_out(machine, options, progress), course(options.looks)  # what can't be read is said before the work
     if options.record:
-        samples = sum(record.position.size for record in given.records)
-        _foresee(machine, samples, len(given.records), options, progress)
+        counts = [record.position.size for record in given.records]
+        before = sum(sum(counts[:count]) for count in options.looked)
+        _foresee(machine, sum(counts), len(given.records), options, progress, before=before)
 
     return answered(given, apart, unused, options, progress)[1]
 
@@ -98,13 +102,18 @@ def answered(
     def say(share: float, text: str) -> None:
         progress(0.05 + 0.8 * share, text)
 
+    looks, settings = course(options.looks), Settings(seed=options.seed, disabled=tuple(unused), cache=CACHE)
     try:
+        tell = partial(say, 0.0)
+        before = by_hand.before(given.machine, given.records, options.looked, settings, looks, tell)
         begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
     except RecordError as error:
         raise BadInputError(str(error)) from error
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
-    looks = course(options.looks)
-    verdict = confirmed({**verdict_of(found)["verdict"], **beside.to_json()["verdict"]}, looks)
+    verdict = {**verdict_of(found)["verdict"], **beside.to_json()["verdict"]}
+    if before is not None:
+        looks = by_hand.course_of(before, begun, verdict, given.shown)
+    verdict = confirmed(verdict, looks)
     if verdict.get("confirmed") is False and not verdict["effects"]:
         found = without_effects(found)
     source = "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown)
@@ -132,9 +141,13 @@ def answered(
     return found, Answer(results, tuple(_checks(found, given)), written, summary)
 
 
-def _foresee(machine: Machine, samples: int, records: int, options: DiagnosisOptions, progress: Progress) -> None:
-    """The time and the memory of a diagnosis of so many samples; of records given, their reader bounds them."""
+def _foresee(
+    machine: Machine, samples: int, records: int, options: DiagnosisOptions, progress: Progress, *, before: int = 0
+) -> None:
+    """The time and the memory of a diagnosis of so many samples, and of looks at so many before it; of records given,
+    their reader bounds them."""
     taken, held = diagnosing(machine, samples, records)
+    taken += diagnosing(machine, before, 1)[0]
     most = math.inf if options.record else MOST
     foresee({f"{samples:,} samples": taken / min(os.cpu_count() or 1, 2)}, held, options, progress, most)
 

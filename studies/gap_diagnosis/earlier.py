@@ -1,7 +1,7 @@
 """--continue: a diagnosis goes on from an earlier one, with the records of that one and the new ones.
 
 What is run then is an ordinary diagnosis of all records: its manifest and its report are those of one that was given
-them all at once. Thresholds are those of one look; the chances of a false name add up over the looks.
+them all at once, and was told which of them had been looked at before (by_hand.py).
 """
 
 from __future__ import annotations
@@ -79,6 +79,8 @@ def continued(given: argparse.Namespace, earlier: Earlier, usual: argparse.Names
     for name in ("mapping", "controller"):
         if getattr(given, name) is None:
             setattr(whole, name, next(iter(_files(earlier, name)), None))
+    whole.looks = given.looks or next(iter(_files(earlier, "looks")), None)
+    whole.looked = given.looked or [*options.get("looked", ()), len(_files(earlier, "record"))]
     whole.machine = given.machine or _machine(earlier)
     whole.output = given.output or earlier.folder
     return whole
@@ -117,6 +119,8 @@ def since(earlier: Earlier, now: Mapping[str, Any]) -> str:
     before, after = (_answered(one["results"]) for one in (earlier.results, now))
     count = len(now["results"]["records"]) - len(earlier.results["results"]["records"])
     said = f"before the {'new record' if count == 1 else f'{count} new records'}: {before}\nand with: {after}"
+    if looks := now["results"].get("asked"):
+        said += f"\n{looks['reason']}"
     return turned(said) if now["machine"].get("axis") == "rotary" else said
 
 

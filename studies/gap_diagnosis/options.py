@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from models.records.tables.formats import LISTED
-from studies.options import files, path, paths, quantity, text, texts, whole
+from studies.options import files, path, paths, quantity, text, texts, whole, wholes
 from studies.record_options import RecordOptions
 
 # Of all records together, by default: 150,000 took 2.2 GB, and 105,000 of two records 2.3. What the null keeps of the
@@ -48,7 +48,13 @@ class DiagnosisOptions(RecordOptions):
         "FOLDER",
         "go on from the run that wrote this folder: its machine, records and options, and the new RECORD, such as the "
         "one that its next_experiment.csv asked for. Results go into the same folder unless --output says otherwise. "
-        "Thresholds are those of one look at the records: over several, chances of a false name add up",
+        "A name that came up after the first look is said to be unconfirmed until a new record bears it out",
+    )
+    looked: tuple[int, ...] = wholes(
+        "N",
+        "that the first N of these records were diagnosed before, and chose what was run next; may be repeated. "
+        "--continue gives it: each of these looks is taken again, so that the records since can confirm its names",
+        1,
     )
     machine_process: str | None = text(
         "CMD",

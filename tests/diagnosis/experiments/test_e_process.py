@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, predictive, staked
+from diagnosis.experiments import e_process
+from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, predictive, staked, tested
 from diagnosis.experiments.schedules import Experiment
 from diagnosis.experiments.within_limits import Bounds, experiments
 from diagnosis.model.fit import one_step, weights
@@ -18,6 +20,7 @@ from diagnosis.model.units import slow_walk, with_units
 from diagnosis.null import simulated
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
+from models.effects.friction_laws import ViscousFriction
 from models.machine import Machine, load
 from models.records.record import Record
 
@@ -91,6 +94,24 @@ def test_a_wrong_choice_costs_half_and_names_are_kept_apart() -> None:
     assert process.sure("stribeck", 0.02)
     assert not process.sure("cogging", 0.02)
     assert not process.sure("stribeck", 1e-6)
+
+
+def test_interpolated_samples_are_no_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a log with one of four samples, the ratio counts by a quarter; and without a new record nothing does."""
+    law, machine = ViscousFriction(20.0), load()
+    no_forces = SimpleNamespace(candidate=SimpleNamespace(random_forces=()))
+    before = SimpleNamespace(
+        tried=(law.name,),
+        effects=(law,),
+        fitted=no_forces,
+        baseline=SimpleNamespace(machine=machine, records=[SimpleNamespace(every=4)]),
+    )
+    monkeypatch.setattr(e_process, "_ratios", lambda _now, _forces, fresh: {"": 20.0 * fresh, law.name: 16.0 * fresh})
+    now = SimpleNamespace(machine=machine, records=[SimpleNamespace(every=4)] * 3, nominal=no_forces)
+    process = tested(before, now, EProcess())  # type: ignore[arg-type]
+    assert process == EProcess().after(10.0, {law.name: 8.0})
+    now.records = now.records[:1]
+    assert tested(before, now, EProcess()) == EProcess()  # type: ignore[arg-type]
 
 
 def test_on_simulated_tables_without_an_effect_the_mean_e_value_is_one_at_most() -> None:

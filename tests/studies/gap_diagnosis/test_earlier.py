@@ -59,8 +59,8 @@ def test_it_asks_what_all_records_at_once_would_be_asked(first: Path, asked: Ask
     out, two = first / "out", first / "two.csv"
     assert command.main([str(two), "--continue", str(out), "--no-report"]) == DONE
     once = [str(first / "one.csv"), str(two), "--machine", str(out / "machine.toml"), "--disable", "cogging"]
-    whole = parser_of(command.STUDY).parse_args([*once, "--seed", "3", "--no-report", "--output", str(out)])
-    assert asked == [whole]
+    more = ["--looked", "1", "--seed", "3", "--no-report", "--output", str(out)]
+    assert asked == [parser_of(command.STUDY).parse_args([*once, *more])]
 
 
 def test_what_is_given_now_goes_before_what_was_given_then_and_lists_add_up(
@@ -82,15 +82,17 @@ def test_the_answer_is_told_beside_the_earlier_one(
         whole = json.loads((given.output / "results.json").read_text(encoding="utf-8"))
         whole["results"]["records"] *= len(given.record)
         whole["results"]["verdict"] |= {"outcome": "none_of_these", "effects": []}
+        whole["results"]["asked"] = {"reason": "no effect is named"}
         (given.output / "results.json").write_text(json.dumps(whole), encoding="utf-8")
         return CHECK_MISSED
 
     shutil.copytree(first / "out", tmp_path / "out")
     monkeypatch.setattr(command, "_drafted", drafted)
     assert command.main([str(first / "two.csv"), "--continue", str(tmp_path / "out")]) == CHECK_MISSED
-    before, now = capsys.readouterr().out.splitlines()[-2:]
+    before, now, sure = capsys.readouterr().out.splitlines()[-3:]
     assert before.startswith("before the new record: attributed: viscous_friction (")
     assert now.startswith("and with: none of these; the unknown force is ")
+    assert sure == "no effect is named"
 
 
 def test_a_record_that_is_not_new_or_missing_is_refused(first: Path, capsys: pytest.CaptureFixture[str]) -> None:

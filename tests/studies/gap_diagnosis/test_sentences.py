@@ -355,3 +355,20 @@ def test_the_report_says_why_a_controller_was_not_replayed(every: int, said: boo
 
 def test_a_share_is_written_out() -> None:
     assert [_in_percent(size) for size in (0.0413, 9.98, 25.2)] == ["4.1 %", "1000 %", "25 times"]
+
+
+def test_a_name_that_no_record_has_confirmed_is_marked_and_the_way_on_is_said(results: dict[str, Any]) -> None:
+    names = ["friction_relaxation", "cogging"]
+    asked = {"needed": 50.0, "looks": [{"log10_e_values": {"cogging": 0.5}}]}
+    next_ = {"outcome": "attributed", "effects": names, "next_experiment": "Run it."}
+    verdict = {**results["verdict"], **next_, "confirmed": False, "unconfirmed": ["cogging"]}
+    told = sentences({**results, "verdict": verdict, "asked": asked})
+    assert told["outcome"] == "Attributed to friction relaxation and cogging (cogging unconfirmed)"
+    assert told["which"].endswith(
+        " Cogging comes up after the first look, and no record that did not choose it has confirmed it yet "
+        "(e-value 3.2, 50 needed): run next_experiment.csv and go on with it (--continue)."
+    )
+    alone = {**verdict, "effects": ["cogging"], "next_experiment": ""}
+    told = sentences({**results, "verdict": alone, "asked": asked})
+    assert told["outcome"] == "Attributed to cogging (unconfirmed)"
+    assert "make another record and go on with it" in told["which"]
