@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,7 +30,7 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable
 from studies.effort import ROOM, diagnosing, foresee, more_samples
-from studies.full_circle import asked, redesigning, verification
+from studies.full_circle import asked, looked, redesigning, verification
 from studies.full_circle.folder_of_records import Given, hashes, loaded
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.steps import Steps, program
@@ -153,14 +153,18 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
     given = circle.of("diagnose")
     if not given:
         return None, identified
-    paths = tuple(one.path for one in given)
-    options = _as_diagnosis(circle.options, tuple(one.path for one in circle.given))
-    used = {**circle.made_from("diagnose"), "machine": to_toml(identified)}
+    by_hash = {one.loaded.sha256: one.path for one in given}
+    hashes, counts = looked.order(circle.steps.folder, tuple(by_hash))
+    paths = tuple(by_hash[one] for one in hashes)
+    options = replace(_as_diagnosis(circle.options, tuple(one.path for one in circle.given)), looked=counts)
+    used = {**circle.made_from("diagnose"), "machine": to_toml(identified), "looked": [hashes[:n] for n in counts]}
 
     def work() -> dict[str, Any]:
         records = loaded_of(identified, options, paths, circle.progress)
-        samples = sum(one.loaded.content.position.size for one in given if isinstance(one.loaded.content, Record))
+        sizes = [one.content.position.size for one in records if isinstance(one.content, Record)]
+        samples = sum(sizes)
         taken, memory = diagnosing(identified, samples, len(given))
+        taken += diagnosing(identified, sum(sum(sizes[:count]) for count in counts), 1)[0]
         work_ahead = {f"a diagnosis of {samples:,} samples": taken}
         foresee(work_ahead, memory, options, circle.progress, math.inf)  # their reader bounds the samples
         within = lambda share, text: circle.progress(0.1 + 0.6 * share, text)  # noqa: E731
@@ -178,6 +182,7 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
         }
 
     kept, again = circle.steps.done("diagnose", used, work)
+    looked.keep(circle.steps.folder, hashes)
     _tell(circle, 0.7, "diagnose", again=again)
     return kept, _machine(kept["improved"])
 
@@ -278,7 +283,8 @@ def _experiment(
     """The experiment to run next: its file, its table and the reason; None where none is needed or known."""
     if found is None:
         return "suite.csv", _suite(circle), "no record is there to be diagnosed; this one excites nearly all"
-    is_open = bool(found["next_experiment"]) and found["verdict"]["outcome"] in OPEN
+    unsure = found["verdict"]["outcome"] in OPEN or found["verdict"].get("unconfirmed")
+    is_open = bool(found["next_experiment"] and unsure)
     asked_for = found["next_experiment"] and not _was_run(circle, found["next_experiment"])
     if is_open and asked_for:
         return "next_experiment.csv", found["next_experiment"], str(found["verdict"]["next_experiment"])

@@ -20,7 +20,7 @@ from models.machine_file import to_toml
 from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
-from studies.full_circle import asked, folder_of_records, own_axis
+from studies.full_circle import asked, folder_of_records, looked, own_axis
 from studies.full_circle.__main__ import STUDY
 from studies.full_circle.folder_of_records import loaded
 from studies.full_circle.options import CircleOptions
@@ -238,6 +238,43 @@ def test_an_experiment_that_was_run_is_not_asked_for_again_where_it_left_all_ope
     assert (asked_again[0], asked_again[2]) == ("suite.csv", own_axis.STILL_OPEN)
     of_suite = tuple(replace(one, table=asked.asked("suite", ran)) for one in given)
     assert next_of(ran, replace(circled, given=of_suite)) is None
+
+
+def test_a_further_record_comes_after_those_that_were_looked_at_whatever_its_name(
+    begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that the diagnosis says what it confirms; the look at all of them is kept for the next one."""
+    base = copied(begun, tmp_path)
+    axis_runs(base / "strokes.csv", base / "records" / "a later one.csv", 4)
+    circled = own_axis.Circle(
+        KNOWN,
+        CircleOptions(machine=base / "my.toml", records=base / "records"),
+        loaded(KNOWN, CircleOptions(machine=base / "my.toml", records=base / "records"), (), Progress()),
+        Steps(base / "out" / "steps", ""),
+        Progress(),
+    )
+    seen = []
+
+    def done(_steps: Steps, _name: str, used: dict[str, Any], _work: Any) -> tuple[dict[str, Any], bool]:
+        seen.append(used["looked"])
+        return {"improved": to_toml(KNOWN), "answer": {"outcome": ""}}, True
+
+    monkeypatch.setattr(Steps, "done", done)
+    first, later = (one.loaded.sha256 for one in reversed(circled.given))
+    for _ in range(2):  # as it is the second time, too
+        own_axis._diagnosed(circled, KNOWN)
+    assert seen == [[(first,)]] * 2
+    assert looked.order(base / "out" / "steps", (later, first, "another")) == ((first, later, "another"), (1, 2))
+
+
+def test_only_looks_within_one_another_count(tmp_path: Path) -> None:
+    """One whose record is gone, or that another one did not go on from, is not among them; nor is a damaged file."""
+    for hashes in (("b",), ("gone",), ("a", "b"), ("c", "d", "gone"), ("b", "a", "c")):
+        looked.keep(tmp_path, hashes)
+    assert looked.order(tmp_path, ("a", "b", "c", "d")) == (("b", "a", "c", "d"), (1, 2, 3))
+    assert looked.order(tmp_path, ("a", "b", "c")) == (("b", "a", "c"), (1, 2))
+    (tmp_path / looked.FILE).write_text("{", encoding="utf-8")
+    assert looked.order(tmp_path, ("a", "b")) == (("a", "b"), ())
 
 
 def test_more_samples_than_the_option_says_are_refused(
