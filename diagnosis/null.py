@@ -49,7 +49,7 @@ Chance = tuple[dict[str, float], tuple[float, ...], float, float]
 
 DRAWS: Final = 8
 LARGEST_CACHE: Final = 1 << 22  # bytes of a kept null, which has a few kB
-SEEDS, SAMPLES = 100_000, 10_000  # different seeds take different stretches of a white force
+APART: Final = 0x9E3779B1  # of 2**31, by the golden ratio: where neighbouring seeds begin in the white force's numbers
 SETTLING: Final = 138.0  # loop times at rest before the record
 
 
@@ -153,7 +153,7 @@ def _white_force(candidate: Candidate, index: int, seed: int) -> tuple[WhiteForc
     if rough <= 1:
         return ()
     size = candidate.usual_white_force * math.sqrt(rough**2 - 1)
-    return (WhiteForce(size, candidate.nominal.sample_time, float(seed % SEEDS * SAMPLES)),)
+    return (WhiteForce(size, candidate.nominal.sample_time, float(seed * APART % (1 << 31))),)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,6 +24,7 @@ from diagnosis.model.motions import MotionKind, Piece, pieces, rms, scatter
 from diagnosis.model.parameters import applied, parameters
 from diagnosis.model.roughness import WhiteForce, steady_variance, variance_by_record
 from diagnosis.model.units import white_force
+from diagnosis.null import DRAWS, _white_force
 from diagnosis.refit import refit_within, weighed
 from diagnosis.verdict import Outcome
 from diagnosis.which.kinds import above_floor, of_kind
@@ -192,6 +194,17 @@ def test_the_white_force_of_a_simulated_drive_is_white(first: float) -> None:
     assert abs(np.mean(drawn)) < 0.1 * SIZE
     for late in (1, 2, 7):
         assert abs(np.corrcoef(drawn[late:], drawn[:-late])[0, 1]) < 0.06
+
+
+def test_no_two_records_of_the_null_share_a_stretch_of_the_white_force() -> None:
+    """Each of up to a million samples."""
+    candidate = SimpleNamespace(
+        roughness_of=lambda _: 2.0, usual_white_force=SIZE, nominal=SimpleNamespace(sample_time=1e-3)
+    )
+    seeds = [1000 * draw + record for draw in range(DRAWS) for record in range(6)]
+    begins = sorted(law.first for seed in seeds for law in _white_force(candidate, 0, seed))  # type: ignore[arg-type]
+    gaps = np.diff([*begins, begins[0] + 2**31])
+    assert min(gaps) > 1e6
 
 
 def test_a_force_without_a_law_is_no_effect_and_not_nothing(found: Diagnosis) -> None:
