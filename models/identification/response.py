@@ -66,7 +66,8 @@ class FrequencyResponse:
     leave of each mode, too; None: no such part. settled [s]: for how long before it the excitation was the same, so
     that what dies out in that time is the same at both ends; 0 for a single sweep. turned: the share [1] of the samples
     in which an axis that was to roll moved back, as a mode that is excited too strongly makes it. slope: of the line
-    that was taken off the position [m per sample]; a spring to ground pulls along it. hold [s]: for how long a command
+    that was taken off the position [m per sample]; a spring to ground pulls along it. levelled: whether a line was
+    taken off the command, too, as of an axis that a spring is known to hold. hold [s]: for how long a command
     is held, where the samples are further apart, as in a log of every fourth one; None: from one to the next.
     """
 
@@ -80,6 +81,7 @@ class FrequencyResponse:
     settled: float = 0.0
     turned: float = 0.0
     slope: float = 0.0
+    levelled: bool = False
     hold: float | None = None
 
     @property
@@ -105,10 +107,11 @@ def period(signal: Array) -> int | None:
     return int(repeats[0]) if repeats.size else None
 
 
-def measured(record: Record, windows: int = 15) -> FrequencyResponse:
+def measured(record: Record, windows: int = 15, *, sprung: bool = False) -> FrequencyResponse:
     """P from a record that is excited through its feedforward; see the module's head.
 
-    windows: for a random excitation. Raises ValueError for a record without an excitation, or of one that shows little.
+    windows: for a random excitation. sprung: whether a spring to ground is known to hold the axis, so that the command
+    rises along the way. Raises ValueError for a record without an excitation, or of one that shows little.
     """
     excitation = record.feedforward
     if np.ptp(excitation) == 0:
@@ -118,7 +121,7 @@ def measured(record: Record, windows: int = 15) -> FrequencyResponse:
         return _repeated(record, length)
     r, u, x = _windows((excitation, record.command, record.position), windows)
     if _passes_once(r):
-        return _swept(record)
+        return _swept(record, sprung=sprung)
     if r.shape[0] < 2:
         raise ValueError("the record is too short for windows; excite for longer, or with a period")
     frequency = np.asarray(np.fft.rfftfreq(2 * (r.shape[1] - 1), record.sample_time), np.float64)
@@ -212,7 +215,7 @@ def _passes_once(excitation: Complex) -> bool:
     return bool(np.median(np.max(power[:, strong], axis=0) / total[strong]) > ONCE)
 
 
-def _swept(record: Record) -> FrequencyResponse:
+def _swept(record: Record, *, sprung: bool) -> FrequencyResponse:
     """P from one sweep that does not repeat: X / U at the lines of the whole record, while the sweep lasts.
 
     There X = P U + (what the ends leave) + noise, without a bias of windows or of smoothing; modes.fit models the ends.
@@ -222,8 +225,8 @@ def _swept(record: Record) -> FrequencyResponse:
     active = np.flatnonzero(np.abs(record.feedforward) > 0)
     part, ts = record.part(int(active[0]), int(active[-1]) + 1), record.sample_time
     n = part.position.size
-    level = _level(part.position)
-    r, u, x = (np.fft.rfft(signal) / n for signal in (part.feedforward, part.command, level))
+    force = _level(part.command) if sprung else part.command
+    r, u, x = (np.fft.rfft(signal) / n for signal in (part.feedforward, force, _level(part.position)))
     frequency, (low, high) = np.fft.rfftfreq(n, ts), _band(part.feedforward, ts)
     folded = _folded_from(part.feedforward, ts)
     swept = (frequency > low) & (frequency < min(high, 0.45 / ts, folded))
@@ -257,8 +260,9 @@ def _swept(record: Record) -> FrequencyResponse:
     if rolling and moved[begun] < 0.5 * moved[-1] * begun / n:
         raise ValueError("the sweep begins before the axis rolls: friction still builds up; let it roll for a second")
     variance, turned = noise / np.abs(u) ** 2, _turned(part.position)
+    slope = _slope(part.position)
     return FrequencyResponse(
-        f, x[used] / u, variance, coherence[used], ts, rolling, u, turned=turned, slope=_slope(part.position)
+        f, x[used] / u, variance, coherence[used], ts, rolling, u, turned=turned, slope=slope, levelled=sprung
     )
 
 
@@ -347,9 +351,10 @@ def _leaked(beside: Array, plant: Array, inside: NDArray[np.bool_]) -> Array:
     return np.asarray(np.maximum(leaked, 0.0), float)
 
 
-def _level(position: Array) -> Array:
-    """A position (n,) less the straight line from its first to its last sample, which leaks into every line."""
-    return np.asarray(position - np.linspace(position[0], position[-1], position.size))
+def _level(signal: Array) -> Array:
+    """A signal (n,) less the straight line from its first to its last sample, which leaks into every line: what a
+    rolling axis goes, and what a spring takes to hold it there."""
+    return np.asarray(signal - np.linspace(signal[0], signal[-1], signal.size))
 
 
 def _slope(position: Array) -> float:

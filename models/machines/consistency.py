@@ -94,7 +94,8 @@ def check_modes(plant: Plant, effects: Sequence[Effect], sample_time: float, axi
             )
     rigid = sum(mode.frequency == 0 for mode in plant.modes)
     if rigid != 1:
-        raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"')
+        held = "; a suspension that holds the axis is stiffness in [effects.cable_spring]" if rigid == 0 else ""
+        raise MachineError(f'plant.modes: {rigid} rigid-body modes; exactly one needs frequency = "0 Hz"{held}')
     check_rigid_gain(plant)
     if len(plant.modes) > MODES:
         raise MachineError(

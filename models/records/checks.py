@@ -56,8 +56,8 @@ class Facts:
     """What is nominally known of a machine [SI], to see more in its records; None: not known.
 
     The feedback that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N],
-    the resolution of the scale [m], the deviation of a reading [m], the stiffness of the friction at rest [N/m], its
-    force [N], and whether the axis turns.
+    the resolution of the scale [m], the deviation of a reading [m], the stiffness of what holds the axis at rest, its
+    friction and springs to ground [N/m], the friction's force [N], and whether the axis turns.
     """
 
     pid: Feedback | None = None

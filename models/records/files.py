@@ -127,7 +127,7 @@ def known_of(machine: Machine) -> dict[str, Any]:
         "limit": machine.drive.rated_thrust,
         "resolution": machine.scale.resolution,
         "scatter": machine.scale.noisy().reading_deviation,
-        "stiffness": float(sum(machine.friction.stiffness)),
+        "stiffness": float(sum(machine.friction.stiffness)) + sum(one.spring_to_ground() for one in machine.effects),
         "friction": machine.friction.coulomb_force,
         "rotary": machine.axis == "rotary",
     }

@@ -246,15 +246,12 @@ def _against_force(record: Record, facts: Facts) -> Iterator[str]:
                 "command or position is wrong; mark it"
             )
     against = float(np.ptp(force - (facts.mass or 0.0) * acceleration))  # what does not accelerate the axis holds it
-    if (
-        facts.stiffness
-        and not _unmodelled(against / 2, facts)
-        and way < min(wide, against) / facts.stiffness / THOUSAND[0]
-    ):
+    held = facts.stiffness
+    if held and not _unmodelled(against / 2, facts) and way < min(wide, against) / held / THOUSAND[0]:
         yield (
-            f"the position moves by {show(way, 'm', 3)} under commands that differ by {show(wide, 'N', 3)}, and the "
-            f"friction alone gives way by {show(wide / facts.stiffness, 'm', 3)}: the unit of command or position is "
-            "wrong; mark it"
+            f"the position moves by {show(way, 'm', 3)} under commands that differ by {show(wide, 'N', 3)}, which "
+            f"friction and springs as stated let it move by {show(wide / held, 'm', 3)}: the unit of command or "
+            "position is wrong, mark it; or a spring holds the axis, state it as stiffness in [effects.cable_spring]"
         )
 
 

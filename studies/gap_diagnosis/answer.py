@@ -10,7 +10,7 @@ from diagnosis.handover.files import Content
 from diagnosis.handover.overrun import OVERRUN
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
-from studies.gap_diagnosis import unknown_law
+from studies.gap_diagnosis import stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, fitted, words
@@ -31,7 +31,7 @@ def sentences(results: Results) -> dict[str, str]:
     return {
         "outcome": _outcome(results),
         "where": _where(results["where"]),
-        "which": _which(results) + _elements(results),
+        "which": _which(results) + _elements(results) + stated_effects.told(results.get("stated_effects", ())),
         "how_far": _how_far(results),
     }
 

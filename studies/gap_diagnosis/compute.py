@@ -46,6 +46,7 @@ from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
 from studies.gap_diagnosis.settling import settling_told
+from studies.gap_diagnosis.stated_effects import stated_effects
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
@@ -121,7 +122,7 @@ def answered(
     if options.record and better != given.machine:
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
-    told = {"verdict": verdict, "asked": looks}
+    told = {"verdict": verdict, "asked": looks, "stated_effects": stated_effects(given.machine, better)}
     results = {**_results(found, beside, given, _elsewhere(found, apart), options, told), "adopted": adopted}
     handover = found.how_far.handover
     files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)

@@ -17,11 +17,13 @@ from models.identification.joint.agreement import together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
 from models.identification.modal.remarks import ResponseStep, bent, on_disagreement, on_left_out, on_response
 from models.identification.response import FrequencyResponse
+from models.machine import Machine
 from models.records.files import Loaded
 from models.records.record import Record
 
 AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved backwards: it bends hardly more
 
+RUBS: Final = 0.01  # of the command's deviation: less friction than that bends no line
 SLOWER: Final = 1.01  # times the controller's sample time: a log further apart has not all of its samples
 
 
@@ -29,13 +31,19 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     """P_l from a measured frequency response, or from an excitation; from all of them together if there are several."""
     content = loaded.content
     if isinstance(content, Record):
-        measured, level = response.measured(content), float(np.std(content.feedforward))
+        measured, level = (
+            response.measured(content, sprung=spring_of(found.machine) > 0),
+            float(np.std(content.feedforward)),
+        )
         held = found.machine.sample_time
         if content.sample_time > SLOWER * held:
             measured = replace(measured, hold=held)
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
-    spring = _spring(found)
+    smooth = isinstance(content, Record) and _hardly_rubs(found.machine, content)
+    spring = _spring(found, smooth=smooth)
+    if smooth:
+        measured = replace(measured, rolling=True, turned=0.0)
     fit = modes.fit(measured, count=settings.modes, spring=spring)
     _check_excited(fit, measured)
     step = ResponseStep(measured, fit, level=level)
@@ -60,14 +68,19 @@ def _least_bent(steps: Sequence[Step]) -> list[Step]:
     return [one for one in steps if _gave(one).measured.turned <= AS_BENT * least]
 
 
-def _spring(found: Identified) -> modes.Spring:
+def _hardly_rubs(machine: Machine, record: Record) -> bool:
+    """Whether the friction that the machine file states bends no line, as on flexures or on air."""
+    return machine.friction.coulomb_force < RUBS * float(np.std(record.command))
+
+
+def _spring(found: Identified, *, smooth: bool) -> modes.Spring:
     """The spring to ground that the machine file states, which stays as it is, or that an earlier identification wrote
-    into it, which a response may correct."""
-    if _showed_spring(found):
-        return modes.Spring()
-    source = found.machine.sources.get(f"effects.{CableSpring.name}.stiffness")
+    into it, which a response may correct; as one of a smooth axis does, whose friction cannot pass for a spring."""
     stiffness = spring_of(found.machine)
-    return modes.Spring(stiffness, stiffness == 0 or (source is not None and source.kind == "identified"))
+    if _showed_spring(found):
+        return modes.Spring(stiffness if smooth else 0.0)
+    source = found.machine.sources.get(f"effects.{CableSpring.name}.stiffness")
+    return modes.Spring(stiffness, stiffness == 0 or smooth or (source is not None and source.kind == "identified"))
 
 
 def _showed_spring(found: Identified) -> bool:

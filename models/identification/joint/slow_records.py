@@ -35,6 +35,7 @@ from models.identification.joint.steps import (
 )
 from models.identification.modal.remarks import ResponseStep
 from models.identification.modes import DRAG
+from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.quantity import listed, show
 from models.records.files import Loaded
@@ -60,6 +61,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     record = record_of(loaded)
     band = settings.pass_band or slow_band(record)
     fit = by_elements.identify(record, terms, pass_band=band)
+    _require_a_loop(fit)
     terms, fit, refused = _with_spring(found, record, terms, fit, source)
     fit, dragged, not_dragged = _with_drag(found, record, terms, fit, source)
     slip, spread = fit.slip_force()
@@ -87,6 +89,17 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     if fit is dragged:
         machine = with_drag(machine, (e.value(DRAG), e.deviation(DRAG)), None, source)
     return with_step(found, machine, kind, loaded, ForceStep(fit), remarks)
+
+
+def _require_a_loop(fit: ForceFit) -> None:
+    """Raises an UnusableError where nothing slips: what gives all of its force back is a spring, and no friction."""
+    if fit.short and len(fit.friction.limit) == 1:
+        spring = show(fit.friction.stiffness[0], "N/m", 4)
+        raise UnusableError(
+            f"the force goes with the position and comes back the same way, without a loop: a spring of {spring} holds "
+            f'the axis, and no friction is seen; state it, [effects.cable_spring] with stiffness = "{spring}", or '
+            "record wider loops"
+        )
 
 
 def _with_spring(

@@ -34,6 +34,7 @@ DIED_OUT: Final = 12.0  # time constants after which what a pole leaves is below
 STEP: Final = 1e-6  # of theta, of the numerical derivatives: a hundredth of the sharpest mode's width
 LEAST: Final = 2e-5  # of what theta has of a lag and a spring, and of a drag over the band: less is none
 STIFFEST: Final = 4.0  # times the inertia at the lowest line: a stiffer one makes the rigid body a mode in the band
+NEAR: Final = 3.0  # times the spring that is known, and its inverse: within lies the one that the lines show
 
 
 PARTS: Final = ("lag", "drag", "spring")  # what may be beside the modes, in the order of theta
@@ -70,7 +71,7 @@ class Structure:
 class Lines:
     """One response: P (n,) [m/N] at f (n,) [Hz] with weights (n,), the sample time [s], for how long a command is held
     [s], and U (n,) or None; settled [s]: for how long before it the excitation was the same as in it; slope [m per
-    sample]: of the straight line that was taken off the position."""
+    sample]: of the straight line that was taken off the position; levelled: whether one was off the command, too."""
 
     f: Array
     p: Complex
@@ -80,6 +81,7 @@ class Lines:
     command: Complex | None
     settled: float = 0.0
     slope: float = 0.0
+    levelled: bool = False
 
     @property
     def single(self) -> bool:
@@ -176,7 +178,8 @@ def problem_of(
         p = one.response[kept]
         weight = np.sqrt(2 / one.variance[kept]) if known else 1 / np.abs(p)
         command = None if one.command is None else one.command[kept]
-        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, one.held, command, one.settled, one.slope))
+        line = one.slope, one.levelled
+        lines.append(Lines(one.frequency[kept], p, weight, one.sample_time, one.held, command, one.settled, *line))
     unit = 1 / (2 * math.pi * max(float(one.f[-1]) for one in lines))
     return Problem(tuple(lines), known, unit, _gain(lines), spring)
 
@@ -239,7 +242,7 @@ def _errors(terms: Expansion, lines: Lines) -> Array:
     the ends leave. A spring makes the command rise along it, so that there it counts with the size that it had: its
     spectrum is -g z / (z - 1) at the lines, where z^n = 1."""
     error = _shown(terms, lines) - lines.p * lines.weight
-    if terms.sprung and lines.command is not None:
+    if terms.sprung and lines.command is not None and not lines.levelled:
         error += lines.slope * lines.scale / (1 - lines.back)
     return _stacked(error)
 
@@ -270,7 +273,8 @@ def _ends_of(terms: Expansion, lines: Lines) -> _Ends:
     slowest real pole, the rigid body, are such a pair, too; a rigid body on a spring is one by itself. The commands
     that act late act at the record's first samples, where they are those from before it, not those of its end: one term
     z^-j for each. Where the excitation was the same before, neither these nor poles that have died out since are
-    unlike.
+    unlike. Where a spring was known and the lines were taken off both signals, what they differ by under it is a line
+    again, a pole at 1: told by the spring, it would outweigh all that was swept.
     """
     poles, discrete = terms.pole, np.exp(terms.pole * lines.ts)
     real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
@@ -282,7 +286,8 @@ def _ends_of(terms: Expansion, lines: Lines) -> _Ends:
         first, second = np.append(1.0, first), np.append(discrete[slow], second)
         alone = alone & (poles != poles[slow])
     late = max(math.ceil(terms.dead_time / lines.ts), 0) + 1 if lines.single else 0
-    return _Ends(np.column_stack([first, second]), discrete[alone], late)
+    single = discrete[alone] if not (terms.sprung and lines.levelled) else np.append(discrete[alone], 1.0)
+    return _Ends(np.column_stack([first, second]), single, late)
 
 
 def _columns(ends: _Ends, lines: Lines) -> Array:
@@ -317,8 +322,8 @@ def _spanned(columns: Array) -> tuple[Array, Array]:
     """
     norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     q, triangle = np.linalg.qr(columns / norms)
-    left, sizes, right = np.linalg.svd(triangle)
-    kept = sizes > ALIKE * sizes[0]
+    left, sizes, right = np.linalg.svd(triangle, full_matrices=False)  # there may be more columns than rows
+    kept = sizes > ALIKE * sizes[:1]  # where all poles have died out, there is no column
     return q @ left[:, kept], right[kept].T / sizes[kept] / norms[:, None]
 
 
@@ -373,15 +378,21 @@ def bounds(theta: Array, structure: Structure, problem: Problem) -> tuple[Array,
     low, high = problem.band
     count = (theta.size - structure.before) // 3
     earliest = -max(problem.unit, *(one.ts for one in problem.lines)) / problem.unit
+    spring = _known_spring(problem)
     parts = {
         "lag": (LEAST, high / low),
         "drag": (LEAST * low / high, 1.0),
-        "spring": (LEAST, STIFFEST),
+        "spring": (LEAST, STIFFEST) if spring == 0 else (spring / NEAR, spring * NEAR),
     }
     nuisances = [parts[part] for part in structure.parts]
     each = [(-50.0, 50.0), (math.log(low / 2), math.log(2 * high)), (math.log(LEAST_DAMPING), math.log(MOST_DAMPING))]
     pairs = np.array([(problem.gain - WIDE, problem.gain + WIDE), (earliest, 1e4), *nuisances, *(each * count)])
     return pairs[:, 0], pairs[:, 1]
+
+
+def _known_spring(problem: Problem) -> float:
+    """What theta has of the spring that is known [1], with the rigid body's gain as it starts."""
+    return problem.spring * math.exp(problem.gain) / sizes(problem)["spring"]
 
 
 def trend(structure: Structure, problem: Problem) -> Array:
@@ -397,7 +408,7 @@ def trend(structure: Structure, problem: Problem) -> Array:
     late = max(float(np.median(delays)), 0.0) / problem.unit
     low, high = problem.band
     lag = min(max(0.3 * late, 0.1), 0.5 * high / low)
-    usual = {"lag": lag, "drag": 0.05 * low / high, "spring": 0.01}
+    usual = {"lag": lag, "drag": 0.05 * low / high, "spring": _known_spring(problem) or 0.01}
     return np.array([problem.gain, late - lag * structure.lag, *(usual[part] for part in structure.parts)])
 
 

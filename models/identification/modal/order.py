@@ -105,8 +105,11 @@ def chosen(
 
     candidates: what may be beside the modes. rolling: else an order that does better by a mode that stands for friction
     ends the search at once, as the lines are then of no use. A spring is one where it shows beside all that the lines
-    ask for without one: sought throughout, it would cost a weak mode among the lines of an axis that has none.
+    ask for without one: sought throughout, it would cost a weak mode among the lines of an axis that has none. One that
+    is known to be there is sought from the start.
     """
+    if candidates.spring and problem.spring > 0:
+        return _chosen(problem, most, candidates, exactly, rolling)
     plain = _chosen(problem, most, replace(candidates, spring=False), exactly, rolling)
     if plain.bent or not (candidates.spring and _sprung(problem, plain.best)):
         return plain

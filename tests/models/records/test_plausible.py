@@ -139,11 +139,23 @@ def test_a_force_that_the_file_does_not_have_is_no_wrong_unit() -> None:
     record = Record(ts, way, way, 0 * force, force, way)
     facts = Facts(mass=18.0, limit=300.0, resolution=5e-9, stiffness=70.0, friction=0.01)
     assert list(doubts(record, GIVEN, facts)) == []
-    assert any("gives way" in doubt for doubt in doubts(record, GIVEN, replace(facts, friction=None)))
+    assert any("let it move by" in doubt for doubt in doubts(record, GIVEN, replace(facts, friction=None)))
     wrong = replace(record, command=1e3 * force)
     assert any("unit" in doubt for doubt in doubts(wrong, GIVEN, facts))
     held = replace(record, position=1e-3 * way, reference=1e-3 * way, target=1e-3 * way)
-    assert any("gives way" in doubt for doubt in doubts(held, GIVEN, replace(facts, stiffness=7e4, friction=1.0)))
+    assert any("let it move by" in doubt for doubt in doubts(held, GIVEN, replace(facts, stiffness=7e4, friction=1.0)))
+
+
+def test_a_stated_spring_holds_an_axis_too() -> None:
+    """A voice coil's stage on flexures of 15 N/mm, over a millimetre: the friction of its file alone would let it go
+    by 20 m."""
+    ts, spring = 125e-6, 15.35e3
+    t = np.arange(8000) * ts
+    way = 1e-3 * np.sin(2 * np.pi * 2 * t)
+    record = Record(ts, way, way, 0 * way, spring * way, way)
+    facts = Facts(mass=1.2, limit=72.0, resolution=5e-9, stiffness=spring + 1.5, friction=1e-5)
+    assert list(doubts(record, GIVEN, facts)) == []
+    assert any("state it as stiffness" in doubt for doubt in doubts(record, GIVEN, replace(facts, stiffness=1.5)))
 
 
 def moved(mass: float, current: float, feedforward: float) -> Record:

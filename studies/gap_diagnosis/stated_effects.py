@@ -1,0 +1,46 @@
+"""The effects that the machine file states, such as a spring or a drag: how far the records moved their values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from models.effects.base import parameters
+from models.machine import Machine
+from models.quantity import listed, show
+from studies.wording import effect, words
+
+SURELY: Final = 3.0  # deviations, and
+CLEARLY: Final = 0.01  # of itself: a value of a stated effect that moved by less is not told
+
+
+def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
+    """The values of stated effects that the file handed over has surely and clearly otherwise, with their deviation
+    there [SI]; of an effect that is stated more than once, none."""
+    rows = []
+    for before in given.effects:
+        after = [one for one in better.effects if one.name == before.name]
+        if len(after) != 1 or sum(one.name == before.name for one in given.effects) != 1:
+            continue
+        for item in parameters(type(before)):
+            old, new = float(getattr(before, item.name)), float(getattr(after[0], item.name))
+            source = better.sources.get(f"effects.{before.name}.{item.name}")
+            std = float(np.max(source.std)) if source is not None and source.std is not None else 0.0
+            if item.role != "switch" and abs(new - old) > max(SURELY * std, CLEARLY * abs(old)):
+                row = {"effect": before.name, "name": item.name, "unit": item.unit}
+                rows.append({**row, "before": old, "now": new, "std": std})
+    return rows
+
+
+def told(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A sentence on them; empty without any."""
+    if not rows:
+        return ""
+    shown = [
+        f"{effect(row['effect'])} ({words(row['name'])} {show(row['now'], row['unit'], 4)} in place of "
+        f"{show(row['before'], row['unit'], 4)})"
+        for row in rows
+    ]
+    return f" Of the effects that the machine file states, these have other values: {listed(shown)}."

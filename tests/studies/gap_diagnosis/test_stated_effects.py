@@ -1,0 +1,33 @@
+"""What is said of the effects that a machine file states, where the records moved their values."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from models.effects.friction_laws import ViscousFriction
+from models.effects.structure import CableSpring
+from models.machine import Provenance, load
+from studies.gap_diagnosis.stated_effects import stated_effects, told
+
+GIVEN = replace(load(), effects=(CableSpring(16580.0), ViscousFriction(5.42)))
+
+
+def test_a_value_that_moved_surely_and_clearly_is_told_with_what_it_was() -> None:
+    known = {"effects.viscous_friction.coefficient": Provenance("identified", "", std=0.4)}
+    better = replace(GIVEN, effects=(CableSpring(16600.0), ViscousFriction(13.4)), sources={**GIVEN.sources, **known})
+    rows = stated_effects(GIVEN, better)  # the spring by 0.1 %
+    assert [(row["effect"], row["before"], row["now"], row["std"]) for row in rows] == [
+        ("viscous_friction", 5.42, 13.4, 0.4)
+    ]
+    assert told(rows) == (
+        " Of the effects that the machine file states, these have other values: viscous friction (coefficient "
+        "13.4 N s/m in place of 5.42 N s/m)."
+    )
+
+
+def test_nothing_is_said_of_what_is_not_sure_or_as_it_was() -> None:
+    unsure = {"effects.viscous_friction.coefficient": Provenance("identified", "", std=4.0)}
+    better = replace(GIVEN, effects=(CableSpring(16580.0), ViscousFriction(13.4)), sources={**GIVEN.sources, **unsure})
+    assert stated_effects(GIVEN, better) == []
+    assert told(stated_effects(GIVEN, GIVEN)) == ""
+    assert stated_effects(replace(GIVEN, effects=()), better) == []
