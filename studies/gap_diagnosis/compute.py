@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -109,7 +110,7 @@ def answered(
         before = by_hand.before(given.machine, given.records, options.looked, settings, looks, tell)
         begun = refit_and_null(given.machine, given.records, progress=say, cache=CACHE)
     except RecordError as error:
-        raise BadInputError(str(error)) from error
+        raise BadInputError(_with_its_name(str(error), given.shown)) from error
     found, beside = examined(begun, seed=options.seed, disabled=unused, progress=say)
     verdict = {**verdict_of(found)["verdict"], **beside.to_json()["verdict"]}
     if before is not None:
@@ -140,6 +141,12 @@ def answered(
         if part in {"where", "which", "how_far"}
     ]
     return found, Answer(results, tuple(_checks(found, given)), written, summary)
+
+
+def _with_its_name(why: str, shown: Sequence[Mapping[str, Any]]) -> str:
+    """A reason that begins with the number of a record, with its file's name instead."""
+    number = re.match(r"record (\d+): ", why)
+    return why if number is None else f"{shown[int(number[1]) - 1]['name']}: {why[number.end() :]}"
 
 
 def _foresee(

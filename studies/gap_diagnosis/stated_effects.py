@@ -34,6 +34,11 @@ def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
     return rows
 
 
+def before(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    """The names of values that are off, those of stated effects first."""
+    return list(dict.fromkeys([*(row["effect"] for row in results.get("stated_effects", ())), *names]))
+
+
 def told(rows: Sequence[Mapping[str, Any]]) -> str:
     """A sentence on them; empty without any."""
     if not rows:

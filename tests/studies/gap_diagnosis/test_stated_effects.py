@@ -7,7 +7,8 @@ from dataclasses import replace
 from models.effects.friction_laws import ViscousFriction
 from models.effects.structure import CableSpring
 from models.machine import Provenance, load
-from studies.gap_diagnosis.stated_effects import stated_effects, told
+from studies.gap_diagnosis.compute import _with_its_name
+from studies.gap_diagnosis.stated_effects import before, stated_effects, told
 
 GIVEN = replace(load(), effects=(CableSpring(16580.0), ViscousFriction(5.42)))
 
@@ -23,6 +24,14 @@ def test_a_value_that_moved_surely_and_clearly_is_told_with_what_it_was() -> Non
         " Of the effects that the machine file states, these have other values: viscous friction (coefficient "
         "13.4 N s/m in place of 5.42 N s/m)."
     )
+    assert before({"stated_effects": rows}, ["payload_mass"]) == ["viscous_friction", "payload_mass"]
+    assert before({}, ["payload_mass"]) == ["payload_mass"]
+
+
+def test_a_reason_names_the_file_and_not_its_number() -> None:
+    shown = [{"name": "a.csv"}, {"name": "b.csv"}]
+    assert _with_its_name("record 2: has one of 4 samples", shown) == "b.csv: has one of 4 samples"
+    assert _with_its_name("a record of 2 s", shown) == "a record of 2 s"
 
 
 def test_nothing_is_said_of_what_is_not_sure_or_as_it_was() -> None:
