@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -37,11 +38,22 @@ def write(options: IdentificationOptions) -> int:
         (folder / "manifest.json").write_text(to_text({**record, "outputs": hashes(folder)}), encoding="utf-8")
     for name, one in planned.items():
         print(f"{name:<16}{_extent(one, machine)}")
+    print(_room(tuple(planned.values()), machine))
     print(
         "check that these travels and forces are safe on your axis; record command and position beside the references"
     )
     print("written:", *(str(place.folder / name) for name in (*NAMES, "manifest.json")))
     return DONE
+
+
+def _room(planned: Sequence[Schedule], machine: Machine) -> str:
+    """Where the axis has to stand for them, and what a stated spring takes on the way, for a reader."""
+    paths = [one.given.position - one.given.position[0] for one in planned]
+    low, high = min(float(np.min(path)) for path in paths), max(float(np.max(path)) for path in paths)
+    ends = " and ".join(show(end + 0.0, machine.unit("m")) for end in (low, high))
+    said = f"each begins where the axis stands then, as 0, and together they reach {ends}: start each where it has room"
+    pull = sum(effect.spring_to_ground() for effect in machine.effects) * max(-low, high)
+    return f"{said}; the stated spring takes up to {show(pull, machine.unit('N'))} beside u_ff" if pull > 0 else said
 
 
 def _extent(planned: Schedule, machine: Machine) -> str:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from diagnosis.experiments.references import NAMES
+from diagnosis.experiments.references import NAMES, axis_references
+from models.effects.structure import CableSpring
+from models.machine import load
+from models.quantity import parse
 from studies.identify_machine.__main__ import main
+from studies.identify_machine.references import _room
 from studies.new_machine.__main__ import main as new_machine
 
 
@@ -44,3 +50,19 @@ def test_the_travels_of_a_rotary_axis_are_angles(tmp_path: Path, capsys: pytest.
     extents = [line for line in capsys.readouterr().out.splitlines() if ", from " in line]
     assert len(extents) == 5
     assert all(re.search(r"from .*rad to .*rad, u_ff up to [\d.e-]+ N m$", line) for line in extents)
+
+
+def test_where_the_axis_has_to_stand_and_what_a_stated_spring_takes_is_said() -> None:
+    """All of a travel of 3 mm is on one side of where the axis stands, and for the way back on the other."""
+    machine = load()
+    machine = replace(machine, drive=replace(machine.drive, travel=3e-3))
+    planned = tuple(axis_references(machine).values())
+    said = _room(planned, machine)
+    low, high = re.search(r"they reach (-[\d.]+ mm) and ([\d.]+ mm): start each where it has room$", said).groups()  # type: ignore[union-attr]
+    ends = [one.given.position - one.given.position[0] for one in planned]
+    assert parse(low, "m") == pytest.approx(min(map(min, ends)), rel=1e-2)
+    assert parse(high, "m") == pytest.approx(max(map(max, ends)), rel=1e-2)
+    held = _room(planned, replace(machine, effects=(CableSpring(15e3),)))
+    taken = re.search(r"the stated spring takes up to ([\d.]+ N) beside u_ff$", held)
+    assert taken is not None
+    assert parse(taken[1], "N") == pytest.approx(15e3 * max(map(np.max, map(np.abs, ends))), rel=1e-2)
