@@ -23,6 +23,7 @@ AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a flo
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
+NO_BETTER: Final = 0.9  # of the force as delivered, from which on a fit to one record explains no other
 SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
 
@@ -327,15 +328,23 @@ def _handed_over(results: Results) -> list[str]:
         told.append(f"{values[0].upper()}{values[1:]} at the limit of twice the usual range: {bound_meant(results)}.")
     elif far["widened"]:
         told.append(f"Twice the usual room was needed for {bounds_told(far['widened'], verb=False)}.")
-    return [*told, *_carried_over(far["transfer"]), *elsewhere(far)]
+    named = results["verdict"]["outcome"] in {"attributed", "ambiguous"}
+    return [*told, *_carried_over(far["transfer"], named=named), *elsewhere(far)]
 
 
-def _carried_over(transfer: Results | None) -> list[str]:
-    """What files leave of records that they were not fitted to, and what belongs to single records."""
+def _carried_over(transfer: Results | None, *, named: bool) -> list[str]:
+    """What files leave of records that they were not fitted to, and what belongs to single records; named: whether the
+    verdict gives names, of which it is said where they explain no other record."""
     if transfer is None:
         return []
     parts = [f"{_gap(one['elsewhere'])} ({one['file']})" for one in transfer["matrices"]]
     told = [f"Fitted to one record and judged on the others, the files leave {listed(parts)}."]
+    forces = {one["file"]: one["elsewhere"]["force_N"] for one in transfer["matrices"]}
+    if named and forces.get("with effects", 0.0) > NO_BETTER * forces.get("as delivered", math.inf):
+        told.append(
+            "So what is named does not carry over from one record to another: a law that looks the same on the motions "
+            "of one may be the cause; records of other strokes and speeds would tell."
+        )
     out = dict.fromkeys(one["part"] for one in transfer["by_record"] if one["kept_out"])
     if out:
         told.append(

@@ -13,7 +13,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from reports import text
 from studies.gap_diagnosis import report
-from studies.gap_diagnosis.answer import _in_percent, elsewhere, sentences
+from studies.gap_diagnosis.answer import _carried_over, _in_percent, elsewhere, sentences
 from studies.gap_diagnosis.compute import _of_all_contacts
 from tests.diagnosis.tables import table
 
@@ -372,3 +372,23 @@ def test_a_name_that_no_record_has_confirmed_is_marked_and_the_way_on_is_said(re
     told = sentences({**results, "verdict": alone, "asked": asked})
     assert told["outcome"] == "Attributed to cogging (unconfirmed)"
     assert "make another record and go on with it" in told["which"]
+
+
+@pytest.mark.parametrize(
+    ("left", "outcome", "doubted"),
+    [(0.71, "attributed", True), (0.3, "attributed", False), (0.71, "none_of_these", False)],
+)
+def test_a_name_that_explains_no_other_record_is_doubted(
+    left: float, outcome: str, doubted: bool, results: dict[str, Any]
+) -> None:
+    """A flexure that hardens had been a saturation, by a fit that left as much of the other record as the file did."""
+    gaps = {"as delivered": 0.7, "re-fitted": 0.72, "with effects": left}
+    rows = [{"file": name, "elsewhere": {"force_N": force, "position_m": 1e-6}} for name, force in gaps.items()]
+    transfer = {"matrices": rows, "by_record": []}
+    told = _carried_over(transfer, named=outcome == "attributed")
+    assert any("does not carry over" in sentence for sentence in told) is doubted
+    verdict = {**results["verdict"], "outcome": outcome, "effects": ["cogging"][: outcome == "attributed"]}
+    how_far = {**results["how_far"], "transfer": transfer}
+    assert (
+        "does not carry over" in sentences({**results, "verdict": verdict, "how_far": how_far})["how_far"]
+    ) is doubted
