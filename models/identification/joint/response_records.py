@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -17,12 +19,14 @@ from models.identification.joint.agreement import together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
 from models.identification.modal.remarks import ResponseStep, bent, on_disagreement, on_left_out, on_response
 from models.identification.response import FrequencyResponse
+from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.records.files import Loaded
 from models.records.record import Record
 
 AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved backwards: it bends hardly more
 
+BENT: Final = 3.0  # reduced chi-square from which on friction may bend what the file says it does not
 RUBS: Final = 0.01  # of the command's deviation: less friction than that bends no line
 SLOWER: Final = 1.01  # times the controller's sample time: a log further apart has not all of its samples
 
@@ -41,10 +45,8 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
     smooth = isinstance(content, Record) and _hardly_rubs(found.machine, content)
+    measured, fit, smooth = _fitted(found, measured, settings, smooth=smooth)
     spring = _spring(found, smooth=smooth)
-    if smooth:
-        measured = replace(measured, rolling=True, turned=0.0)
-    fit = modes.fit(measured, count=settings.modes, spring=spring)
     _check_excited(fit, measured)
     step = ResponseStep(measured, fit, level=level)
     earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
@@ -60,6 +62,23 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         source = Found(together(used), "response")
     known = found.machine if not _showed_spring(found) else with_spring(found.machine, None, source)
     return with_step(found, with_response(known, best, source), kind, loaded, step, remarks)
+
+
+def _fitted(
+    found: Identified, measured: FrequencyResponse, settings: Settings, *, smooth: bool
+) -> tuple[FrequencyResponse, modes.Fit, bool]:
+    """The response and its fit, as of an axis whose friction bends no line where the file says so and the lines do not
+    say otherwise; and whether it is one."""
+    as_it_is = partial(modes.fit, count=settings.modes, spring=_spring(found, smooth=False))
+    if not smooth:
+        return measured, as_it_is(measured), False
+    freed = replace(measured, rolling=True, turned=0.0)
+    fit = modes.fit(freed, count=settings.modes, spring=_spring(found, smooth=True))
+    if fit.chi_square > BENT:
+        with suppress(UnusableError):
+            if (plain := as_it_is(measured)).chi_square < fit.chi_square:
+                return measured, plain, False
+    return freed, fit, True
 
 
 def _least_bent(steps: Sequence[Step]) -> list[Step]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +15,15 @@ from models.controller import PID
 from models.effects.friction_laws import ViscousFriction
 from models.effects.structure import CableSpring
 from models.friction import elements
+from models.identification import modes
 from models.identification.force.fit import SPRING
-from models.identification.joint.steps import Identified
+from models.identification.joint.response_records import _fitted
+from models.identification.joint.steps import Identified, Settings
 from models.identification.modal.fitting import _spanned
 from models.identification.modes import DRAG
 from models.identification.pipeline import identify
+from models.identification.response import FrequencyResponse
+from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.plant import Mode, Plant
 from models.records.files import Loaded
@@ -74,6 +80,27 @@ def test_an_excitation_corrects_the_stated_spring_and_finds_the_plant(kind: str)
     assert estimate.deviation(SPRING) < 0.02 * 15350
     spring = next(effect for effect in answer.machine.effects if effect.name == CableSpring.name)
     assert spring.values()[0] == pytest.approx(estimate.value(SPRING), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("freed", "plain", "smooth"), [(1.1, 0.9, True), (50.0, 2.0, False), (50.0, 60.0, True), (50.0, None, True)]
+)
+def test_lines_that_friction_bends_all_the_same_are_taken_as_on_any_axis(
+    freed: float, plain: float | None, smooth: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the chi-squares of the fit as of a smooth axis and as of any, of which the latter may find no line of use."""
+
+    def fit(measured: FrequencyResponse, **_: Any) -> Any:
+        if not measured.rolling and plain is None:
+            raise UnusableError("friction bends the whole response")
+        return SimpleNamespace(chi_square=freed if measured.rolling else plain)
+
+    monkeypatch.setattr(modes, "fit", fit)
+    few = np.ones(3)
+    measured = FrequencyResponse(few, few.astype(np.complex128), few, few, 1e-4, turned=0.2)
+    shown, found, as_smooth = _fitted(Identified(FILE), measured, Settings(None, None, False), smooth=True)
+    assert (as_smooth, found.chi_square) == (smooth, freed if smooth else plain)
+    assert (shown.rolling, shown.turned) == ((True, 0.0) if smooth else (False, 0.2))
 
 
 def test_what_gives_its_force_back_without_a_loop_is_no_friction() -> None:
