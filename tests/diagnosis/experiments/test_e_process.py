@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from diagnosis.experiments import e_process
-from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, predictive, staked, tested
+from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, predictive, staked
 from diagnosis.experiments.schedules import Experiment
 from diagnosis.experiments.within_limits import Bounds, experiments
 from diagnosis.model.fit import one_step, weights
@@ -108,10 +108,10 @@ def test_interpolated_samples_are_no_evidence(monkeypatch: pytest.MonkeyPatch) -
     )
     monkeypatch.setattr(e_process, "_ratios", lambda _now, _forces, fresh: {"": 20.0 * fresh, law.name: 16.0 * fresh})
     now = SimpleNamespace(machine=machine, records=[SimpleNamespace(every=4)] * 3, nominal=no_forces)
-    process = tested(before, now, EProcess())  # type: ignore[arg-type]
+    process = e_process.tested(before, now, EProcess())  # type: ignore[arg-type]
     assert process == EProcess().after(10.0, {law.name: 8.0})
     now.records = now.records[:1]
-    assert tested(before, now, EProcess()) == EProcess()  # type: ignore[arg-type]
+    assert e_process.tested(before, now, EProcess()) == EProcess()  # type: ignore[arg-type]
 
 
 def test_on_simulated_tables_without_an_effect_the_mean_e_value_is_one_at_most() -> None:
