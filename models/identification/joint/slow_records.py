@@ -61,7 +61,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     record = record_of(loaded)
     band = settings.pass_band or slow_band(record)
     fit = by_elements.identify(record, terms, pass_band=band)
-    _require_a_loop(fit)
+    _require_a_loop(fit, spring_of(found.machine))
     terms, fit, refused = _with_spring(found, record, terms, fit, source)
     fit, dragged, not_dragged = _with_drag(found, record, terms, fit, source)
     slip, spread = fit.slip_force()
@@ -91,15 +91,19 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     return with_step(found, machine, kind, loaded, ForceStep(fit), remarks)
 
 
-def _require_a_loop(fit: ForceFit) -> None:
-    """Raises an UnusableError where nothing slips: what gives all of its force back is a spring, and no friction."""
-    if fit.short and len(fit.friction.limit) == 1:
-        spring = show(fit.friction.stiffness[0], "N/m", 4)
-        raise UnusableError(
-            f"the force goes with the position and comes back the same way, without a loop: a spring of {spring} holds "
-            f'the axis, and no friction is seen; state it, [effects.cable_spring] with stiffness = "{spring}", or '
-            "record wider loops"
-        )
+def _require_a_loop(fit: ForceFit, stated: float) -> None:
+    """Raises an UnusableError where nothing slips: what gives all of its force back is a spring, and no friction;
+    stated: the spring to ground that the machine file has [N/m]."""
+    if not (fit.short and len(fit.friction.limit) == 1):
+        return
+    if stated > 0:
+        raise UnusableError("the force comes back the same way beside the stated spring, so that no friction is seen")
+    spring = show(fit.friction.stiffness[0], "N/m", 4)
+    raise UnusableError(
+        f"the force goes with the position and comes back the same way, without a loop: a spring of {spring} holds the "
+        f'axis, and no friction is seen; state it, [effects.cable_spring] with stiffness = "{spring}", or record wider '
+        "loops"
+    )
 
 
 def _with_spring(

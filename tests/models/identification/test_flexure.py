@@ -111,6 +111,9 @@ def test_what_gives_its_force_back_without_a_loop_is_no_friction() -> None:
     without: Machine = replace(FILE, effects=())
     with pytest.raises(RecordError, match=r"without a loop: a spring of 15\.\d+ N/mm holds the axis.* state it"):
         identify(without, [Loaded("loops.csv", "", record, (), ())], kinds=["hysteresis"])
+    with pytest.raises(RecordError, match=r"no friction (is seen|element takes)") as said:
+        identify(TRUE, [Loaded("loops.csv", "", record, (), ())], kinds=["hysteresis"])
+    assert "state it" not in str(said.value)
 
 
 def test_a_basis_of_more_columns_than_rows_or_of_none() -> None:
