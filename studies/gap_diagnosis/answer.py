@@ -52,7 +52,7 @@ def _outcome(results: Results) -> str:
         "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
         "none_of_these": f"No effect of the catalogue explains it{alike}",
         "nothing_to_explain": "Nothing to explain",
-        "parameters": f"Nominal values are off: {effects_listed(stated_effects.before(results, verdict['effects']))}",
+        "parameters": f"Nominal values are off: {effects_listed(stated_effects.first(results, verdict['effects']))}",
     }[verdict["outcome"]]
 
 

@@ -34,7 +34,7 @@ def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
     return rows
 
 
-def before(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+def first(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     """The names of values that are off, those of stated effects first."""
     return list(dict.fromkeys([*(row["effect"] for row in results.get("stated_effects", ())), *names]))
 

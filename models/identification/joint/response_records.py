@@ -34,17 +34,15 @@ SLOWER: Final = 1.01  # times the controller's sample time: a log further apart 
 def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
     """P_l from a measured frequency response, or from an excitation; from all of them together if there are several."""
     content = loaded.content
+    smooth = isinstance(content, Record) and _hardly_rubs(found.machine, content)
     if isinstance(content, Record):
-        measured, level = (
-            response.measured(content, sprung=spring_of(found.machine) > 0),
-            float(np.std(content.feedforward)),
-        )
+        measured = response.measured(content, sprung=smooth and spring_of(found.machine) > 0)
+        level = float(np.std(content.feedforward))
         held = found.machine.sample_time
         if content.sample_time > SLOWER * held:
             measured = replace(measured, hold=held)
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
-    smooth = isinstance(content, Record) and _hardly_rubs(found.machine, content)
     measured, fit, smooth = _fitted(found, measured, settings, smooth=smooth)
     spring = _spring(found, smooth=smooth)
     _check_excited(fit, measured)

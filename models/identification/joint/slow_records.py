@@ -61,8 +61,8 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     record = record_of(loaded)
     band = settings.pass_band or slow_band(record)
     fit = by_elements.identify(record, terms, pass_band=band)
-    _require_a_loop(fit, spring_of(found.machine))
     terms, fit, refused = _with_spring(found, record, terms, fit, source)
+    _require_a_loop(fit, spring_of(found.machine))
     fit, dragged, not_dragged = _with_drag(found, record, terms, fit, source)
     slip, spread = fit.slip_force()
     steps = [*steps_of(found, "hysteresis"), Step(kind, loaded, ForceStep(fit))]
@@ -113,7 +113,10 @@ def _with_spring(
     if spring_of(found.machine) != 0 or not _may_be_a_spring(fit):
         return terms, fit, ()
     with_it = replace(terms, spring=True)
-    sprung = by_elements.identify(record, with_it, pass_band=fit.pass_band)
+    try:
+        sprung = by_elements.identify(record, with_it, pass_band=fit.pass_band)
+    except UnusableError:  # beside a spring there is no friction left
+        return terms, fit, ()
     if not _springs(fit, sprung):
         return terms, fit, ()
     value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)

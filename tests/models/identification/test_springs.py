@@ -172,6 +172,19 @@ def test_one_sweep_while_a_small_stage_rolls_tells_its_spring_from_a_lag(stated:
     assert answer.misfit(step) < 1.5
 
 
+def test_a_sweep_keeps_the_spring_that_it_had_shown() -> None:
+    """Identified again from the file that it made, in which that spring is no datasheet's."""
+    true = replace(STAGE, effects=(CableSpring(180.0),))
+    sweep = Loaded("sweep.csv", "", rolling_sweep(true), (), ())
+    first = identify(STAGE, [sweep], kinds=["excitation"])
+    again = identify(first.machine, [sweep], kinds=["excitation"])
+    one, other = (answer.estimates["sweep.csv"] for answer in (first, again))
+    (spring,) = again.machine.effects
+    assert abs(spring.values()[0] - 180.0) < 4 * one.deviation(SPRING)
+    gain, known = one.value("rigid body gain"), one.deviation("rigid body gain")
+    assert abs(other.value("rigid body gain") - gain) < known
+
+
 @pytest.mark.parametrize("effect", [CableSpring(600.0), ViscousFriction(300.0)], ids=lambda one: one.name)
 def test_what_only_slow_loops_show_is_not_taken_where_the_rolling_axis_has_none(effect: Effect) -> None:
     """Loops that end within a smooth friction curve had taken its tail for a spring of 4 N/mm, 160 N at the end of the

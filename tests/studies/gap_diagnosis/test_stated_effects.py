@@ -8,7 +8,7 @@ from models.effects.friction_laws import ViscousFriction
 from models.effects.structure import CableSpring
 from models.machine import Provenance, load
 from studies.gap_diagnosis.compute import _with_its_name
-from studies.gap_diagnosis.stated_effects import before, stated_effects, told
+from studies.gap_diagnosis.stated_effects import first, stated_effects, told
 
 GIVEN = replace(load(), effects=(CableSpring(16580.0), ViscousFriction(5.42)))
 
@@ -24,8 +24,8 @@ def test_a_value_that_moved_surely_and_clearly_is_told_with_what_it_was() -> Non
         " Of the effects that the machine file states, these have other values: viscous friction (coefficient "
         "13.4 N s/m in place of 5.42 N s/m)."
     )
-    assert before({"stated_effects": rows}, ["payload_mass"]) == ["viscous_friction", "payload_mass"]
-    assert before({}, ["payload_mass"]) == ["payload_mass"]
+    assert first({"stated_effects": rows}, ["payload_mass"]) == ["viscous_friction", "payload_mass"]
+    assert first({}, ["payload_mass"]) == ["payload_mass"]
 
 
 def test_a_reason_names_the_file_and_not_its_number() -> None:
