@@ -112,9 +112,11 @@ class Machine:
     sources: Mapping[str, Provenance] = dataclasses.field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
-        """Facts of the hysteresis curve that are not stated are those of the elements."""
+        """Facts of the hysteresis curve that are not stated are those of the elements, whatever was stated before."""
         if self.presliding is FROM_ELEMENTS:
             object.__setattr__(self, "presliding", presliding_of(self.friction, self.specification.stroke))
+            others = {path: one for path, one in self.sources.items() if not path.startswith("presliding.")}
+            object.__setattr__(self, "sources", others)
 
     def __repr__(self) -> str:
         effects = f", {', '.join(effect.name for effect in self.effects)}" if self.effects else ""
@@ -196,7 +198,7 @@ class Machine:
     @property
     def kinds(self) -> Mapping[str, type[Effect]]:
         """The effects by name that may be in this machine; their ranges: `parameters(kind, machine.priors)` [SI]."""
-        return catalogue.looked_for(self.priors, self.axis)
+        return catalogue.looked_for(self.priors, self.axis, {effect.name for effect in self.effects})
 
 
 def load(path: str | Path = DEFAULT) -> Machine:

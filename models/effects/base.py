@@ -127,7 +127,8 @@ class Effect(ABC):
     equation: LaTeX. source: where the law and its typical sizes come from. hooks: by the Place where they act.
     depends_on_time: the law follows a clock whose beginning no controller knows, rather than the table. common_on:
     the axes, "linear" or "rotary", any of which may have it; in others it is considered only where the machine's
-    file states its sizes. shows_in: where it shows in a record of position and command: as a "force", in the
+    file states its sizes. beside: effects by name whose statement in a machine's file makes it one that the machine may
+    have. shows_in: where it shows in a record of position and command: as a "force", in the
     scale's "reading", only in the "log" of what the controller did and when, or in "nothing"; left empty where the
     hooks tell, see `shown_in`. coordinate, parity, remembers: what kind of law it is, see `kind`; left empty, it is
     of a kind of its own. delayed_by: the parameter [s] by which a thrust acts later than its command in all but
@@ -143,6 +144,7 @@ class Effect(ABC):
     hooks: ClassVar[Mapping[Place, Hook]] = {}
     depends_on_time: ClassVar[bool] = False
     common_on: ClassVar[tuple[str, ...]] = AXES
+    beside: ClassVar[tuple[str, ...]] = ()
     shows_in: ClassVar[str] = ""
     coordinate: ClassVar[str] = ""
     parity: ClassVar[str] = ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields
 from functools import cache
 from typing import Final
@@ -43,11 +43,15 @@ def range_declarations(kind: type[Effect]) -> Mapping[str, Declaration]:
     }
 
 
-def looked_for(priors: Priors = USUAL, axis: str = "linear") -> Mapping[str, type[Effect]]:
-    """The effects by name that may be in a machine with these priors, in their order: the usual ones of its axis and
-    those of which it states sizes [SI]."""
+def looked_for(priors: Priors = USUAL, axis: str = "linear", has: Collection[str] = ()) -> Mapping[str, type[Effect]]:
+    """The effects by name that may be in a machine with these priors, in their order: the usual ones of its axis, those
+    of which it states sizes [SI], and those that go with the effects that its file says it has."""
     stated = priors.by_effect()
-    return {name: kind for name, kind in every().items() if axis in kind.common_on or name in stated}
+
+    def may_be(name: str, kind: type[Effect]) -> bool:
+        return axis in kind.common_on or name in stated or any(one in kind.beside for one in has)
+
+    return {name: kind for name, kind in every().items() if may_be(name, kind)}
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:

@@ -58,6 +58,32 @@ class ThrustRipple(Effect):
 
 
 @hook
+def _falling_off(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    return value * (1.0 - p[0] * now[X] * now[X])
+
+
+@dataclass(frozen=True)
+class ThrustFallOff(Effect):
+    """The thrust constant of a voice coil falls, as the coil leaves the middle of the magnet's field."""
+
+    name: ClassVar = "thrust_fall_off"
+    family: ClassVar = "motor"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "of the command"
+    equation: ClassVar = r"K_t\left(1-a\,x^2\right)u"
+    source: ClassVar = "Klippel 2006, Tutorial: loudspeaker nonlinearities (force factor over the way); sizes assumed"
+    hooks: ClassVar = {Place.THRUST: _falling_off}
+    common_on: ClassVar = ()  # of a motor that repeats along the way this is the thrust ripple
+    beside: ClassVar = ("cable_spring",)
+    fall: float = counted(
+        parameter(
+            "1/m^2", "part a that is lost, over the square of the way from 0", 5.0, 150.0, "amplitude", signed=True
+        ),
+        {"travel": -2},
+    )
+
+
+@hook
 def _asymmetric(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     return value + p[0] * abs(value)
 

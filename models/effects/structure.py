@@ -103,3 +103,27 @@ class CableSpring(Effect):
     def spring_to_ground(self) -> float:
         """All of it [N/m]."""
         return self.stiffness
+
+
+@hook
+def _hardening(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    return value - p[0] * now[X] * now[X] * now[X]
+
+
+@dataclass(frozen=True)
+class HardeningSpring(Effect):
+    """A spring that holds the axis is stiffer away from where the position reads 0, or softer (of a negative size)."""
+
+    name: ClassVar = "hardening_spring"
+    family: ClassVar = "structure"
+    coordinate: ClassVar = "position"
+    parity: ClassVar = "even"
+    equation: ClassVar = r"d=-k_3\,x^3"
+    source: ClassVar = "Howell 2001, Compliant mechanisms (flexures that stretch as they bend); sizes assumed"
+    hooks: ClassVar = {Place.FORCE: _hardening}
+    common_on: ClassVar = ()  # without a spring there is none that could harden
+    beside: ClassVar = ("cable_spring",)
+    hardening: float = counted(
+        parameter("N/m^3", "stiffness k_3 over the square of the way", 2e4, 3e5, "amplitude", signed=True),
+        {"thrust": 1, "travel": -3},
+    )

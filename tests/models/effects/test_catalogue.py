@@ -37,7 +37,8 @@ AGREED = {
     "protocol": "controller_mismatch",
 }
 
-ASKED = ("velocity_strengthening", "gravity")  # looked for only where a machine file states their sizes
+# Looked for only where a machine file states their sizes, or a spring beside which there may be the last two.
+ASKED = ("velocity_strengthening", "gravity", "thrust_fall_off", "hardening_spring")
 
 GUIDE = (Path(__file__).parents[3] / "reports" / "guide" / "diagnosis.md").read_text(encoding="utf-8")
 OWN = textwrap.dedent(GUIDE[GUIDE.index('    """Friction that grows') :].partition("\n\nThe simulator")[0]) + "\n"

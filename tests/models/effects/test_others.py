@@ -57,6 +57,15 @@ def test_cogging_is_a_force_of_place_and_ripple_a_gain_of_place(amplitude: float
     assert rippled.thrust == pytest.approx(driven().thrust * (1 + 0.01 * amplitude * wave))
 
 
+@given(st.floats(-3e5, 3e5), st.floats(-150, 150))
+def test_a_spring_hardens_with_the_cube_of_the_way_and_a_voice_coil_weakens_with_its_square(
+    hardening: float, fall: float
+) -> None:
+    x = steady(0.2, COMMAND.size).position
+    assert driven(make("hardening_spring", hardening)).force == pytest.approx(-hardening * x**3)
+    assert driven(make("thrust_fall_off", fall)).thrust == pytest.approx(driven().thrust * (1 - fall * x**2))
+
+
 def test_an_effect_that_states_a_delay_delays_a_slow_command_by_it() -> None:
     stated = {name: kind.typical() for name, kind in every().items() if kind.delayed_by}
     assert list(stated) == ["current_loop_lag"]

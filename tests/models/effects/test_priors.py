@@ -20,7 +20,7 @@ from models.effects.motor import Cogging, DacQuantisation
 from models.effects.parameter import POSITIVE
 from models.effects.priors import USUAL, Priors
 from models.effects.scale import ScalePeriodicError
-from models.effects.structure import AdditionalMode
+from models.effects.structure import AdditionalMode, CableSpring
 from models.machine import MachineError, load, to_json
 from models.machine import parameters as values
 from models.machine_file import to_toml
@@ -76,7 +76,8 @@ def test_they_are_a_frozen_mapping(tmp_path: Path) -> None:
 def test_they_ask_for_an_effect_that_is_not_common(tmp_path: Path) -> None:
     assert "velocity_strengthening" not in load().kinds
     machine = load(machine_file(tmp_path, SCREW))
-    assert list(machine.kinds) == [name for name in every() if name != "gravity"]
+    rare = {"gravity", "thrust_fall_off", "hardening_spring"}
+    assert list(machine.kinds) == [name for name in every() if name not in rare]
     assert ranges(VelocityStrengthening, machine.priors)["rise"] == (0.01, 0.4)
 
 
@@ -159,6 +160,13 @@ def test_without_any_the_common_effects_are_looked_for() -> None:
 
 def test_what_turns_may_be_out_of_balance() -> None:
     assert set(looked_for(axis="rotary")) - set(looked_for()) == {"gravity"}
+
+
+def test_a_stated_spring_may_harden() -> None:
+    """And holds a voice coil, whose thrust falls off; a spring that is only looked for asks for neither."""
+    held = replace(load(), effects=(CableSpring(1e4),))
+    assert set(held.kinds) - set(load().kinds) == {"thrust_fall_off", "hardening_spring"}
+    assert list(held.kinds) == [name for name in every() if name in held.kinds]
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,8 @@ FAINT: Final[Mapping[str, float]] = {
     "friction_drift": 2e-3,
     "cable_spring": 2e-3,
     "scale_drift": 2e-3,
+    "thrust_fall_off": 1e-6,  # these go with the square of the way
+    "hardening_spring": 1e-9,
 }
 # In the length of a substep, where it is less: the acceleration is known a substep late.
 ORDER: Final[Mapping[str, float]] = {"noncollocated_friction": 1.0}

@@ -1,0 +1,70 @@
+"""A stage on flexures, whose file states a straight spring and a thrust constant that is the same everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.verdict import Outcome
+from models.effects.base import Effect
+from models.effects.catalogue import in_order
+from models.effects.motor import ThrustFallOff
+from models.effects.structure import HardeningSpring
+from models.machine import FROM_ELEMENTS, Machine
+from models.plant import Mode, Plant
+from studies.identify_machine import own_records
+from tests.models.identification.test_flexure import TRUE
+
+WIDEST = 1.5e-3  # m
+FILE = replace(
+    TRUE, presliding=FROM_ELEMENTS, plant=Plant(TRUE.plant.dead_time, 1.0, (Mode(1 / 1.22, 0.0, 0.0), *TRUE.plant.modes[1:]))
+)  # fmt: skip
+
+
+def stage(effects: Sequence[Effect]) -> Machine:
+    return replace(TRUE, effects=in_order([*TRUE.effects, *effects]))
+
+
+def moves() -> np.ndarray:
+    """Moves of 30 ms with rests [m]."""
+    ts, at = TRUE.sample_time, 0.0
+    s = np.linspace(0, 1, round(0.03 / ts))
+    way = [np.zeros(round(0.3 / ts))]
+    for to in (1e-3, -1e-3, WIDEST, 0.0, -WIDEST, 5e-4, -2e-4, 2e-5, 0.0, 1e-3, WIDEST, -WIDEST, 0.0):
+        way += [at + (to - at) * (10 * s**3 - 15 * s**4 + 6 * s**5), np.full(round(0.08 / ts), to)]
+        at = to
+    return np.concatenate(way)
+
+
+def diagnosed(*effects: Effect) -> Diagnosis:
+    target = moves()
+    return diagnose(FILE, [own_records.run(stage(effects), target, np.zeros(target.size), 3)])
+
+
+def test_a_heavier_stage_is_no_bent_spring() -> None:
+    found = diagnosed()
+    assert (found.outcome, found.effects) == (Outcome.PARAMETERS, ("payload_mass",))
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        HardeningSpring(0.06 * 15350 / WIDEST**2),
+        HardeningSpring(-0.04 * 15350 / WIDEST**2),
+        ThrustFallOff(0.05 / WIDEST**2),
+    ],
+    ids=["hardens", "softens", "weakens"],
+)
+def test_what_a_flexure_or_a_voice_coil_does_far_out_is_named_with_its_size(effect: Effect) -> None:
+    """Each was named thrust saturation. Beside a sine of one period over the whole way a cube is ambiguous at most."""
+    found = diagnosed(effect)
+    assert found.outcome in (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)
+    assert found.effects == (effect.name,)
+    assert all(set(group) <= {effect.name, "cogging"} for group in found.equivalent)
+    (fitted,) = (one for one in found.final.candidate.effects if one.name == effect.name)
+    assert fitted.values() == pytest.approx(effect.values(), rel=0.01)
+    assert found.how_far.closure > 0.99
