@@ -107,7 +107,10 @@ class Study:
             raise BadInputError(machine.wording(str(error))) from error
         return dataclasses.replace(
             answer,
-            checks=tuple(dataclasses.replace(check, unit=machine.unit(check.unit)) for check in answer.checks),
+            checks=tuple(
+                dataclasses.replace(check, name=turned(check.name), unit=machine.unit(check.unit))
+                for check in answer.checks
+            ),
             summary=[(turned(name), turned(said)) for name, said in answer.summary],
         )
 

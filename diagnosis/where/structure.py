@@ -165,9 +165,9 @@ def _begins(known: _Signals) -> list[_Begin]:
 
 def _every_term(known: _Signals, time: float) -> list[Array]:
     """What both structures are linear in, with a filter's time constant [samples]."""
-    r, x = known.reference, known.position
-    turned = [known.slope(r, time), known.slope(x, time)]
-    plain = [r, x, known.integral(r - x), known.slope(r), known.slope(known.slope(r))]
+    r, e = known.reference, known.reference - known.position  # on a long way x is all but r
+    turned = [known.slope(r, time), known.slope(e, time)]
+    plain = [r, e, known.integral(e), known.slope(r), known.slope(known.slope(r))]
     return [*plain, *turned, *map(known.integral, turned)]
 
 
@@ -233,8 +233,10 @@ def _rates(begin: _Begin) -> Iterator[list[float]]:
     """The free numbers of a cascade with nearly the loop of the PID that fits: Kp and 1 / Tn in both orders."""
     known, time = begin.known, begin.filtered
     r, x = known.reference, known.position
-    columns = [r, x, known.integral(r - x), known.slope(r, time), known.slope(x, time)]
-    _, kp, ki, by_speed, kd = known.fitted(columns)[0] * [1, -1, 1, 1, -1]
+    e = r - x  # on a long way x is all but r
+    columns = [e, known.integral(e), known.slope(r, time), known.slope(e, time), known.slope(known.slope(r))]
+    kp, ki, more, kd, _ = known.fitted(columns)[0]
+    by_speed = kd + more
     if kd <= 0 or kp <= 0:
         return
     most = 0.5 * kp / kd + np.sqrt(max((0.5 * kp / kd) ** 2 - ki / kd, 0.0))

@@ -288,7 +288,7 @@ def _check_units(table: Table, columns: Columns, names: Mapping[str, str], facts
     for signal, name in names.items():
         rotary = columns.source(signal, table.units.get(name, "")).rotary
         if facts.rotary is not None and rotary is not None and rotary != facts.rotary:
-            kind, given = ("rotary", "metres or newtons") if facts.rotary else ("linear", "angles or N m")
+            kind, given = ("rotary", "units of a linear axis") if facts.rotary else ("linear", "angles or N m")
             raise RecordError(
                 f"column {cut(name)} for the {signal} is in {given}, and the machine's axis is {kind}; correct the "
                 'unit, or axis = "linear" or "rotary" above the tables of the machine file'

@@ -12,6 +12,7 @@ from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
+from studies.gap_diagnosis.values_off import SHIFTED, in_percent, mostly, off_by, told_off
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, fitted, words
 
@@ -20,11 +21,9 @@ Results = Mapping[str, Any]
 LISTED: Final = 3  # values that are listed; improved.toml has all
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
 AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a floor far above it is of something else
-SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
 NO_BETTER: Final = 0.9  # of the force as delivered, from which on a fit to one record explains no other
-SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
 
 def sentences(results: Results) -> dict[str, str]:
@@ -50,10 +49,18 @@ def _outcome(results: Results) -> str:
     return {
         "attributed": f"Attributed to {effects_listed(verdict['effects'])}{marked(verdict)}",
         "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
-        "none_of_these": f"No effect of the catalogue explains it{alike}",
+        "none_of_these": f"{_off_first(results) or 'No effect of the catalogue explains it'}{alike}",
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {effects_listed(stated_effects.first(results, verdict['effects']))}",
     }[verdict["outcome"]]
+
+
+def _off_first(results: Results) -> str:
+    """The outcome in a few words where nominal values are most of the gap, and what is left has no name."""
+    off = mostly(results)
+    if not off:
+        return ""
+    return f"Nominal values are off: {effects_listed([row['name'] for row in off])}; what is left has no name"
 
 
 def _unsure(results: Results) -> str:
@@ -82,17 +89,6 @@ def _where(where: Results) -> str:
     return " ".join([*on(Topic.CONTROLLER)[:1], *on(Topic.SIZE), *(on(Topic.COORDINATE) or rest)[:1]])
 
 
-def _off_by(row: Results) -> str:
-    """By how much a nominal value was off: of several of its kind, the one that moved the most, and of contacts what
-    all of them come to."""
-    size = row["moved"] * max(row["std"])
-    told = _in_percent(size) if row["unit"] == "1" else show(size, row["unit"], 2)
-    if row["values"] > 1 and row.get("in_all") is not None:
-        single = _in_percent(math.expm1(size))  # which the fit has by its logarithm
-        return f"{effect(row['name'])} by {_in_percent(row['in_all'])} in all (single contacts by up to {single})"
-    return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
-
-
 def _which(results: Results) -> str:
     verdict = results["verdict"]
     outcome, names = verdict["outcome"], verdict["effects"]
@@ -100,11 +96,14 @@ def _which(results: Results) -> str:
         return "The machine file explains the records as it is: as far as they can show, no effect is missing."
     if outcome == "parameters":
         rows = {row["name"]: row for row in results["shifts"]}
-        off = listed([_off_by(rows[name]) if name in rows else effect(name) for name in names])
+        off = listed([off_by(rows[name]) if name in rows else effect(name) for name in names])
         return f"Nominal values are off, {off}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
         never_the_same = _never_the_same(results)
-        catalogue = "No effect of the catalogue, alone or with others, explains it within its prior range: "
+        rows_off = mostly(results)
+        begins = f"{told_off(rows_off, results)} No" if rows_off else "No"
+        catalogue = f"{begins} effect of the catalogue, alone or with others, explains "
+        catalogue += f"{'what is left' if rows_off else 'it'} within its prior range: "
         told = _unsure(results) or never_the_same or catalogue + _beyond_the_catalogue(results)
         if verdict["partly"] and not is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
@@ -140,7 +139,7 @@ def _never_the_same(results: Results) -> str:
     low, high = (part * far["floor"]["force_N"] for part in AT_FLOOR)
     if not low <= far["gap_refitted"]["force_N"] <= high:
         return ""
-    off = [_off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
+    off = [off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
     wrong = f"Nominal values are off, {listed(off)}. " if off else ""
     return (
         f"{wrong}What is left of the re-fitted model differs every time a motion is repeated, so that no "
@@ -307,12 +306,7 @@ def _parameters_share(far: Results) -> str:
 
 
 def _percent(part: float, whole: float) -> str:
-    return _in_percent(part / whole) if whole > 0 else "–"
-
-
-def _in_percent(ratio: float) -> str:
-    """A ratio [1] in percent, as long as that is easily read."""
-    return f"{float(f'{100 * ratio:.2g}'):g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
+    return in_percent(part / whole) if whole > 0 else "–"
 
 
 def _handed_over(results: Results) -> list[str]:

@@ -302,8 +302,8 @@ def _entry(name: str) -> dict[str, Any]:
 
 def _not_looked_for(machine: Machine) -> list[str]:
     """The effects that this machine may have, and that were not tried since its file states none of their sizes."""
-    elsewhere = (kind.common_on and machine.axis not in kind.common_on for kind in every().values())
-    return [name for name, no in zip(every(), elsewhere, strict=True) if not no and name not in machine.kinds]
+    may = (not kind.beside and (not kind.common_on or machine.axis in kind.common_on) for kind in every().values())
+    return [name for name, yes in zip(every(), may, strict=True) if yes and name not in machine.kinds]
 
 
 def _white_force(found: Diagnosis) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -31,9 +32,10 @@ from studies.record_columns import mapped
 Progress = Callable[[float, str], None]
 
 # Of a record that is too long; not to decimate it, as the controller is replayed on its own samples.
+MEMORY: Final = "21 kB of memory"
 LONGER: Final = (
-    "cut it into shorter records, each with its controller's own samples, or give --most-samples where there are 21 kB "
-    "of memory for each"
+    "cut it into shorter records, each with its controller's own samples, or give --most-samples where there are "
+    f"{MEMORY} for each"
 )
 
 
@@ -95,8 +97,12 @@ def loaded_of(
         found.append(one)
         progress(0.02, "\n".join([f"read {path}", *one.recognised]))
         if sum(map(_samples, found)) > most:
-            names = ", ".join(map(str, paths))
-            raise BadInputError(f"{names}: hold more than {most:,} samples together; {limits.remedy}")
+            names, least = ", ".join(map(str, paths)), math.ceil(sum(map(_samples, found)) / 1000) * 1000
+            further = " or more" if len(found) < len(paths) else ""
+            raise BadInputError(
+                f"{names}: hold more than {most:,} samples together; leave a record out, or give --most-samples "
+                f"{least}{further}, which takes {MEMORY} for each sample"
+            )
     records = [one.content for one in found if isinstance(one.content, Record)]
     doubts = check(machine, records, paths, trusted=options.trust_records)
     return (replace(found[0], findings=(*doubts, *found[0].findings)), *found[1:])

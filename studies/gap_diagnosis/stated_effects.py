@@ -18,8 +18,10 @@ CLEARLY: Final = 0.01  # of itself: a value of a stated effect that moved by les
 
 def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
     """The values of stated effects that the file handed over has surely and clearly otherwise, with their deviation
-    there [SI]; of an effect that is stated more than once, none."""
-    rows = []
+    there [SI]; of an effect that is stated more than once, none; nor a lag, where lag and dead time are together what
+    they were, as the records show their sum."""
+    rows, before_all, now_all = [], _input_delay(given), _input_delay(better)
+    as_late = abs(now_all - before_all) <= CLEARLY * before_all
     for before in given.effects:
         after = [one for one in better.effects if one.name == before.name]
         if len(after) != 1 or sum(one.name == before.name for one in given.effects) != 1:
@@ -28,10 +30,17 @@ def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
             old, new = float(getattr(before, item.name)), float(getattr(after[0], item.name))
             source = better.sources.get(f"effects.{before.name}.{item.name}")
             std = float(np.max(source.std)) if source is not None and source.std is not None else 0.0
-            if item.role != "switch" and abs(new - old) > max(SURELY * std, CLEARLY * abs(old)):
+            if item.role == "switch" or (as_late and item.name == before.delayed_by):
+                continue
+            if abs(new - old) > max(SURELY * std, CLEARLY * abs(old)):
                 row = {"effect": before.name, "name": item.name, "unit": item.unit}
                 rows.append({**row, "before": old, "now": new, "std": std})
     return rows
+
+
+def _input_delay(machine: Machine) -> float:
+    """By how much later than its command a thrust acts, the hold apart [s]."""
+    return machine.plant.dead_time + sum(effect.input_delay() for effect in machine.effects)
 
 
 def first(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:

@@ -15,14 +15,13 @@ from models.effects.catalogue import in_order
 from models.effects.motor import ThrustFallOff
 from models.effects.structure import HardeningSpring
 from models.machine import FROM_ELEMENTS, Machine
-from models.plant import Mode, Plant
+from models.plant import Mode
 from studies.identify_machine import own_records
 from tests.models.identification.test_flexure import TRUE
 
 WIDEST = 1.5e-3  # m
-FILE = replace(
-    TRUE, presliding=FROM_ELEMENTS, plant=Plant(TRUE.plant.dead_time, 1.0, (Mode(1 / 1.22, 0.0, 0.0), *TRUE.plant.modes[1:]))
-)  # fmt: skip
+HEAVIER = (Mode(1 / 1.22, 0.0, 0.0), *TRUE.plant.modes[1:])
+FILE = replace(TRUE, presliding=FROM_ELEMENTS, plant=replace(TRUE.plant, modes=HEAVIER))
 
 
 def stage(effects: Sequence[Effect]) -> Machine:

@@ -96,7 +96,7 @@ def test_columns_in_degrees_and_newton_metres_are_those_of_a_rotary_axis(tmp_pat
         assert any(line.endswith("0.1 N m") for line in table)
     with pytest.raises(RecordError, match="is in angles or N m, and the machine's axis is linear"):
         load_record(path, columns, rotary=False)
-    with pytest.raises(RecordError, match="is in metres or newtons, and the machine's axis is rotary"):
+    with pytest.raises(RecordError, match="is in units of a linear axis, and the machine's axis is rotary"):
         load_record(path, replace(columns, position="q [mm]"), rotary=True)
 
 

@@ -101,6 +101,21 @@ def test_the_structure_that_made_a_record_is_named_with_its_figures(case: str) -
     assert found.leaves < 1e-6 * float(np.std(record.command))
 
 
+def test_a_cascade_is_found_on_a_way_along_which_position_and_reference_are_all_but_the_same() -> None:
+    """Full feedforward on 1.5 m, behind which the axis stays by some micrometres."""
+    machine = axis(replace(CASCADE, velocity_filter=0.2e-3))
+    share = np.linspace(0, 1, round(1.2 / TS))
+    way = 1.5 * share**3 * (10 - 15 * share + 6 * share**2)
+    target = np.concatenate([np.zeros(100), way, np.full(300, 1.5), way[::-1], np.zeros(300)])
+    strong = replace(machine, drive=replace(machine.drive, rated_thrust=1e4))
+    record = simulate(strong, machine.feedback_only(), target, seed=1).record
+    assert np.std(record.reference - record.position) < 2e-4 * 1.5
+    found = structure(record, 60)
+    assert found is not None
+    assert found.words.startswith("a P/PI cascade with 85 1/s, 4000 N s/m, 12 ms, a velocity filter of 200 µs, 100 %")
+    assert found.leaves < 1e-6 * float(np.std(record.command))
+
+
 def test_figures_are_right_to_the_noise_of_a_rounded_log() -> None:
     found = structure(rounded(recorded(axis(BARE))), 60)
     assert found is not None

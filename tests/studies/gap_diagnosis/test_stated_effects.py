@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from models.effects.friction_laws import ViscousFriction
+from models.effects.motor import CurrentLoopLag
 from models.effects.structure import CableSpring
 from models.machine import Provenance, load
 from studies.gap_diagnosis.compute import _with_its_name
@@ -40,3 +41,12 @@ def test_nothing_is_said_of_what_is_not_sure_or_as_it_was() -> None:
     assert stated_effects(GIVEN, better) == []
     assert told(stated_effects(GIVEN, GIVEN)) == ""
     assert stated_effects(replace(GIVEN, effects=()), better) == []
+
+
+def test_a_lag_is_told_where_it_changes_the_input_delay() -> None:
+    """Records show the sum of lag and dead time; the fit of one alone is as sure as the model is complete."""
+    late = replace(GIVEN, plant=replace(GIVEN.plant, dead_time=387e-6), effects=(CurrentLoopLag(150e-6),))
+    shared = replace(late, plant=replace(late.plant, dead_time=400e-6), effects=(CurrentLoopLag(137e-6),))
+    assert stated_effects(late, shared) == []
+    (row,) = stated_effects(late, replace(late, effects=(CurrentLoopLag(250e-6),)))
+    assert (row["effect"], row["now"]) == ("current_loop_lag", 250e-6)

@@ -248,7 +248,7 @@ def test_what_is_too_long_or_jumps_is_refused_with_the_way_out(
         (
             [whole, whole],
             ["--most-samples", f"{count}"],
-            f"hold more than {count:,} samples together; cut it .* or give",
+            f"hold more than {count:,} samples together; leave a record out, or give --most-samples ",
         ),
         ([jumping], [], r"jumps by 100 mm at 200 ms .* line 402 of a CSV.* if the record is right .* --trust-records"),
     ):

@@ -1,0 +1,62 @@
+"""What is said of nominal values that are off, and whether they are most of what separates model and records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from models.quantity import listed, show
+from studies.wording import effect
+
+Results = Mapping[str, Any]
+
+SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
+MOSTLY: Final = 0.9  # of the gap to the noise floor, which the re-fit takes off where values are most of it
+SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
+
+
+def off_by(row: Results) -> str:
+    """By how much a nominal value was off: of several of its kind, the one that moved the most, and of contacts what
+    all of them come to."""
+    size = row["moved"] * max(row["std"])
+    told = in_percent(math.expm1(size)) if row["unit"] == "1" else show(size, row["unit"], 2)  # relative: logarithms
+    if row["values"] > 1 and row.get("in_all") is not None:
+        return f"{effect(row['name'])} by {in_percent(row['in_all'])} in all (single contacts by up to {told})"
+    return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
+
+
+def in_percent(ratio: float) -> str:
+    """A ratio [1] in percent, as long as that is easily read."""
+    return f"{float(f'{100 * ratio:.2g}'):g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
+
+
+def mostly(results: Results) -> list[Results]:
+    """The values that are off, where they and nothing else are most of the gap to the noise floor, in force; else none.
+
+    Contacts stand in for each other, so that they count by what all of them come to.
+    """
+    before, after, floor = (
+        results["how_far"][name]["force_N"] for name in ("gap_as_delivered", "gap_refitted", "floor")
+    )
+    if before - after < MOSTLY * (before - floor) or before <= floor:
+        return []
+    return [row for row in results["shifts"] if _is_off(row)]
+
+
+def _is_off(row: Results) -> bool:
+    if row["values"] > 1 and row.get("in_all") is not None:
+        return bool(abs(row["in_all"]) > SHIFTED * max(row["std"]))
+    return bool(abs(row["moved"]) > SHIFTED)
+
+
+def told_off(rows: Sequence[Results], results: Results) -> str:
+    """A sentence on them, with what the re-fit leaves [N]."""
+    far = results["how_far"]
+    before, after, floor = (
+        show(far[name]["force_N"], "N", 3) for name in ("gap_as_delivered", "gap_refitted", "floor")
+    )
+    return (
+        f"Nominal values are off, {listed([off_by(row) for row in rows])}; re-fitted, they reduce the unknown force "
+        f"from {before} to {after}, beside a noise floor of {floor}."
+    )
