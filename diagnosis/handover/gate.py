@@ -3,8 +3,10 @@
 The candidates are the machine as delivered, with its offset fitted, re-fitted, and with effects. Each is fitted without
 a part of the motions in turn and judged on that part, in force, position and settling. One that is worse than the
 machine as delivered, or than a simpler candidate that passed, by more than chance in any of the three is not adopted,
-unless it is no worse than as delivered and surely better than the simpler one in both force and position: settling is
-when a few motions cross a threshold, the others are of all samples. Chance is told by drawing motions, the same for
+unless it is no worse than as delivered and surely better than the simpler one in both force and position (settling is
+when a few motions cross a threshold, the others are of all samples), or surely leaves less than half of one of the two
+and hardly more of the other: a mode that is missing makes the position, while the force is mostly the scale's noise.
+Chance is told by drawing motions, the same for
 both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, section 8.3).
 """
 
@@ -31,6 +33,8 @@ Array = NDArray[np.float64]
 PARTS: Final = 3  # into which the motions are divided; each is judged by a fit to the others
 DRAWS: Final = 1000
 CHANCE: Final = 0.05  # one-sided level at which a candidate counts as worse
+HALF: Final = 0.5  # of an error, which a file surely leaves less of that may leave
+LITTLE: Final = 0.1  # more of the other one, of itself
 ROUNDING: Final = 1e-6  # relative difference of errors that are equal but for their arithmetic
 MEASURES: Final = ("force", "position", "settling")
 
@@ -114,7 +118,10 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) ->
     first, *rest = files
     best, judged_, harms = first, [first], list[Harm]()
     for number, file in enumerate(rest):
-        found = _harms(file, first) or ([] if _closer(file, best) else _harms(file, best))
+        found = _harms(file, first)
+        if not found and not _closer(file, best):
+            worse = _harms(file, best)
+            found = [] if _outweighed(worse, file, best) else worse
         judged_.append(file)
         harms += found
         if not found:
@@ -128,9 +135,9 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) ->
     return Handover(best, tuple(judged_), tuple(harms))
 
 
-def _better(file: File, other: File, measure: str = "force") -> bool:
-    """Whether a file leaves less of a measure than another beyond chance."""
-    return bool(np.quantile(_apart(file, other, measure), 1 - CHANCE) < 0)
+def _better(file: File, other: File, measure: str = "force", part: float = 1.0) -> bool:
+    """Whether a file leaves less of a measure than another, or than this part of it, beyond chance."""
+    return bool(np.quantile(_apart(file, other, measure, part), 1 - CHANCE) < 0)
 
 
 def _closer(file: File, other: File) -> bool:
@@ -138,11 +145,21 @@ def _closer(file: File, other: File) -> bool:
     return _better(file, other, "force") and _better(file, other, "position")
 
 
-def _apart(file: File, other: File, measure: str) -> Array:
-    """By how much a file leaves more than another in draws of motions (DRAWS,) [the measure's unit, or its square]."""
+def _outweighed(harms: Sequence[Harm], file: File, other: File) -> bool:
+    """Whether a file that is a little worse in force or position surely leaves less than half of the other one."""
+    (worse,) = harms if len(harms) == 1 else (None,)
+    if worse is None or worse.measure == "settling" or worse.after > (1 + LITTLE) * worse.before:
+        return False
+    return _better(file, other, "position" if worse.measure == "force" else "force", HALF)
+
+
+def _apart(file: File, other: File, measure: str, part: float = 1.0) -> Array:
+    """By how much a file leaves more than another, or than a part of what that leaves, in draws of motions (DRAWS,)
+    [the measure's unit, or its square]."""
     before, after = other.held_out, file.held_out
     draws = np.random.default_rng(0).integers(0, before.count.size, (DRAWS, before.count.size))
-    return np.asarray(after.mean(measure, draws) - before.mean(measure, draws))
+    least = part if measure == "settling" else part**2
+    return np.asarray(after.mean(measure, draws) - least * before.mean(measure, draws))
 
 
 def _harms(file: File, other: File) -> list[Harm]:

@@ -12,6 +12,7 @@ from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
+from studies.gap_diagnosis.too_small import too_small
 from studies.gap_diagnosis.values_off import SHIFTED, in_percent, mostly, off_by, told_off
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, fitted, words
@@ -49,17 +50,17 @@ def _outcome(results: Results) -> str:
     return {
         "attributed": f"Attributed to {effects_listed(verdict['effects'])}{marked(verdict)}",
         "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
-        "none_of_these": f"{_off_first(results) or 'No effect of the catalogue explains it'}{alike}",
+        "none_of_these": f"{_off_first(results)}{alike}",
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {effects_listed(stated_effects.first(results, verdict['effects']))}",
     }[verdict["outcome"]]
 
 
 def _off_first(results: Results) -> str:
-    """The outcome in a few words where nominal values are most of the gap, and what is left has no name."""
-    off = mostly(results)
+    """The outcome without a name, in a few words: nominal values first where they are most of the gap."""
+    off = mostly(results) if results["verdict"]["outcome"] == "none_of_these" else []
     if not off:
-        return ""
+        return "No effect of the catalogue explains it"
     return f"Nominal values are off: {effects_listed([row['name'] for row in off])}; what is left has no name"
 
 
@@ -100,11 +101,7 @@ def _which(results: Results) -> str:
         return f"Nominal values are off, {off}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
         never_the_same = _never_the_same(results)
-        rows_off = mostly(results)
-        begins = f"{told_off(rows_off, results)} No" if rows_off else "No"
-        catalogue = f"{begins} effect of the catalogue, alone or with others, explains "
-        catalogue += f"{'what is left' if rows_off else 'it'} within its prior range: "
-        told = _unsure(results) or never_the_same or catalogue + _beyond_the_catalogue(results)
+        told = _unsure(results) or never_the_same or _without_a_name(results)
         if verdict["partly"] and not is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
             rows = {row["effect"]: row for row in results["which"]}
@@ -128,6 +125,16 @@ def _which(results: Results) -> str:
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
     return f"It is {listed(shown)}{roughness(results)}.{by_curve}{_said_beside(results)}{unconfirmed(results)}"
+
+
+def _without_a_name(results: Results) -> str:
+    """What is said where no effect explains what is left, after the values that are off where they are most of it."""
+    off = mostly(results)
+    begins, rest = (f"{told_off(off, results)} No", "what is left") if off else ("No", "it")
+    return (
+        f"{begins} effect of the catalogue, alone or with others, explains {rest} within its prior range: "
+        f"{_beyond_the_catalogue(results)}"
+    )
 
 
 def _never_the_same(results: Results) -> str:
@@ -177,7 +184,7 @@ def _said_beside(results: Results) -> str:
     """Which way friction is larger, which effects are excluded by their sign, and the input delay where it moved; not
     where values are at their bounds or weights do not hold, as the delay then stands in for what the model lacks."""
     verdict = results["verdict"]
-    told, way = "", verdict["direction"]
+    told, way = too_small(results), verdict["direction"]
     if way and not set(way["effects"]).isdisjoint(verdict["effects"]):
         told += (
             f" Friction is larger {way['larger']}, by {show(way['difference_N'], 'N', 2)} at "

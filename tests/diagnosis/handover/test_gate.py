@@ -92,6 +92,27 @@ def test_settling_after_a_simpler_file_is_no_harm_where_all_else_is_surely_bette
     assert chosen(files).adopted.name == adopted
 
 
+@pytest.mark.parametrize(
+    ("force", "position", "settling", "adopted"),
+    [
+        (0.283, 0.03e-6, 0.5e-3, "with effects"),  # as on a rotary table of a user, with a loose coupling's mode
+        (0.283, 0.9e-6, 0.5e-3, "re-fitted"),  # the position is no half of what it was
+        (0.4, 0.03e-6, 0.5e-3, "re-fitted"),  # the force is more than a little worse
+        (0.283, 0.03e-6, 17e-3, "re-fitted"),  # the settling is worse
+        (0.52, 0.03e-6, 0.5e-3, "re-fitted"),  # the force is worse than as delivered
+    ],
+)
+def test_a_force_that_is_a_little_worse_is_outweighed_by_less_than_half_the_position_error(
+    force: float, position: float, settling: float, adopted: str
+) -> None:
+    files = [
+        _file("as delivered", 0.514, 3e-6, 18e-3, 0.01),
+        _file("re-fitted", 0.275, 1.6e-6, 16e-3, 0.01),
+        _file("with effects", force, position, settling, 0.01),
+    ]
+    assert chosen(files).adopted.name == adopted
+
+
 def test_the_offset_alone_is_judged_where_the_re_fit_does_harm_and_not_else() -> None:
     delivered, simpler = _file("as delivered", 2.0, 2e-6), _file("offset alone", 1.5, 1.5e-6)
     found = chosen([delivered, _file("re-fitted", 3.0, 1e-6)], lambda: simpler)
