@@ -26,6 +26,7 @@ from models.plant import frequency_response
 NAMES: Final = ("slow_loops.csv", "sweep_low.csv", "sweep_high.csv", "strokes.csv", "suite.csv")
 SLOW: Final = 0.01  # of friction: the largest inertial force of slow loops, so that they show friction alone
 WIDE: Final = (2.5, 0.6)  # presliding distances: amplitudes of slow loops, and of the inner ones
+GENTLY: Final = 4  # parts of a slow loop, in one of which it comes to its speed: no more force than turning round takes
 SAMPLES: Final = 4000  # least samples of a slow loop
 TOP: Final = 0.2  # of the sample rate: the end of sweeps
 DECADES: Final = 2.0  # of frequency in a sweep
@@ -53,7 +54,8 @@ def _slow_loops(machine: Machine) -> Schedule:
     ts, reach = machine.sample_time, min(max(machine.friction.limit), machine.drive.room / (2 * WIDE[0]))
     heavy = machine.plant.mass * WIDE[0] * reach / (SLOW * machine.friction.coulomb_force)
     count = max(SAMPLES, round(2 * np.pi * np.sqrt(heavy) / ts))
-    angle = 2 * np.pi * np.arange(4 * count) / count
+    two = 4 * np.pi * _from_rest_to_rest(2 * count, count // GENTLY)
+    angle = np.concatenate([two, 4 * np.pi + two])
     path = np.where(angle < 4 * np.pi, WIDE[0] * np.sin(angle), WIDE[1] * np.sin(2 * angle)) * reach
     path = np.asarray(np.append(path, 0.0), np.float64)
     return Schedule("slow loops", path, References(path, np.zeros(path.size), np.zeros(path.size)))
@@ -63,7 +65,8 @@ def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     """A sweep on the feedforward while the axis rolls in one direction, at a level [1] of the strongest one.
 
     Its force grows with frequency up to a share of the rated thrust, and is less about the file's modes, so that the
-    axis never stops; it begins after a twentieth of rolling alone.
+    axis never stops; it begins after a twentieth of rolling alone, to which the axis comes gently: a controller with
+    an acceleration feedforward of its own would answer a step of speed with all its thrust.
     """
     ts, begin, count = machine.sample_time, SWEEP // 20, SWEEP
     speed = min(ROLLING * machine.drive.rated_speed, machine.drive.room / ((begin + count) * ts))
@@ -76,10 +79,24 @@ def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     rolling = KEEPS_ROLLING * speed / (omega * moves)
     soft = np.clip(np.minimum(share, 1 - share) * 50, 0, 1)
     force = level * soft * np.minimum(STRONG * machine.drive.rated_thrust, rolling) * np.sin(angle)
-    position = np.asarray(sign * speed * ts * np.arange(begin + count), np.float64)
+    turning = _eased(begin + count, begin // 2)
+    position = np.asarray(sign * speed * ts * np.append(0.0, np.cumsum(turning[1:])), np.float64)
     return Schedule(
         "sweep", position, References(position, np.concatenate([np.zeros(begin), force]), np.zeros(begin + count))
     )
+
+
+def _eased(count: int, ease: int) -> np.ndarray:
+    """A rate (count,) [1] that rises from 0 to 1 over the first samples, with no step of its slope."""
+    share = np.clip(np.arange(count) / max(ease, 1), 0.0, 1.0)
+    return np.asarray(share**2 * (3 - 2 * share), np.float64)
+
+
+def _from_rest_to_rest(count: int, ease: int) -> np.ndarray:
+    """Shares (count,) [1] of a way from 0 on, at one rate but for the first and the last samples."""
+    rate = np.minimum(_eased(count + 1, ease), _eased(count + 1, ease)[::-1])
+    whole = np.cumsum(0.5 * (rate[1:] + rate[:-1]))
+    return np.asarray(np.append(0.0, whole[:-1]) / whole[-1], np.float64)
 
 
 def _strokes(machine: Machine) -> Schedule:

@@ -35,6 +35,12 @@ def long_moves(machine: Machine, controller: Controller, options: DeadbeatOption
     """The long moves that are asked for, or those of USUAL that the machine can do. Raises BadInputError."""
     asked = bool(options.long_stroke)
     strokes = options.long_stroke or _usual(machine)
+    travel = machine.drive.travel
+    if 0 < travel < max(strokes, default=0.0):
+        if asked:
+            longest, most = (show(length, "m") for length in (max(strokes), travel))
+            raise BadInputError(f"--long-stroke: {longest} is more than the axis' travel of {most} (machine file)")
+        strokes = tuple(stroke for stroke in strokes if stroke <= travel)
     guarded = with_anti_windup(machine)
     moves, rows, checks, beyond = list[LongMove](), list[dict[str, Any]](), list[Check](), list[dict[str, Any]]()
     for stroke in strokes:

@@ -24,7 +24,10 @@ from models.machine import load as machine_of
 from studies.command import CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY
 from studies.deadbeat_design.compute import _proof, _reference_delay, _told
+from studies.deadbeat_design.moves import long_moves
+from studies.deadbeat_design.options import DeadbeatOptions
 from studies.deadbeat_design.outcomes import RESIDUAL_LIMIT
+from studies.options import BadInputError
 
 ROOT = Path(__file__).parents[2]
 
@@ -236,6 +239,16 @@ def test_long_moves_are_checked_where_asked_for_and_those_beyond_the_records_war
         ("move of 4 mm", "speed"),
     }
     assert "WARNING, move of 4 mm" in capsys.readouterr().out
+
+
+def test_a_move_longer_than_the_travel_is_refused(folder: Path) -> None:
+    """And none of the usual ones is, where nobody asks for them."""
+    table = machine_of()
+    short = replace(table, drive=replace(table.drive, travel=5e-3))
+    controller = load(folder / "controller.json")
+    with pytest.raises(BadInputError, match="10 mm is more than the axis' travel of 5 mm"):
+        long_moves(short, controller, DeadbeatOptions(long_stroke=(1e-3, 1e-2)))
+    assert all(move.stroke <= 5e-3 for move in long_moves(short, controller, DeadbeatOptions()).moves)
 
 
 def test_a_fast_axis_proves_its_rest_as_well_as_a_slow_one() -> None:

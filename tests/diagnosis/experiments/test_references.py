@@ -49,6 +49,17 @@ def test_references_are_in_the_sizes_of_the_machine(name: str) -> None:
     np.testing.assert_allclose(1e6 * small.given.feedforward, usual.given.feedforward, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("name", "least"), [("slow_loops.csv", 0.01), ("sweep_low.csv", 0.25), ("sweep_high.csv", 0.25)]
+)
+def test_they_begin_from_rest_so_that_no_feedforward_of_the_controller_s_own_strikes(name: str, least: float) -> None:
+    """A step of speed had asked an acceleration feedforward of a user for 100 N m at once. In shares of friction."""
+    machine = load()
+    path = axis_references(machine)[name].given.position
+    force = machine.plant.mass * np.max(np.abs(np.diff(path, 2, prepend=[path[0]] * 2))) / machine.sample_time**2
+    assert force < least * machine.friction.coulomb_force
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_references_stay_within_the_ratings(name: str) -> None:
     machine = load()
