@@ -101,11 +101,16 @@ def _unbroken(text: str) -> str:
 
 
 def fitted(item: Mapping[str, Any], digits: int, quantity: Callable[[float, str, int], str] = quantity) -> str:
-    """A fitted value with its standard deviation, of which one at the end of its range has none."""
-    value = quantity(item["value"], item["unit"], digits)
-    if item["std"] == 0:
-        return f"{value} at the end of its range"
-    return value if item["std"] is None else f"{value} ± {quantity(item['std'], item['unit'], 2)}"
+    """A fitted value with its standard deviation, as far as this has two digits; a value at the end of its range has
+    no deviation, nor may one that was not fitted, which has so many digits."""
+    value, std, unit = item["value"], item["std"], item["unit"]
+    if std == 0:
+        return f"{quantity(value, unit, digits)} at the end of its range"
+    if std is None:
+        return quantity(value, unit, digits)
+    told = value != 0 and math.isfinite(std)
+    known = 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) if told else 0
+    return f"{quantity(value, unit, min(max(known, 2), MOST))} ± {quantity(std, unit, 2)}"
 
 
 def percent(ratio: float | None) -> str:

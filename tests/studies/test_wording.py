@@ -35,6 +35,23 @@ def test_a_number_is_printed_without_the_exponent_of_a_program(number: float, un
     assert plain(wording.quantity(number, unit, 5)) == printed
 
 
+@pytest.mark.parametrize(
+    ("number", "std", "unit", "printed"),
+    [
+        (0.1904001, 6.5e-6, "m", "190.4001 mm ± 6.5 µm"),  # of which 33 are a turn
+        (140.00432, 0.03, "Hz", "140.004 Hz ± 30 mHz"),
+        (2.34, 1.0, "m", "2.3 m ± 1 m"),
+        (0.0, 1e-3, "m", "0 m ± 1 mm"),
+        (0.1904001, 0.0, "m", "190 mm at the end of its range"),
+        (0.1904001, None, "m", "190 mm"),
+    ],
+)
+def test_a_fitted_value_has_the_digits_of_its_deviation(
+    number: float, std: float | None, unit: str, printed: str
+) -> None:
+    assert plain(wording.fitted({"value": number, "std": std, "unit": unit}, 3)) == printed
+
+
 def test_two_digits_of_a_large_number_are_written_out() -> None:
     assert wording.quantity(224.0, "1", 2) == "220"
     assert plain(wording.scientific(2.535e-12)) == "2.5 · 10⁻¹²"
