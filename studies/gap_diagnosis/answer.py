@@ -12,8 +12,9 @@ from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
+from studies.gap_diagnosis.no_name import never_the_same, without_a_name, without_a_name_in_short
 from studies.gap_diagnosis.too_small import too_small
-from studies.gap_diagnosis.values_off import SHIFTED, in_percent, mostly, off_by, told_off
+from studies.gap_diagnosis.values_off import in_percent, off_by
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, fitted, words
 
@@ -21,7 +22,6 @@ Results = Mapping[str, Any]
 
 LISTED: Final = 3  # values that are listed; improved.toml has all
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
-AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a floor far above it is of something else
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
 NO_BETTER: Final = 0.9  # of the force as delivered, from which on a fit to one record explains no other
@@ -50,18 +50,10 @@ def _outcome(results: Results) -> str:
     return {
         "attributed": f"Attributed to {effects_listed(verdict['effects'])}{marked(verdict)}",
         "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
-        "none_of_these": f"{_off_first(results)}{alike}",
+        "none_of_these": f"{without_a_name_in_short(results)}{alike}",
         "nothing_to_explain": "Nothing to explain",
         "parameters": f"Nominal values are off: {effects_listed(stated_effects.first(results, verdict['effects']))}",
     }[verdict["outcome"]]
-
-
-def _off_first(results: Results) -> str:
-    """The outcome without a name, in a few words: nominal values first where they are most of the gap."""
-    off = mostly(results) if results["verdict"]["outcome"] == "none_of_these" else []
-    if not off:
-        return "No effect of the catalogue explains it"
-    return f"Nominal values are off: {effects_listed([row['name'] for row in off])}; what is left has no name"
 
 
 def _unsure(results: Results) -> str:
@@ -100,8 +92,8 @@ def _which(results: Results) -> str:
         off = listed([off_by(rows[name]) if name in rows else effect(name) for name in names])
         return f"Nominal values are off, {off}; re-fitted within their tolerances, no effect is missing."
     if outcome == "none_of_these":
-        never_the_same = _never_the_same(results)
-        told = _unsure(results) or never_the_same or _without_a_name(results)
+        repeats_never = never_the_same(results)
+        told = _unsure(results) or repeats_never or without_a_name(results)
         if verdict["partly"] and not is_unsure(verdict):
             before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
             rows = {row["effect"]: row for row in results["which"]}
@@ -111,7 +103,7 @@ def _which(results: Results) -> str:
                 f"{'falls' if after < before else 'does not fall: it goes'} from {show(before, 'N', 3)} to "
                 f"{show(after, 'N', 3)} (rms)"
             )
-        learned = "" if never_the_same else unknown_law.told(results.get("learned"))
+        learned = "" if repeats_never else unknown_law.told(results.get("learned"))
         told += f"{roughness(results)}.{learned}"
         if all(one["replays"] for one in results["where"]["details"]["controller"]):
             return told
@@ -125,43 +117,6 @@ def _which(results: Results) -> str:
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else ""
     return f"It is {listed(shown)}{roughness(results)}.{by_curve}{_said_beside(results)}{unconfirmed(results)}"
-
-
-def _without_a_name(results: Results) -> str:
-    """What is said where no effect explains what is left, after the values that are off where they are most of it."""
-    off = mostly(results)
-    begins, rest = (f"{told_off(off, results)} No", "what is left") if off else ("No", "it")
-    return (
-        f"{begins} effect of the catalogue, alone or with others, explains {rest} within its prior range: "
-        f"{_beyond_the_catalogue(results)}"
-    )
-
-
-def _never_the_same(results: Results) -> str:
-    """What is said where the re-fitted model leaves what does not repeat between equal motions, and nothing resembles
-    it; empty elsewhere."""
-    if results["verdict"]["partly"] or results["how_far"]["floor_source"] != "repeats":
-        return ""
-    far = results["how_far"]
-    low, high = (part * far["floor"]["force_N"] for part in AT_FLOOR)
-    if not low <= far["gap_refitted"]["force_N"] <= high:
-        return ""
-    off = [off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
-    wrong = f"Nominal values are off, {listed(off)}. " if off else ""
-    return (
-        f"{wrong}What is left of the re-fitted model differs every time a motion is repeated, so that no "
-        "effect of the catalogue is seen to be missing"
-    )
-
-
-def _beyond_the_catalogue(results: Results) -> str:
-    """What else the cause may be, where no effect explains the gap."""
-    told = "the cause is not in the catalogue"
-    if results.get("friction_elements"):
-        told += ", or is what so few elements leave of the friction's curve"
-    if untried := results.get("not_looked_for"):
-        told += f". Not tried, as the machine file has no [priors.NAME] for it: {effects_listed(untried)}"
-    return told
 
 
 def _elements(results: Results) -> str:

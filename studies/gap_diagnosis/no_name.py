@@ -1,0 +1,72 @@
+"""What is said where what is left of the records has no name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+from models.quantity import listed
+from studies.gap_diagnosis.values_off import SHIFTED, mostly, off_by, told_off
+from studies.wording import effect
+
+Results = Mapping[str, Any]
+
+AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a floor far above it is of something else
+
+
+def without_a_name_in_short(results: Results) -> str:
+    """The outcome without a name, in a few words: nominal values first where they are most of the gap."""
+    off = mostly(results) if results["verdict"]["outcome"] == "none_of_these" else []
+    if not off:
+        return "No effect of the catalogue explains it"
+    return f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what is left has no name"
+
+
+def without_a_name(results: Results) -> str:
+    """What is said where no effect explains what is left, after the values that are off where they are most of it."""
+    off = mostly(results)
+    begins, rest = (f"{told_off(off, results)} No", "what is left") if off else ("No", "it")
+    return (
+        f"{begins} effect of the catalogue, alone or with others, explains {rest} within its prior range: "
+        f"{_beyond_the_catalogue(results)}"
+    )
+
+
+def never_the_same(results: Results) -> str:
+    """What is said where the re-fitted model leaves what does not repeat between equal motions, and nothing resembles
+    it; empty elsewhere."""
+    if results["verdict"]["partly"] or results["how_far"]["floor_source"] != "repeats":
+        return ""
+    far = results["how_far"]
+    low, high = (part * far["floor"]["force_N"] for part in AT_FLOOR)
+    if not low <= far["gap_refitted"]["force_N"] <= high:
+        return ""
+    off = [off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
+    wrong = f"Nominal values are off, {listed(off)}. " if off else ""
+    return (
+        f"{wrong}What is left of the re-fitted model differs every time a motion is repeated, so that no "
+        "effect of the catalogue is seen to be missing"
+    )
+
+
+def _beyond_the_catalogue(results: Results) -> str:
+    """What else the cause may be, where no effect explains the gap."""
+    told = "the cause is not in the catalogue"
+    if results.get("friction_elements"):
+        told += ", or is what so few elements leave of the friction's curve"
+    if unseen := _not_seen(results):
+        told += f", or is {listed(unseen, 'or')}, which only equal motions that are repeated would show"
+    if untried := [effect(name) for name in results.get("not_looked_for", ())]:
+        told += f". Not tried, as the machine file has no [priors.NAME] for it: {listed(untried)}"
+    return told
+
+
+def _not_seen(results: Results) -> list[str]:
+    """Effects of the log, such as late commands, of which these records show no size at all, in words; none where the
+    log has one of several samples, which is said elsewhere."""
+    if any(one.get("every", 1) > 1 for one in results["where"]["details"]["controller"]):
+        return []
+    limits = {row["effect"]: row["limit"] for row in results["confusability"]["limits"]}
+    logged = [name for name, entry in results["catalogue"].items() if entry["shown_in"] == "log"]
+    return [effect(name) for name in logged if name in limits and not (limits[name] or math.inf) < math.inf]
