@@ -255,6 +255,25 @@ def rivalling(stages: Sequence[Stage], criteria: Criteria, parts: Collection[str
     return tuple(groups)
 
 
+def not_seen_to_repeat(answer: Answer, baseline: Baseline) -> tuple[tuple[str, ...], ...]:
+    """Sets of a named effect that repeats along the way, of which the records show too few periods to tell that, and
+    those of its kind that the file's own effects suggest, whatever their form: what bends a stated spring is as well a
+    sine of one period over all the way. Of members of a class, that of the longest period counts."""
+    final, kinds = answer.stages[-1].fitted.candidate, baseline.machine.kinds
+    looked_for = [one.name for one in answer.stages[0].scanned if one.name in kinds]
+    groups = []
+    for name in answer.names:
+        shown = [periods_shown(one, baseline.records) for one in final.added_effects if one.name == name]
+        alike = [
+            other
+            for other in looked_for
+            if kinds[other].beside and not repeats(kinds[other]) and kinds[other].kind() == kinds[name].kind()
+        ]
+        if shown and min(shown) < baseline.criteria.min_periods and alike:
+            groups.append((name, *alike))
+    return tuple(groups)
+
+
 def as_well(gain: float, criteria: Criteria) -> float:
     """The chi-square [1] within which another law explains the records as well as one that gains this much."""
     return max(criteria.rival_margin, criteria.rival_share * gain)

@@ -31,6 +31,7 @@ from diagnosis.answer import (
     doubted,
     explanations,
     form_parts,
+    not_seen_to_repeat,
     rivalling,
 )
 from diagnosis.baseline import Baseline, Progress, refit_and_null
@@ -243,7 +244,9 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     criteria = baseline.criteria
     parts = form_parts(stages, baseline)
     partly = tuple(n for n in strongest_first(stages) if n not in parts) if outcome is Outcome.NONE else ()
-    rivals = rivalling(stages, criteria, parts) if outcome is Outcome.ATTRIBUTED else ()
+    rivals: tuple[tuple[str, ...], ...] = ()
+    if outcome is Outcome.ATTRIBUTED:
+        rivals = rivalling(stages, criteria, parts) or not_seen_to_repeat(answer, baseline)
     if rivals:
         outcome = Outcome.AMBIGUOUS
     unknown = known

@@ -12,6 +12,7 @@ from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.verdict import Outcome
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
+from models.effects.measured import Measured
 from models.effects.motor import ThrustFallOff
 from models.effects.structure import HardeningSpring
 from models.machine import FROM_ELEMENTS, Machine
@@ -67,3 +68,18 @@ def test_what_a_flexure_or_a_voice_coil_does_far_out_is_named_with_its_size(effe
     (fitted,) = (one for one in found.final.candidate.effects if one.name == effect.name)
     assert fitted.values() == pytest.approx(effect.values(), rel=0.01)
     assert found.how_far.closure > 0.99
+
+
+FAR = np.linspace(-2e-3, 2e-3, 81)
+BENT = {
+    "stops": np.where(np.abs(FAR) > 0.7e-3, -np.sign(FAR) * (np.abs(FAR) - 0.7e-3) * 2500, 0.0),
+    "slack": -15350 * 0.04 * np.tanh(FAR / 0.4e-3) * 0.4e-3,
+}
+
+
+@pytest.mark.parametrize("law", BENT)
+def test_a_spring_bent_in_another_form_is_not_told_from_a_cogging_of_one_period(law: str) -> None:
+    """Soft stops, and a spring that is stiffer about its middle: two sines of place close both, and had been named."""
+    found = diagnosed(Measured("position", tuple(FAR), tuple(BENT[law])))
+    assert found.outcome is Outcome.AMBIGUOUS
+    assert ("cogging", "hardening_spring") in found.equivalent

@@ -33,13 +33,14 @@ class Change:
     time: float = 1.0
 
     def factor(self, unit: str) -> float:
-        """By which a number of a unit changes: "N s/m"."""
+        """By which a number of a unit changes: "N s/m", "N/m^3"."""
         over, _, under = unit.partition("/")
         total = 1.0
         for names, sign in ((over, 1), (under.strip("()"), -1)):
             for name in names.split():
-                force, length, time = (0, 0, 0) if name == "1" else POWERS[name]
-                total *= (self.force**force * self.length**length * self.time**time) ** sign
+                one, _, power = (name, "", "1") if name in POWERS else name.partition("^")
+                force, length, time = (0, 0, 0) if one == "1" else POWERS[one]
+                total *= (self.force**force * self.length**length * self.time**time) ** (sign * int(power or 1))
         return total
 
     def machine(self, machine: Machine) -> Machine:
