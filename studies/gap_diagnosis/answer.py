@@ -14,7 +14,7 @@ from studies.gap_diagnosis import stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
 from studies.gap_diagnosis.no_name import never_the_same, without_a_name, without_a_name_in_short
 from studies.gap_diagnosis.too_small import too_small
-from studies.gap_diagnosis.values_off import in_percent, off_by
+from studies.gap_diagnosis.values_off import in_percent, mostly, off_by, told_off
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, fitted, words
 
@@ -136,10 +136,13 @@ def _another_form(verdict: Results, name: str) -> str:
 
 
 def _said_beside(results: Results) -> str:
-    """Which way friction is larger, which effects are excluded by their sign, and the input delay where it moved; not
-    where values are at their bounds or weights do not hold, as the delay then stands in for what the model lacks."""
+    """Which values are off, where they are most of the gap; which way friction is larger, which effects are excluded by
+    their sign, and the input delay where it moved; the latter not where values are at their bounds or weights do not
+    hold, as the delay then stands in for what the model lacks."""
     verdict = results["verdict"]
     told, way = too_small(results), verdict["direction"]
+    if off := mostly(results):
+        told += f" {told_off(off, results)}"
     if way and not set(way["effects"]).isdisjoint(verdict["effects"]):
         told += (
             f" Friction is larger {way['larger']}, by {show(way['difference_N'], 'N', 2)} at "
