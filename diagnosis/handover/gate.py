@@ -6,8 +6,8 @@ machine as delivered, or than a simpler candidate that passed, by more than chan
 unless it is no worse than as delivered and surely better than the simpler one in both force and position (settling is
 when a few motions cross a threshold, the others are of all samples), or surely leaves less than half of one of the two
 and hardly more of the other: a mode that is missing makes the position, while the force is mostly the scale's noise.
-Chance is told by drawing motions, the same for
-both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, section 8.3).
+Chance is told by drawing motions, the same for both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to
+the Bootstrap, 1993, section 8.3).
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ from studies.record_columns import mapped
 
 Progress = Callable[[float, str], None]
 
-# Of a record that is too long; not to decimate it, as the controller is replayed on its own samples.
 MEMORY: Final = "21 kB of memory"
+# Of a record that is too long; not to decimate it, as the controller is replayed on its own samples.
 LONGER: Final = (
     "cut it into shorter records, each with its controller's own samples, or give --most-samples where there are "
     f"{MEMORY} for each"
