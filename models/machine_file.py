@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from models.effects import catalogue
 from models.effects.priors import Priors
-from models.machine import Machine, Provenance, left_out, range_rows
+from models.machine import Machine, Provenance, from_table, left_out, range_rows
 from models.quantity import AXES, declaration
 from models.records.columns import Columns
 
@@ -50,6 +51,11 @@ def save(machine: Machine, path: str | Path) -> None:
     True
     """
     Path(path).write_text(to_toml(machine), encoding="utf-8")
+
+
+def loaded(machine: Machine, path: Path) -> Machine:
+    """The machine as it is read from the file that is written of it; `path` stands in the messages of MachineErrors."""
+    return from_table(tomllib.loads(to_toml(machine)), path)
 
 
 def _table(
@@ -118,9 +124,9 @@ def _value(item: Any, unit: str) -> str:
         return "[" + ", ".join(_value(member, unit) for member in item) + "]"
     if isinstance(item, str):
         return _text(item)
-    if isinstance(item, int):
-        return str(item)
-    return _text(f"{float(item)!r} {unit}" if unit != "1" else repr(float(item)))
+    if unit != "1":
+        return _text(f"{float(item)!r} {unit}")
+    return str(item) if isinstance(item, int) else repr(float(item))
 
 
 def _text(text: str) -> str:

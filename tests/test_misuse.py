@@ -159,6 +159,18 @@ def test_records_are_a_list_of_them(records: Any) -> None:
         pos.diagnose(RIGID, records)
 
 
+def test_the_machine_of_a_diagnosis_comes_before_its_records() -> None:
+    with pytest.raises(ValueError, match="machine: must be a Machine, before the records; read it with load_machine"):
+        pos.diagnose([RECORD], RIGID)  # type: ignore[arg-type]
+
+
+def test_a_machine_that_no_file_can_state_is_not_diagnosed() -> None:
+    """Said before the fits, not by the file that would be handed over after them."""
+    twice = replace(RIGID, plant=replace(RIGID.plant, modes=(*RIGID.plant.modes, RIGID.plant.modes[0])))
+    with pytest.raises(ValueError, match=f"^{re.escape(RIGID.name)}: plant"):
+        pos.diagnose(twice, [RECORD])
+
+
 @pytest.mark.parametrize(
     ("records", "options", "sentence"),
     [

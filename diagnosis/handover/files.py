@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
@@ -21,9 +20,9 @@ from diagnosis.which.random_force import with_sines
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order, named
-from models.machine import Machine, Presliding, Provenance, from_table
+from models.machine import Machine, Presliding, Provenance
 from models.machine import parameters as values_of
-from models.machine_file import to_toml
+from models.machine_file import loaded
 from models.machines.provenance import Shares
 from models.quantity import declaration, nearest
 
@@ -42,11 +41,6 @@ class Content(StrEnum):
     MEASURED = "measured law"
 
 
-def loaded(machine: Machine) -> Machine:
-    """The machine as it is read from the file that is written of it."""
-    return from_table(tomllib.loads(to_toml(machine)), FILE)
-
-
 @dataclass(frozen=True)
 class Judged:
     """A machine file as it is judged: the machine that was loaded from it, and the candidate whose errors are its own.
@@ -62,7 +56,7 @@ class Judged:
 def judged(machine: Machine, starts: Sequence[Array], random_forces: Sequence[Resonance] = ()) -> Judged:
     """A machine as its file says. starts: displacements (N,) [m] of the friction elements by record; random_forces:
     those for which sines stand in the file."""
-    file = loaded(machine)
+    file = loaded(machine, FILE)
     layout = parameters(file, len(starts))
     return Judged(
         file, Candidate(layout, _starting(layout, starts), _effects(file, random_forces), tuple(random_forces))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Sequence
+from pathlib import Path
 from typing import Final
 
 from diagnosis.model.motions import check_count
 from diagnosis.model.units import loop_time
 from models.machine import Machine
+from models.machine_file import loaded
 from models.quantity import show
 from models.records.checks import (
     SAME_TIME,
@@ -50,11 +52,14 @@ def with_all_samples(machine: Machine, record: Record) -> Record:
 def checked(
     machine: Machine, records: Sequence[Record], disabled: Collection[str], *, trusted: bool
 ) -> tuple[Record, ...]:
-    """The records with all samples of the controller. Raises ValueError, a sentence, for records or effects that a
-    diagnosis of this machine can't take.
+    """The records with all samples of the controller. Raises ValueError, a sentence, for a machine that no file could
+    state, and for records or effects that a diagnosis of this machine can't take.
 
     disabled: names of effects. trusted: records that only look wrong, in a unit or a sign say, are taken as they are.
     """
+    if not isinstance(machine, Machine):
+        raise ValueError("machine: must be a Machine, before the records; read it with load_machine")
+    loaded(machine, Path(machine.name))  # one made in a program may have what the file handed over could not state
     if isinstance(records, Record) or not all(isinstance(one, Record) for one in records):
         raise ValueError("records: must be a list of Records; read each file with read_record")
     if not records:

@@ -16,7 +16,7 @@ from design.controller import default_controller
 from design.redesign.stated import machines_as_stated
 from design.validation import sequence
 from diagnosis.criteria import Criteria
-from diagnosis.handover.files import loaded, machine_of
+from diagnosis.handover.files import FILE, machine_of
 from diagnosis.handover.posterior import drawn, spreads, unexplained_force
 from diagnosis.model.fit import Fit, bounds_of, coordinates
 from diagnosis.model.kalman import STARTING
@@ -30,6 +30,7 @@ from models.effects.motor import CurrentLoopLag
 from models.friction import branch, elements
 from models.machine import Machine, load
 from models.machine import parameters as values_of
+from models.machine_file import loaded
 from models.records.record import Record
 from models.simulation.simulator import simulate
 from models.variation import known as known_of
@@ -152,7 +153,7 @@ def test_machines_of_the_file_have_friction_as_well_known_as_the_records_show() 
     """The friction's branch, over which a design runs, has the deviation of the fit, by its slopes; drawn one by one,
     the same elements make it many times as unsure."""
     count, fitted = 600, _of_halves(tolerance=0.3)
-    file = loaded(machine_of(fitted.candidate.layout.machine, fitted.candidate, stated=spreads(fitted)))
+    file = loaded(machine_of(fitted.candidate.layout.machine, fitted.candidate, stated=spreads(fitted)), FILE)
     kinks = 2 * np.unique(file.friction.limit)  # of the branch: its deviation there is one-sided
     distance = np.array([kinks[0] / 2, *np.sqrt(kinks[1:] * kinks[:-1]), 2 * kinks[-1]])
     wanted = _deviation_of_branch(fitted, distance)
@@ -179,7 +180,8 @@ def _deviation_of_branch(fitted: Fit, distance: Array) -> Array:
 
 def test_the_file_of_a_lag_near_none_tells_the_sum_that_is_sure(nothing: Fit) -> None:
     candidate, covariance = nothing.candidate, covariance_of(nothing)
-    file = loaded(machine_of(candidate.layout.machine, candidate, deviations_of(nothing), stated=spreads(nothing)))
+    deviations = deviations_of(nothing)
+    file = loaded(machine_of(candidate.layout.machine, candidate, deviations, stated=spreads(nothing)), FILE)
     pair = np.append(candidate.layout.of("dead_time"), candidate.layout.count)
     own = covariance[np.ix_(pair, pair)] * np.outer((1.0, _lag(candidate)), (1.0, _lag(candidate)))
     machines = machines_as_stated(file, 600, seed=5)

@@ -9,6 +9,7 @@ import pytest
 
 from models.machine import MachineError, Provenance, load
 from models.machine_file import to_toml
+from models.plant import Mode, Plant
 from tests.models.test_machine import FOUND, changed
 
 
@@ -24,6 +25,14 @@ def test_a_source_keeps_its_record_and_deviation_in_a_file(tmp_path: Path) -> No
     again = load(path)
     assert again == machine
     assert again.sources == machine.sources
+
+
+def test_whole_numbers_of_a_program_have_their_units_in_a_file(tmp_path: Path) -> None:
+    plant = Plant(0, 1, modes=(Mode(1, 0, 0), Mode(-1, 100, 0)))
+    machine = replace(load(), plant=plant)
+    path = tmp_path / "machine.toml"
+    path.write_text(to_toml(machine), encoding="utf-8")
+    assert load(path) == machine
 
 
 @pytest.mark.parametrize(
