@@ -384,9 +384,3 @@ def _instead_of_an_angle(unit: str) -> str:
 
 def _example(unit: str) -> str:
     return {"1": "0.02", "m": "20 um", "s": "20 ms", "N/m": "800 N/mm", "1/kg": "0.02 1/kg"}.get(unit, f"1.5 {unit}")
-
-
-def length_unit(largest: float) -> tuple[float, str]:
-    """How many of a unit are in 1 m, and the unit [-], for an axis of lengths up to `largest` [m]: µm, or mm where
-    these would take five digits."""
-    return (1e6, "µm") if largest < 0.01 else (1e3, "mm")

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reports.style import BLACK, BLUE, LIMIT, STYLE, VERMILION
+from reports.units import length_unit
 
 Array = NDArray[np.float64]
 
@@ -68,8 +69,8 @@ class Picture(Figure):
 
 
 def plot(run: Judged | Run | Signals) -> Picture:
-    """Target, reference and position [µm] above the command [N], over time [ms]; of a response, of a record, or of what
-    a validation judged.
+    """Target, reference and position [µm; mm on a long way] above the command [N], over time [ms]; of a response, of a
+    record, or of what a validation judged.
 
     A notebook shows the figure that a cell ends with; `savefig` writes it to a file.
 
@@ -83,10 +84,12 @@ def plot(run: Judged | Run | Signals) -> Picture:
     with mpl.rc_context(STYLE):
         figure = Picture(figsize=(160 / 25.4, 100 / 25.4), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        above.step(time, 1e6 * record.target, where="post", color=LIMIT, linestyle="--", label="target $r$")
-        above.plot(time, 1e6 * record.reference, color=BLACK, linestyle=":", label="reference $x_T^*$")
-        above.plot(time, 1e6 * record.position, color=BLUE, linestyle="-", label="position $x$")
-        above.set_ylabel("position [µm]")
+        largest = max(float(np.max(np.abs(one))) for one in (record.target, record.reference, record.position))
+        count, unit = length_unit(largest)
+        above.step(time, count * record.target, where="post", color=LIMIT, linestyle="--", label="target $r$")
+        above.plot(time, count * record.reference, color=BLACK, linestyle=":", label="reference $x_T^*$")
+        above.plot(time, count * record.position, color=BLUE, linestyle="-", label="position $x$")
+        above.set_ylabel(f"position [{unit}]")
         above.legend()
         below.step(time, record.command, where="post", color=VERMILION, linestyle="-")
         below.set_ylabel("command [N]")

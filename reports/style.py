@@ -23,6 +23,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter, LogFormatterSciNotation
 
 from reports.markup import RAISED
+from reports.units import force_unit
 
 TEXT_WIDTH = 160.0
 """Width of the text on paper, mm: figures are drawn at the size at which they are printed."""
@@ -181,13 +182,6 @@ def subplots(
     figure = Figure(figsize=(TEXT_WIDTH / 25.4, height_mm / 25.4), layout="constrained")
     axes = figure.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False, **grid)
     return figure, axes
-
-
-def force_unit(largest: float) -> tuple[float, str]:
-    """How many of a unit are in 1 N, and the unit [-], for an axis of forces up to `largest` [N]."""
-    if largest == 0 or largest >= 1e-3:
-        return 1.0, "N"
-    return (1e6, "µN") if largest >= 1e-6 else (1e9, "nN")
 
 
 def tolerance_band(ax: Axes, centre: float, half_width: float, label: str) -> None:

@@ -9,8 +9,9 @@ from typing import Any, Final
 
 from models.machine import Machine
 from models.machines.provenance import Provenance
-from models.quantity import length_unit, show, span
+from models.quantity import show, span
 from reports.markup import RAISED
+from reports.units import length_unit
 
 EXPONENT: Final = re.compile(r"(?P<digits>\d(?:\.\d+)?)e(?P<sign>[+-]?)0*(?P<power>\d+)")
 MOST: Final = 12

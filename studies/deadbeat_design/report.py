@@ -12,10 +12,11 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from models.quantity import length_unit, show
+from models.quantity import show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from reports.units import length_unit
 from studies import as_known
 from studies.diagrams import loop_figure
 from studies.wording import filters

@@ -10,8 +10,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
 
 from diagnosis.model.kalman import STARTING
-from models.quantity import length_unit, show
+from models.quantity import show
 from reports import style
+from reports.units import force_unit, length_unit, time_unit
 from studies.gap_diagnosis.unknown_law import OVER
 from studies.wording import effect
 
@@ -21,9 +22,9 @@ MOST = 12  # effects in a bar chart at most
 DECADES = 300.0  # ratio of an axis' ends from which on only powers of ten are marked
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
 GAPS = (
-    ("force_N", style.force_unit, "unknown force"),
-    ("position_m", lambda _: (1e6, "µm"), "position"),
-    ("settling_s", lambda _: (1e3, "ms"), "settling"),
+    ("force_N", force_unit, "unknown force"),
+    ("position_m", length_unit, "position"),
+    ("settling_s", time_unit, "settling"),
 )
 
 
@@ -90,8 +91,9 @@ def force(whole: Results) -> Drawing:
         ax.set_ylabel("$d$ [N]")
         ax.tick_params(labelbottom=False)
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=6.5)
-        below.plot(time, 1e3 * np.array(one["reference_m"]), color=style.BLACK, linewidth=0.8, linestyle="-")
-        below.set_ylabel("$x_T^*$ [mm]")
+        factor, unit = length_unit(float(np.max(np.abs(one["reference_m"]))))
+        below.plot(time, factor * np.array(one["reference_m"]), color=style.BLACK, linewidth=0.8, linestyle="-")
+        below.set_ylabel(f"$x_T^*$ [{unit}]")
         for part in (ax, below):
             part.set_xlim(0, time[-1])
         below.set_xlabel("time [s]")
@@ -109,10 +111,10 @@ def courses(whole: Results) -> Drawing:
         label = f"scatter of {row['motions']}" if row["motions"] > 1 else "95 % band"
         ax.fill_between(time, mean - spread, mean + spread, facecolor=LIGHT, edgecolor="none", label=label)
         ax.plot(time, mean, color=style.BLUE, linestyle="-", label="mean" if row["motions"] > 1 else "$d$")
-        ax.set_title(row["name"].replace(" at ", "\nat "))
+        ax.set_title(row["name"].replace(" at ", "\nat "), fontsize=7)
+        ax.margins(y=0.3)  # room for the legend above or below the curve
         ax.legend(loc="best")
-        size = float(np.ptp(row["reference_m"]))
-        factor, unit = (1e3, "mm") if size > 1e-3 else (1e6, "µm")
+        factor, unit = length_unit(float(np.max(np.abs(row["reference_m"]))))
         below.plot(time, factor * np.array(row["reference_m"]), color=style.BLACK, linestyle="-")
         below.set_ylabel(f"[{unit}]")
         below.set_xlabel("time [ms]")
@@ -160,7 +162,7 @@ def coordinates(whole: Results) -> Drawing:
     ax.plot(
         turning, place, linestyle="none", marker="D", markersize=3.5, color=style.VERMILION, label="directional part"
     )
-    names = [effect(row["name"]) + (f" {1e3 * row['pitch_m']:.3g} mm" if row["pitch_m"] else "") for row in rows]
+    names = [effect(row["name"]) + (f" {show(row['pitch_m'], 'm', 3)}" if row["pitch_m"] else "") for row in rows]
     ax.set_yticks(place, [f"{name}, p = {row['p']:.2g}" for name, row in zip(names, rows, strict=True)])
     ax.set_xlim(0, 1)
     ax.set_xlabel("share of variance, held-out motions")
@@ -207,12 +209,12 @@ def spectra(whole: Results) -> Drawing:
                    transform=place.transAxes)  # fmt: skip
         place.set_axis_off()
     else:
-        place.semilogx(1e3 * np.array(periods["period_m"]), periods["share"])
-        longest = 1e3 * max(periods["period_m"])
-        ticks = _ticks(1e3 * min(periods["period_m"]), longest)
+        factor, unit = length_unit(max(periods["period_m"]))
+        place.semilogx(factor * np.array(periods["period_m"]), periods["share"])
+        ticks = _ticks(factor * min(periods["period_m"]), factor * max(periods["period_m"]))
         place.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         place.minorticks_off()
-        place.set_xlabel("period over position [mm]")
+        place.set_xlabel(f"period over position [{unit}]")
         place.set_ylabel("share of variance explained")
         place.set_ylim(0)
     return figure
@@ -280,8 +282,7 @@ def next_run(whole: Results) -> Drawing:
     """The references of the proposed experiment."""
     run = whole["results"]["next"]
     figure, axes = style.subplots(2, 1, 62, sharex=True)
-    size = float(np.ptp(run["reference_m"]))
-    factor, unit = (1e3, "mm") if size > 1e-3 else (1e6, "µm")
+    factor, unit = length_unit(float(np.max(np.abs(run["reference_m"]))))
     _line(axes[0, 0], run["time_s"], factor * np.array(run["reference_m"]), f"$x_T^*$ [{unit}]")
     _line(axes[1, 0], run["time_s"], run["feedforward_N"], "feedforward [N]")
     axes[1, 0].set_xlabel("time [s]")

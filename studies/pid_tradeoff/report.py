@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import LogLocator
 
-from models.quantity import length_unit
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from reports.units import length_unit
 from studies.wording import filters
 
 Results = Mapping[str, Any]

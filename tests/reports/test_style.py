@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -32,14 +31,6 @@ def test_an_axis_of_small_forces_has_a_prefix(largest: float, label: str, tick: 
     ax = drawn[0].axes[0]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("position [mrad]", label)
     assert not tick or ax.yaxis.get_major_formatter()(0.5 * largest, 0) == tick
-
-
-def test_the_unit_of_forces_leaves_one_to_three_digits_before_the_point() -> None:
-    assert style.force_unit(0.0) == style.force_unit(0.02) == (1.0, "N")
-    for largest in np.geomspace(1.1e-9, 0.99e-3, 60):
-        factor, unit = style.force_unit(largest)
-        assert {"µN": 1e6, "nN": 1e9}[unit] == factor
-        assert 1 <= factor * largest < 1000
 
 
 def test_words_at_ticks_have_the_units_of_the_axis() -> None:
