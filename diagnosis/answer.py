@@ -17,7 +17,7 @@ from diagnosis.how_far import force_share
 from diagnosis.learned.learn import Learned
 from diagnosis.model.fit import Fit, at_bounds, largest
 from diagnosis.model.unknown_force import force_left
-from diagnosis.refit import shifted
+from diagnosis.refit import shifts
 from diagnosis.verdict import Explanation, Outcome, verdict
 from diagnosis.which.kinds import Form, forms, of_kind, periods_shown, repeats
 from diagnosis.which.prune import Pruned, prune, shrinking
@@ -115,7 +115,7 @@ def _explained(
         force_excess=closure.force_excess,
         largest_innovation=largest(fitted).deviations,
         spike=baseline.spike,
-        parameter_shift=shifted(stages[0].fitted),
+        parameter_shift=shifts(stages[0].fitted).gain(),
     )
     return explains, closure
 

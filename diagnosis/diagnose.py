@@ -46,7 +46,7 @@ from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.diagnosable import checked
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import on_single_blas_thread
-from diagnosis.refit import wrong_parameters
+from diagnosis.refit import wrong_values
 from diagnosis.verdict import Outcome
 from diagnosis.where.law_curve import LawCurve, law_curve
 from diagnosis.which.kinds import Form
@@ -270,7 +270,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     if outcome is Outcome.NONE:
         names = ()
     if outcome is Outcome.PARAMETERS:
-        names = wrong_parameters(stages[0].fitted, criteria, far.floor.force)
+        names = wrong_values(stages[0].fitted, criteria, far.floor.force)
     shares = _shares(pruned.shares, (*names, *partly), parts) if known is None else {names[0]: 1.0}
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
     unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))

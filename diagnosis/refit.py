@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, fit, weights
+from diagnosis.model.fit import Fit, coordinates, fit, weights
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.roughness import unmodelled_variance, variance_by_record
@@ -164,41 +164,49 @@ def _forgiving(fitted: Fit, records: Sequence[Record]) -> Fit:
     return fit(here.candidate, records, paths=here.paths, iterations=LAST_ITERATIONS, walk=fitted.walk)
 
 
-def shifted(fitted: Fit) -> float:
-    """Chi-square [1] of the nominal parameters' shifts together, the starts of the records left out."""
-    where, inverse = _information(fitted)
-    moved = fitted.candidate.theta[where]
-    return float(moved @ inverse @ moved)
+@dataclass(frozen=True)
+class Shifts:
+    """How far the re-fit moved the values of a machine file: their names as a reader knows them and their shifts (P,),
+    in SI or, of relative ones, as logarithms; and the inverse (P, P) of their covariance by the data alone, whatever
+    the records' starts are."""
+
+    names: tuple[str, ...]
+    moved: Array
+    inverse: Array
+
+    def gain(self, name: str | None = None) -> float:
+        """The chi-square [1] of the shifts of one name, or of all together."""
+        own = np.flatnonzero([name in {None, one} for one in self.names])
+        return float(self.moved[own] @ self.inverse[np.ix_(own, own)] @ self.moved[own])
 
 
-def _information(fitted: Fit) -> tuple[NDArray[np.int64], Array]:
-    """Which of theta are parameters, not starts, and the inverse of their covariance by the data alone."""
-    layout = fitted.candidate.layout
-    where = np.flatnonzero(np.array(layout.names) != "initial_friction_state")
-    rest = np.setdiff1d(np.arange(layout.count), where)
-    whole = fitted.slopes.T @ fitted.slopes
+def shifts(fitted: Fit) -> Shifts:
+    """Those of a nominal re-fit, which has no effects but those that the machine file states [SI; 1 for logarithms]."""
+    candidate, layout = fitted.candidate, fitted.candidate.layout
+    pairs = list(zip(in_order(candidate.nominal.effects), candidate.effects, strict=True))
+    stated = [coordinates(now) - coordinates(before) for before, now in pairs]
+    names = [CALLED.get(name, name) for name in layout.names]
+    names += [now.name for (_, now), part in zip(pairs, stated, strict=True) for _ in part]
+    where = np.flatnonzero(np.array(names) != "initial_friction_state")
+    rest = layout.of("initial_friction_state")
+    slopes = np.hstack([fitted.slopes, fitted.effect_jacobian])
+    whole = slopes.T @ slopes
     wide = np.diag(1 / layout.deviation[rest] ** 2)
     inverse = whole[np.ix_(where, where)] - whole[np.ix_(where, rest)] @ np.linalg.solve(
         whole[np.ix_(rest, rest)] + wide, whole[np.ix_(rest, where)]
     )
-    return where, inverse
+    moved = np.concatenate([candidate.theta, *stated])
+    return Shifts(tuple(names[i] for i in where), moved[where], inverse)
 
 
-def wrong_parameters(fitted: Fit, criteria: Criteria, floor: float = math.inf) -> tuple[str, ...]:
-    """The nominal parameters that are wrong, those whose shift matters the most first. An offset comes before them
-    where it is surely above the noise floor's force [N]: what is constant, the filter's own unknown force follows, so
-    that innovations hardly show it."""
-    where, inverse = _information(fitted)
-    layout, theta = fitted.candidate.layout, fitted.candidate.theta
-    gains: dict[str, float] = {}
-    for name in dict.fromkeys(layout.names):
-        own = np.flatnonzero(np.array(layout.names)[where] == name)
-        if own.size:
-            moved = theta[where[own]]
-            called = CALLED.get(name, name)
-            gains[called] = gains.get(called, 0.0) + float(moved @ inverse[np.ix_(own, own)] @ moved)
+def wrong_values(fitted: Fit, criteria: Criteria, floor: float = math.inf) -> tuple[str, ...]:
+    """The values of the machine file that are wrong, nominal ones and those of stated effects, by the names of both;
+    those whose shift matters the most first. An offset comes before them where it is surely above the noise floor's
+    force [N]: what is constant, the filter's own unknown force follows, so that innovations hardly show it."""
+    moved = shifts(fitted)
+    gains = {name: moved.gain(name) for name in dict.fromkeys(moved.names)}
     least = max(criteria.parameter_share * max(gains.values()), criteria.parameter_min_gain)
-    offset = float(theta[layout.of(OFFSET)][0])
+    offset = float(fitted.candidate.theta[fitted.candidate.layout.of(OFFSET)][0])
     first = (OFFSET,) * (offset**2 > criteria.min_force_ratio * floor**2)
     found = sorted((name for name in gains if gains[name] > least), key=lambda name: -gains[name])
     return tuple(dict.fromkeys((*first, *found)))

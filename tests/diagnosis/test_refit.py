@@ -13,7 +13,10 @@ from diagnosis.criteria import Criteria
 from diagnosis.model.fit import one_step
 from diagnosis.model.parameters import FURTHER, applied, parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.refit import refit_within, wrong_parameters
+from diagnosis.refit import refit_within, shifts, wrong_values
+from models.effects.base import Effect
+from models.effects.friction_laws import ViscousFriction
+from models.effects.motor import Cogging
 from models.friction import elements
 from models.machine import Tolerance
 from tests.diagnosis.tables import recorded, schedules, table
@@ -71,10 +74,24 @@ def test_an_offset_that_makes_most_of_the_gap_is_named_first() -> None:
     shifted = replace(MACHINE, drive=replace(MACHINE.drive, offset=MACHINE.drive.offset + 1.0))
     found = refit_within(MACHINE, recorded(shifted, PLAN[1:], seed=19, wrong=0.0))
     loose = replace(Criteria(), parameter_min_gain=1e9)
-    assert wrong_parameters(found, loose) == ()
-    assert wrong_parameters(found, loose, floor=0.02) == ("amplifier_offset",)
-    assert wrong_parameters(found, loose, floor=0.8) == ()  # no more than twice the floor's energy
-    assert wrong_parameters(found, Criteria(), floor=0.02)[0] == "amplifier_offset"
+    assert wrong_values(found, loose) == ()
+    assert wrong_values(found, loose, floor=0.02) == ("amplifier_offset",)
+    assert wrong_values(found, loose, floor=0.8) == ()  # no more than twice the floor's energy
+    assert wrong_values(found, Criteria(), floor=0.02)[0] == "amplifier_offset"
+
+
+@pytest.mark.parametrize(
+    ("stated", "true"),
+    [(ViscousFriction(20.0), ViscousFriction(23.0)), (Cogging(1.5, 0.035, 1.0), Cogging(3.0, 0.035, 1.0))],
+)
+def test_a_value_of_a_stated_effect_that_is_off_counts_as_one_of_the_plant_does(stated: Effect, true: Effect) -> None:
+    file = replace(MACHINE, effects=(stated,))
+    off = refit_within(file, recorded(MACHINE, PLAN[1:], [true], seed=1, wrong=0.0))
+    assert wrong_values(off, Criteria()) == (stated.name,)
+    assert shifts(off).gain() > Criteria().parameter_shift
+    right = refit_within(file, recorded(MACHINE, PLAN[1:], [stated], seed=1, wrong=0.0))
+    assert shifts(right).gain() < Criteria().parameter_shift
+    assert wrong_values(right, Criteria()) == ()
 
 
 @pytest.mark.parametrize("deviations", [5, -6])
