@@ -349,7 +349,8 @@ def _unknown_law(found: Diagnosis) -> dict[str, Any] | None:
     if fitted is None or not any(effect.tabulated for effect in fitted.candidate.added_effects):
         with_it = Content.EFFECTS if found.outcome in NAMED else Content.MEASURED
         measures = dict.fromkeys(harm.measure for harm in handover.harms if harm.file == with_it)
-        worse = f"on motions left out of the fit the machine with it is worse in {listed(measures)}"
+        way = f"worse in {listed(measures)}" if measures else "no better"
+        worse = f"on motions left out of the fit the machine with it is {way}"
     return found.learned.to_json(worse)
 
 

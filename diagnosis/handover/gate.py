@@ -6,6 +6,7 @@ machine as delivered, or than a simpler candidate that passed, by more than chan
 unless it is no worse than as delivered and surely better than the simpler one in both force and position (settling is
 when a few motions cross a threshold, the others are of all samples), or surely leaves less than half of one of the two
 and hardly more of the other: a mode that is missing makes the position, while the force is mostly the scale's noise.
+A law that was learned, for which nothing speaks but that it fits, has to be surely better in force or position.
 Chance is told by drawing motions, the same for both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to
 the Bootstrap, 1993, section 8.3).
 """
@@ -124,9 +125,9 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) ->
             found = [] if _outweighed(worse, file, best) else worse
         judged_.append(file)
         harms += found
-        if not found:
+        if not found and (file.name != Content.MEASURED or any(_better(file, best, one) for one in MEASURES[:2])):
             best = file
-        elif number == 0 and fallback is not None:
+        elif found and number == 0 and fallback is not None:
             simpler = fallback()
             judged_.insert(1, simpler)
             worse = _harms(simpler, first)

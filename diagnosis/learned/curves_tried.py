@@ -43,6 +43,8 @@ SYMMETRIES: Final[Mapping[str, tuple[str, ...]]] = {
     "path": ("directional",),
 }
 """What is tried over each coordinate; an even curve is a plain one over both signs."""
+NOMINAL: Final = ("acceleration", "command")
+"""Over these a straight line is a nominal value: the mass, the thrust constant."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,16 @@ class Curve:
     def units_of_force(self) -> tuple[Measured, ...]:
         """For each hat function the table that has 1 N at its knot."""
         return tuple(self.with_force(row) for row in np.eye(self.hats.shape[1]))
+
+    def own_part(self, used: NDArray[np.bool_]) -> Array:
+        """The matrix (K, K) [1] that leaves of forces at the knots what no nominal value does: without the straight
+        line through 0 nearest to them over the samples used (n,), where that is a mass or a thrust constant."""
+        knots = np.array(self.law.knots[-self.hats.shape[1] :])
+        if self.law.coordinate not in NOMINAL or self.law.symmetry == "directional":
+            return np.eye(knots.size)
+        hats = self.hats[used]
+        line = hats @ knots
+        return np.asarray(np.eye(knots.size) - np.outer(knots, line @ hats) / (line @ line))
 
     def bends(self) -> Array:
         """The second differences of the forces: (K' - 2, K) [1]."""

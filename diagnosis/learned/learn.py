@@ -123,7 +123,7 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
         above = np.where(used & moving, force**2 - least**2, 0.0)  # it acts at rest, too, which is no type of motion
     judged = judgement(tests, above, baseline.segment, kind, names)
     choice = chosen(tests, kind, types)
-    low, high = _band(choice, kind.size)
+    low, high = _band(choice, kind.size, baseline)
     reason, fitted = objection(judged, criteria), None
     if not reason or little_judged(judged, criteria):
         fitted, law = _in_the_model(choice, begin, baseline)
@@ -209,17 +209,21 @@ def _with_law(curve: Curve, force: Array, begin: Fit, baseline: Baseline) -> Fit
 
 
 def _law(curve: Curve, force: Array, baseline: Baseline) -> Measured:
-    """The table of these forces (K,) [N]; a plain one less its median over the samples, which is the offset's."""
+    """The table of these forces (K,) [N] without what a mass or a thrust constant would be, which the innovations do
+    not tell from it; a plain one less its median over the samples, which is the offset's."""
+    used = weights(baseline.records) > 0
+    force = curve.own_part(used) @ force
     if curve.law.symmetry == "plain":
-        force = force - float(np.median((curve.hats @ force)[weights(baseline.records) > 0]))
+        force = force - float(np.median((curve.hats @ force)[used]))
     return curve.with_force(force)
 
 
-def _band(choice: Choice, motions: int) -> tuple[Array, Array]:
+def _band(choice: Choice, motions: int, baseline: Baseline) -> tuple[Array, Array]:
     """By how much the ends of the 95 % interval differ from the curve at its knots (K,) [N], by drawing motions."""
     test, curve, best = choice.test, choice.test.curve, _of_all(choice)
+    own = curve.own_part(weights(baseline.records) > 0)
     drawn = [
-        solved(curve, np.tensordot(count, test.grams, 1), count @ test.slopes, choice.smoothness) - best
+        own @ (solved(curve, np.tensordot(count, test.grams, 1), count @ test.slopes, choice.smoothness) - best)
         for count in bootstrap_counts(motions, 0)
     ]
     if curve.law.symmetry == "plain":  # whose level is the offset's

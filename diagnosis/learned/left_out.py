@@ -78,8 +78,10 @@ def summed(curve: Curve, columns: Array, e: Array, motion: Integers, kind: Integ
 def judged_by_force(test: Tested, columns: Array, force: Array, used: NDArray[np.bool_], motion: Integers) -> Tested:
     """The same, fitted to the innovations and judged by the smoothed unknown force (n,) [N], known where it is used.
 
-    columns (n, K): what 1 N at each knot is on the table [1], whose level is the offset's; motion (n,): of each sample.
+    columns (n, K): what 1 N at each knot is on the table [1], whose level is the offset's and whose line may be a
+    nominal value's; motion (n,): of each sample.
     """
+    columns = columns @ test.curve.own_part(used)
     columns = (columns - columns[used].mean(axis=0)) * (used & test.shown)[:, None]
     grams, slopes = by_motion(-columns, force, motion)
     return replace(test, judged_grams=grams, judged_slopes=slopes)
@@ -140,16 +142,19 @@ def judgement(
     """The nested judgement of these curves [1].
 
     above (n,): the squares of what the curves are judged by, less those that a complete model leaves, 0 where they are
-    unknown; motion (n,): of each sample; kind: of each motion; names: of the types, empty where nothing moves.
+    unknown, of which a type of motion may have less than none; motion (n,): of each sample; kind: of each motion;
+    names: of the types, empty where nothing moves.
     """
     count, types = kind.size, [number for number, name in enumerate(names) if name]
-    whole = max(float(above.sum()), 1e-300)
+    whole = max(float(np.maximum(np.bincount(kind[motion], above), 0.0).sum()), 1e-300)
     gains, gaps, rows = np.zeros(count), np.zeros(count), list[OfType]()
     for out in types:
         choice = chosen(tests, kind, types, out)
         inside = kind == out
         gain = choice.test.gains(choice.test.trained(~inside, choice.smoothness))
-        gap = np.bincount(motion, above * choice.test.shown, count)
+        gap: Array = np.bincount(motion, above * choice.test.shown, count).astype(float)
+        if gap[inside].sum() <= 0:  # there is nothing to close, so that only harm counts
+            gain, gap = np.minimum(gain, 0.0), np.zeros(count)
         gains[inside], gaps[inside] = gain[inside], gap[inside]
         share = float(gap[inside].sum()) / whole
         closure = float(gain[inside].sum()) / max(float(gap[inside].sum()), 1e-300)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,15 +25,17 @@ MOTION = np.repeat(np.arange(MOTIONS), EACH)
 NAMES = ["slow", "fast", "long", "short"]
 
 
-def judged(force: Callable[[Array, NDArray[np.int64]], Array], reach: tuple[float, ...] = (1.0,) * TYPES) -> Judgement:
-    """What is said of a force (n,) over place and type of motion, in white noise; reach: how far each type goes."""
+def judged(
+    force: Callable[[Array, NDArray[np.int64]], Array], reach: tuple[float, ...] = (1.0,) * TYPES, noise: float = 1.0
+) -> Judgement:
+    """What is said of a force (n,) over place and type of motion, in white noise; reach: how far each type goes; noise:
+    the squares that a complete model is said to leave, over those that it leaves."""
     rng = np.random.default_rng(1)
     of_sample = KIND[MOTION]
     place = rng.random(MOTION.size) * np.array(reach)[of_sample]
     hats = np.column_stack([np.interp(place, KNOTS, row) for row in np.eye(len(KNOTS))])
     e = rng.standard_normal(MOTION.size) + force(place, of_sample)
     curve = Curve(Measured("position", KNOTS, (0.0,) * len(KNOTS)), hats)
-    noise = np.ones(MOTION.size)
     return judgement([summed(curve, -hats, e, MOTION, KIND)], e**2 - noise, MOTION, KIND, NAMES)
 
 
@@ -66,3 +69,30 @@ def test_noise_closes_nothing() -> None:
     found = judged(lambda _, __: noise)
     assert abs(found.closure) < 0.05
     assert found.interval[0] <= found.closure <= found.interval[1]
+
+
+def test_a_type_of_motion_with_less_than_the_noise_has_nothing_to_close() -> None:
+    """Its lack is not taken off the gap of the others, of which a curve would then close more than there is."""
+    quiet = judged(lambda place, of_sample: np.where(of_sample == 0, 3.0, 0.0) * np.sin(5 * place), noise=1.4)
+    assert 0 <= quiet.share <= 1 + 1e-9
+    assert sum(one.share for one in quiet.by_type) <= 1 + 1e-9
+    assert quiet.closure < 0.2  # the others show nothing of the law
+
+
+@pytest.mark.parametrize(("coordinate", "symmetry"), [("acceleration", "odd"), ("command", "plain")])
+def test_a_straight_line_over_the_acceleration_is_a_mass_and_no_law(coordinate: Any, symmetry: Any) -> None:
+    rng = np.random.default_rng(2)
+    values = 3.0 * rng.standard_normal(4000)
+    ends = (0.0, 10.0) if symmetry == "odd" else (-12.0, 10.0)
+    knots = np.linspace(*ends, 11)
+    size = np.abs(values) if symmetry == "odd" else values
+    hats = np.column_stack([np.interp(size, knots, row) for row in np.eye(knots.size)])
+    hats = hats[:, 1:] * np.sign(values)[:, None] if symmetry == "odd" else hats
+    curve = Curve(Measured(coordinate, tuple(knots), (0.0,) * knots.size, symmetry), hats)
+    own, line = curve.own_part(np.ones(values.size, bool)), knots[-hats.shape[1] :]
+    assert np.allclose(own @ line, 0.0, atol=1e-9)
+    cubic = own @ (line**3 - 2.0 * line)
+    assert np.allclose(cubic, own @ line**3)
+    assert abs(hats @ line @ hats @ cubic) < 1e-9 * np.linalg.norm(hats @ line) * np.linalg.norm(hats @ cubic)
+    plain = Curve(Measured("speed", curve.law.knots, curve.law.force, symmetry), hats)  # a drag is in no machine file
+    assert np.array_equal(plain.own_part(np.ones(values.size, bool)), np.eye(line.size))

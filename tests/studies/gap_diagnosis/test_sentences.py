@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -400,6 +401,7 @@ def test_the_report_says_why_a_controller_was_not_replayed(every: int, said: boo
     captions = {figure.name: figure.caption for figure in told.figures}
     page = text.fill(told.template, whole, captions, told.filters)
     assert ("has no reference" in page) == said
+    assert not re.search(r"{[#%{](?!tbl|fig|sec)", page)
     assert "replayed on the logged error" not in page
 
 
