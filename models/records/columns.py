@@ -3,20 +3,23 @@
 An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/V", "-1" as a factor turns a sign.
 The factor may hold the unit of what is counted: "xist * 5 nm", "current * 31.5 N/A", "torque * 16.3 N/%", and of the
 time "sample * 250 us", or "row * 250 us" for the count of the rows. What states no unit is in the file's, or else in
-SI.
+SI. A signal of several motors or encoders is the sum of their columns: "I_1 * 48 N/A + I_2 * 48 N/A", and a mean of
+two "x_1 * 5 nm + x_2 * 5 nm", half of 10 nm each.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from models.quantity import QuantityError, is_rotary, parse
 
 _ENTRY: Final = re.compile(r"\s*(?P<name>[^\[\]*]+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*(?:\*\s*(?P<factor>[^*]+))?\s*")
 _NUMBER: Final = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
+_COUNTS: Final = frozenset(("inc", "incs", "increment", "increments", "count", "counts", "ct", "cts", "lsb", "pulses"))
+_PLUS: Final = re.compile(r"\s\+\s")
 _ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232}
 
 
@@ -66,15 +69,26 @@ class Columns:
         if self.derivative not in DERIVATIVES:
             raise ValueError(f"derivative: {self.derivative!r} is neither of {', '.join(DERIVATIVES)}")
         for signal in UNITS:
-            self.source(signal)
+            terms = self.terms(signal)
+            if len(terms) > 1 and signal not in SUMMED:
+                raise ValueError(f"{signal}: must be one column; a sum can be {', '.join(SUMMED)}")
+            for one in terms:
+                one.source(signal)
+
+    def terms(self, signal: str) -> tuple[Columns, ...]:
+        """The columns with one term of the signal's sum each; these themselves where one column is the signal; [-]."""
+        entry = getattr(self, signal)
+        parts = _PLUS.split(entry) if isinstance(entry, str) else []
+        return tuple(replace(self, **{signal: one}) for one in parts) if len(parts) > 1 else (self,)
 
     def source(self, signal: str, stated: str = "") -> Source:
-        """The column of a signal and its factor to SI units [UNITS]. Raises ValueError, a sentence, for a bad entry.
+        """The column of a signal and its factor to SI units [UNITS], of a sum the first one. Raises ValueError, a
+        sentence, for a bad entry.
 
         stated: the unit that the file states for the column, which counts where the entry states none.
         """
         entry = getattr(self, signal)
-        match = _ENTRY.fullmatch(entry) if isinstance(entry, str) else None
+        match = _ENTRY.fullmatch(_PLUS.split(entry)[0]) if isinstance(entry, str) else None
         if match is None:
             raise ValueError(
                 f"{signal}: {entry!r} must be a column with its unit; "
@@ -82,6 +96,8 @@ class Columns:
             )
         factor = (match["factor"] or "1").strip()
         unit = match["unit"] or _unit_by(factor, signal, stated.strip())
+        if unit.lower() in _COUNTS and _is_of(factor, signal):
+            unit = ""  # "[inc] * 10 nm" is "* 10 nm" for each of them
         name = match["name"]
         if unit.lower() == "db":
             return Source(name, _factor("", factor, "1", signal), decibels=True, unit=unit)
@@ -97,6 +113,7 @@ class Columns:
         )
 
 
+SUMMED: Final = ("target", "reference", "error", "feedforward", "command", "position")
 UNITS: Final = {
     "time": "s",
     "target": "m",

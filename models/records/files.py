@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -64,7 +64,7 @@ def load(
     """
     columns, facts = columns or Columns(), Facts(**known)
     names = {signal: columns.source(signal).name for signal in UNITS}
-    table = read_table(path, {*names.values(), *response_columns.ALSO}, limits)
+    table = read_table(path, {*_columns_of(columns, UNITS), *response_columns.ALSO}, limits)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     try:
@@ -193,7 +193,7 @@ def with_columns(loaded: Loaded, path: Path, columns: Columns, limits: Limits = 
         found = read(path, limits)
     except RecordError:
         return loaded
-    used = {columns.source(signal).name for signal in (*NEEDED, *OPTIONAL)}
+    used = _columns_of(columns, (*NEEDED, *OPTIONAL))
     others = tuple(
         Column(name, values)
         for name, values in found.items()
@@ -252,7 +252,19 @@ def _response(table: Table, columns: Columns) -> FrequencyResponse:
     return FrequencyResponse(frequency[order], response[order], deviation[order] ** 2, unknown, 0.0, rolled)
 
 
+def _columns_of(columns: Columns, signals: Iterable[str]) -> set[str]:
+    """The names of all columns that are mapped to signals."""
+    return {one.source(signal).name for signal in signals for one in columns.terms(signal)}
+
+
 def _signal(table: Table, columns: Columns, signal: str) -> Array:
+    """A signal (n,) [SI]: its column, or the sum of its columns. Raises RecordError."""
+    terms = columns.terms(signal)
+    if len(terms) > 1:
+        parts = [_signal(table, one, signal) for one in terms]
+        if len({part.size for part in parts}) > 1:
+            raise RecordError(f"the columns of the {signal} differ in length; export them over the same samples")
+        return np.asarray(sum(parts[1:], parts[0]))
     source = columns.source(signal)
     if source.name not in table.columns:
         close = _nearest(table, columns, signal)
@@ -267,7 +279,7 @@ def _signal(table: Table, columns: Columns, signal: str) -> Array:
 def _nearest(table: Table, columns: Columns, signal: str) -> str:
     """The column that a missing one may be: of those that are no other signal's, and where their units are stated, of
     those in one of this signal's, the most similar by its name; empty where there is none."""
-    others = {columns.source(other).name for other in UNITS if other != signal}
+    others = _columns_of(columns, (other for other in UNITS if other != signal))
     free = [name for name in table.names if name not in others]
     fitting = [name for name in free if table.units.get(name) and _fits(columns, signal, table.units[name])]
     close = difflib.get_close_matches(columns.source(signal).name, fitting or free, n=1, cutoff=0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from models.identification.response import FrequencyResponse
 from models.quantity import rotary, show
@@ -29,9 +29,17 @@ def recognised(
     """
     if turns is None:
         turns = any(columns.source(signal, table.units.get(name, "")).rotary for signal, name in names.items())
-    rows = [_row(table, columns, signal, name, turns=turns) for signal, name in names.items()]
+    rows = [row for signal, name in names.items() for row in _rows(table, columns, signal, name, turns=turns)]
     layout = [", ".join(table.recognised)] if table.recognised else []
     return (*layout, *_aligned([HEADINGS, *rows]), _samples(content))
+
+
+def _rows(table: Table, columns: Columns, signal: str, name: str, *, turns: bool) -> Iterator[tuple[str, ...]]:
+    """The row of a signal, or one for each column of its sum; name: of its only column, or of the first."""
+    first, *rest = columns.terms(signal)
+    yield _row(table, first, signal, name, turns=turns)
+    for one in rest:
+        yield "", *_row(table, one, signal, one.source(signal).name, turns=turns)[1:]
 
 
 def _row(table: Table, columns: Columns, signal: str, name: str, *, turns: bool) -> tuple[str, ...]:

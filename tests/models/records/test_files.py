@@ -21,7 +21,7 @@ from models.controller import PID, Controller
 from models.machine import load as load_machine
 from models.records.checks import derivative_of_error, quantisation, replay
 from models.records.columns import Columns
-from models.records.files import Loaded, load, read
+from models.records.files import Loaded, load, read, with_columns
 from models.records.record import Record, cut, feeding_sequence
 from models.records.tables.sizes import RecordError
 from models.simulation.simulator import simulate
@@ -140,6 +140,28 @@ def test_other_names_units_factors_and_signs_are_mapped(tmp_path: Path, table: T
     assert content.sample_time == pytest.approx(record.sample_time)
 
 
+def test_an_axis_of_two_motors_and_two_encoders_is_their_sum_and_mean(
+    tmp_path: Path, table: Table, record: Record
+) -> None:
+    """As on a gantry: the command is the sum of two, the position the mean; a count needs no unit of its own."""
+    yaw, share = 3e-6 * np.sin(np.arange(record.position.size)), 0.3
+    each = {"x1": (record.position + yaw) * 1e8, "x2 (um)": (record.position - yaw) * 1e6}
+    forces = {"u1": share * record.command / 48, "u2": (1 - share) * record.command}
+    path = csv(tmp_path / "gantry.csv", {"time_s": table["time_s"], **each, **forces})
+    loaded = load(path, Columns(position="x1 [inc] * 5 nm + x2 * 0.5", command="u1 [A] * 48 N/A + u2 [N]"))
+    assert isinstance(loaded.content, Record)
+    np.testing.assert_allclose(loaded.content.position, record.position, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(loaded.content.command, record.command, rtol=1e-9)
+    rows = [line.split() for line in loaded.recognised]
+    assert ["position", "x1", "5e-09", "m"] in rows
+    assert ["x2", "um", "5e-07", "m"] in rows
+    whole = with_columns(loaded, path, Columns(position="x1 * 5 nm + x2 * 0.5", command="u1 * 48 N/A + u2"))
+    assert isinstance(whole.content, Record)
+    assert not {column.name for column in whole.content.columns} & {"x1", "x2", "u1", "u2"}
+    with pytest.raises(RecordError, match="column 'x3' for the position is missing"):
+        load(path, Columns(position="x1 * 5 nm + x3 * 5 nm", command="u2 [N]"))
+
+
 def test_a_following_error_gives_the_reference_that_a_log_lacks(tmp_path: Path, table: Table, record: Record) -> None:
     """Many drives trace the actual position and the following error, and no demand; some with the other sign."""
     named = {name: column for name, column in table.items() if name not in {"reference_m", "target_m"}}
@@ -166,6 +188,8 @@ def test_a_following_error_gives_the_reference_that_a_log_lacks(tmp_path: Path, 
         ({"command": "u [V] * big"}, "must be a number with a unit"),
         ({"phase": "p [m]"}, "must be an angle"),
         ({"position": "[mm]"}, "must be a column"),
+        ({"position": "x1 [mm] + x2 [kg]"}, "quantity in m"),
+        ({"time": "t1 [s] + t2 [s]"}, "time: must be one column; a sum can be target, reference, "),
     ],
 )
 def test_a_wrong_mapping_is_said(entry: dict[str, str], says: str) -> None:
