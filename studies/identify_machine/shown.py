@@ -18,7 +18,7 @@ from models.identification.into_machine import WAYS, Holdable
 from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, half_of
 from models.identification.joint.steps import Difference, Identified, MotionStep, Step, record_of
 from models.identification.modal.order import SAME, Order
-from models.identification.modal.remarks import ResponseStep, bent, on_turning
+from models.identification.modal.remarks import ResponseStep, bent, on_refuted, on_turning
 from models.records.record import Record
 from studies.study import Check
 
@@ -59,10 +59,11 @@ def results_of(found: Identified) -> dict[str, Any]:
 
 def warnings_of(found: Identified) -> list[tuple[str, str]]:
     """What is wrong with records, each with the record's name: those that were left out, and why; and responses that
-    are bent as the axis turned back."""
+    are bent as the axis turned back, or that no plant fits."""
     left_out = [(one.name, f"left out: {one.why}") for one in found.left_out]
     responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
-    return left_out + [(name, said) for name, gave in responses for said in on_turning(gave.measured)]
+    wrong = [(name, said) for name, gave in responses for said in on_turning(gave.measured)]
+    return left_out + (wrong or [(name, said) for name, gave in responses for said in on_refuted(gave)])
 
 
 def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:

@@ -17,7 +17,14 @@ from models.identification.force.fit import SPRING
 from models.identification.into_machine import Found, spring_of, with_response, with_spring
 from models.identification.joint.agreement import together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
-from models.identification.modal.remarks import ResponseStep, bent, on_disagreement, on_left_out, on_response
+from models.identification.modal.remarks import (
+    ResponseStep,
+    bent,
+    on_disagreement,
+    on_left_out,
+    on_response,
+    refuted,
+)
 from models.identification.response import FrequencyResponse
 from models.identification.unusable import UnusableError
 from models.machine import Machine
@@ -51,12 +58,12 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
     if earlier:
         every = [*earlier, Step(kind, loaded, step)]
-        used = [one for one in every if not bent(_gave(one).measured)] or _least_bent(every)
+        used = _not_refuted([one for one in every if not bent(_gave(one).measured)] or _least_bent(every))
         fits = [_gave(one) for one in used]
         best = _together(fits, settings, spring)
         step = replace(step, together=best)
         remarks += on_disagreement([one.loaded.name for one in used], fits)
-        remarks += on_left_out([one.loaded.name for one in every if one not in used])
+        remarks += on_left_out([(one.loaded.name, _gave(one)) for one in every if one not in used])
         source = Found(together(used), "response")
     known = found.machine if not _showed_spring(found) else with_spring(found.machine, None, source)
     return with_step(found, with_response(known, best, source), kind, loaded, step, remarks)
@@ -83,6 +90,12 @@ def _least_bent(steps: Sequence[Step]) -> list[Step]:
     """Of responses that are all bent, those of axes that went backwards hardly longer than the one that did least."""
     least = min(_gave(one).measured.turned for one in steps)
     return [one for one in steps if _gave(one).measured.turned <= AS_BENT * least]
+
+
+def _not_refuted(steps: Sequence[Step]) -> list[Step]:
+    """Of several responses those that some plant fits, where there are any: what no rigid body with modes fits, as of
+    an axis one side of which turned, would move the plant of the others by far more than their deviations."""
+    return [one for one in steps if not refuted(_gave(one))] or list(steps)
 
 
 def _hardly_rubs(machine: Machine, record: Record) -> bool:

@@ -17,6 +17,7 @@ from models.identification.response import FrequencyResponse
 from models.quantity import listed, show
 
 TURNED: Final = 2e-4  # share of the samples in which an axis may move backwards; with more, modes come out wrong
+REFUTED: Final = 3.0  # reduced chi-square beyond which no plant fits a response
 SIGMAS: Final = 3.0  # beyond which two responses differ by more than their noise
 OTHER_LEVEL: Final = 1.5  # ratio of two excitations from which on amplitude may be what makes responses differ
 SAME: Final = 0.1  # relative distance of two frequencies that may be those of one mode
@@ -54,6 +55,11 @@ def bent(measured: FrequencyResponse) -> bool:
     return measured.turned > TURNED
 
 
+def refuted(step: ResponseStep) -> bool:
+    """Whether no rigid body with modes fits a response within the scatter of its lines."""
+    return step.fit.chi_square > REFUTED and bool(np.all(np.isfinite(step.measured.variance)))
+
+
 def on_turning(measured: FrequencyResponse) -> Iterator[str]:
     """That the axis moved backwards where it was to roll, and what to do."""
     if bent(measured):
@@ -61,6 +67,16 @@ def on_turning(measured: FrequencyResponse) -> Iterator[str]:
             f"In {100 * measured.turned:.2g} % of the samples the axis moved backwards: friction was not constant, and "
             "the response is bent where the axis was shaken most, by more than the deviations say. Roll faster, or "
             "excite with less force there, as by the references that --write-references makes of the identified file."
+        )
+
+
+def on_refuted(step: ResponseStep) -> Iterator[str]:
+    """That no plant fits a response, and what to do."""
+    if refuted(step):
+        yield (
+            f"No rigid body with modes fits the response (reduced chi-square {step.fit.chi_square:.3g}, at most "
+            f"{REFUTED:g}): the excitation may have turned a part of the axis, such as one side of a gantry, or "
+            "changed its modes. Excite with less force, or roll faster."
         )
 
 
@@ -139,10 +155,17 @@ def on_disagreement(names: Sequence[str], steps: Sequence[ResponseStep]) -> Iter
             )
 
 
-def on_left_out(names: Sequence[str]) -> Iterator[str]:
-    """That the plant is not from these, in which the axis moved backwards."""
-    if names:
-        yield f"The plant is that of the other responses: {listed(names)} went backwards, and is left out of it."
+def on_left_out(steps: Sequence[tuple[str, ResponseStep]]) -> Iterator[str]:
+    """That the plant is not from these, by name: the axis moved backwards, or no plant fits them."""
+    back = [name for name, step in steps if bent(step.measured)]
+    if back:
+        yield f"The plant is that of the other responses: {listed(back)} went backwards, and is left out of it."
+    refuted_ones = [name for name, _ in steps if name not in back]
+    if refuted_ones:
+        yield (
+            f"The plant is that of the other responses: no rigid body with modes fits {listed(refuted_ones)}, which is "
+            "left out of it."
+        )
 
 
 def _apart(one: Estimate, other: Estimate) -> Iterator[tuple[str, tuple[float, float], float]]:

@@ -11,7 +11,11 @@ from models.identification import modes
 from models.identification.modal.fitting import Structure, problem_of, trend, with_mode
 from models.identification.modal.order import SAME, Candidate, _sound, faults, fitted
 from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
+from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
+from models.machine import load
+from models.records.files import Loaded
+from studies.identify_machine.shown import warnings_of
 from tests.coverage.axis import Axis, drawn
 from tests.coverage.records import first_file
 from tests.coverage.trial import by_parameter, refused, tried
@@ -134,6 +138,22 @@ def test_responses_that_disagree_are_named_with_parameter_and_cause() -> None:
     said = list(on_disagreement(["a", "b"], steps))
     assert [text.split(",")[0] for text in said] == ["a and b disagree in the mode 2 frequency"]
     assert "depends on the amplitude" in said[0]
+
+
+def test_a_response_that_no_plant_fits_does_not_move_that_of_another() -> None:
+    """As of a gantry one side of which turned under a strong sweep: pooled, its mass had been 33 deviations off."""
+    good = measured(AXIS, 1)
+    bend = 1 + 0.1 * np.sin(9 * np.log(good.frequency)) * np.exp(0.3j)
+    shaken = replace(measured(AXIS, 2), response=measured(AXIS, 2).response * bend)
+    given = [Loaded(name, "12ab", one, (), ()) for name, one in (("shaken.csv", shaken), ("good.csv", good))]
+    alone, both, bad = identify(load(), given[1:]), identify(load(), given), identify(load(), given[:1])
+    assert both.machine.plant == alone.machine.plant != bad.machine.plant
+    assert any("no rigid body with modes fits shaken.csv, which is left out" in said for said in both.remarks)
+    (name, said), *more = warnings_of(both)
+    assert (name, more) == ("shaken.csv", [])
+    assert said.startswith("No rigid body with modes fits the response (reduced chi-square ")
+    assert [name for name, _ in warnings_of(bad)] == ["shaken.csv"]
+    assert not warnings_of(alone)
 
 
 def test_a_sub_sample_of_the_coverage_trial() -> None:
