@@ -32,8 +32,9 @@ class Overrun:
 
 def overrun(delivered: Machine, improved: Machine, least: float) -> tuple[Overrun, ...]:
     """The values of a machine file that an improved one has elsewhere by more than `least` [1] of the deviations that
-    the file states beside them, the farthest first; of a list the number that is the farthest. Where the model lacks
-    something, they stand in for it."""
+    the file states beside them, the mass first and then the farthest; of a list the number that is the farthest. Where
+    the model lacks something, they stand in for it."""
+    mass = _gain_of_mass(delivered)
     after = {one.name: one.number for one in parameters(improved) if not isinstance(one.number, str)}
     found = []
     for one in known(delivered):
@@ -45,4 +46,17 @@ def overrun(delivered: Machine, improved: Machine, least: float) -> tuple[Overru
         each = [Overrun(one.name, one.unit, *row) for row in rows if row[1] > 0]
         found += [max(each, key=lambda row: row.deviations)] if each else []
     far = [one for one in found if one.deviations > least]
-    return tuple(sorted(far, key=lambda one: -one.deviations))
+    return tuple(sorted(far, key=lambda one: (one.name != mass, -one.deviations)))
+
+
+def as_told(one: Overrun, machine: Machine) -> Overrun:
+    """The value as an engineer reads it: the gain of the rigid body as the mass [kg], any other as it is."""
+    if one.name != _gain_of_mass(machine):
+        return one
+    return Overrun("plant.mass", "kg", 1 / one.before, one.std / one.before**2, 1 / one.now)
+
+
+def _gain_of_mass(machine: Machine) -> str:
+    """The name of the gain of the rigid body; empty where there is none."""
+    rigid = next((i for i, mode in enumerate(machine.plant.modes, 1) if mode.frequency == 0), 0)
+    return f"plant.modes.{rigid}.gain" if rigid else ""

@@ -207,6 +207,7 @@ def _overrun(results: Results) -> list[str]:
     are = "values in improved.toml differ" if len(rows) > 1 else "value in improved.toml differs"
     told = listed([*map(_moved, rows[:LISTED]), *([f"{more} more"] if more > 0 else [])])
     incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
+    incomplete = incomplete or results["verdict"]["outcome"] == "none_of_these"
     if not (far_off(results) or incomplete):
         return [f"{len(rows)} {are} from the file's by at least {OVERRUN:g} of its stated deviations: {told}."]
     return [
@@ -240,8 +241,8 @@ def _gap_closed(results: Results) -> str:
     low, high = far["closure_interval"]
     if verdict["outcome"] == "none_of_these" and len(far["stages"]) <= UNNAMED:
         return (
-            "No effect reduces the gap by enough to go into the model; the re-fitted model leaves "
-            f"{_gap(far['gap_refitted'])} of position, and the noise floor is {floor}."
+            "No effect reduces the gap by enough to go into the model; re-fitting the nominal values takes it "
+            f"{_from_to(far['gap_as_delivered'], far['gap_refitted'])}, and the noise floor is {floor}."
         )
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     part, terms = verdict["outcome"] == "none_of_these", far["closure_terms"]

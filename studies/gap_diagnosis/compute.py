@@ -22,7 +22,7 @@ from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.active import Settings
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
-from diagnosis.handover.overrun import OVERRUN, overrun
+from diagnosis.handover.overrun import OVERRUN, as_told, overrun
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine, without_effects
 from diagnosis.model.motions import LONGEST, Piece
@@ -246,7 +246,9 @@ def _results(
             "re_fitted": variance_by_record(found.baseline.nominal).tolist(),
             "with_effects": variance_by_record(found.final).tolist(),
         },
-        "overrun": [asdict(one) for one in overrun(given.machine, improved_machine(found), OVERRUN)],
+        "overrun": [
+            asdict(as_told(one, given.machine)) for one in overrun(given.machine, improved_machine(found), OVERRUN)
+        ],
         "not_looked_for": _not_looked_for(given.machine),
         "catalogue": {name: _entry(name) for name in given.machine.kinds},
         "pictures": pictures(

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from diagnosis.handover.overrun import overrun
+from diagnosis.handover.overrun import as_told, overrun
 from models.machine import Provenance, load
+from models.plant import Mode
 
 
 def test_values_that_were_moved_farther_than_the_file_knows_them_come_farthest_first() -> None:
@@ -27,3 +28,20 @@ def test_values_that_were_moved_farther_than_the_file_knows_them_come_farthest_f
     assert found[-1].before == limits[-1]
     assert overrun(stated, moved, 25.0) == ()
     assert overrun(nominal, moved, 10.0) == ()  # whose file states no deviations
+
+
+def test_the_mass_comes_first_and_is_told_as_one() -> None:
+    """Whatever its deviations: a motor's constant 6 % lower had been behind three values of a mode, and "5 more"."""
+    nominal = load()
+    rigid, first, *rest = nominal.plant.modes
+    known = Provenance("identified", "a sweep", std=1e-5), Provenance("identified", "a sweep", std=1e-3)
+    names = "plant.modes.1.gain", "plant.modes.2.frequency"
+    stated = replace(nominal, sources={**nominal.sources, **dict(zip(names, known, strict=True))})
+    moved_modes = (Mode(rigid.gain * 1.03, 0.0, 0.0), replace(first, frequency=first.frequency + 1.0), *rest)
+    found = overrun(stated, replace(stated, plant=replace(stated.plant, modes=moved_modes)), 10.0)
+    assert [one.name for one in found] == [*names]
+    assert found[0].deviations < found[1].deviations
+    mass, other = (as_told(one, stated) for one in found)
+    assert (mass.name, mass.unit, other) == ("plant.mass", "kg", found[1])
+    assert (mass.before, mass.now) == pytest.approx((1 / rigid.gain, 1 / rigid.gain / 1.03))
+    assert mass.std / mass.before == pytest.approx(1e-5 / rigid.gain)

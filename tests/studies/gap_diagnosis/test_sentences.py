@@ -120,6 +120,8 @@ def test_values_that_an_incomplete_model_moved_far_are_said(results: dict[str, A
     told = sentences({**moved, "chi_square_per_sample": rough})["how_far"]
     assert "stated deviations, and may stand in for what the model lacks" in told
     assert "effects: current loop lag time 249.8 µs ± 880 ns before and 2 µs now" in told
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
+    assert "and may stand in for what the model lacks" in sentences({**moved, "verdict": verdict})["how_far"]
     many = sentences({**results, "overrun": [row] * 5})["how_far"]
     assert "5 values in improved.toml differ" in many
     assert many.endswith("before and 2 µs now and 2 more.")
