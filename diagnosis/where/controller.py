@@ -219,6 +219,11 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
                 f"a reference delay of {delay + shift} samples instead of {delay}",
                 _rms(record, replay(record, feedback, delay + shift), begin),
             )
+        elif delay + shift < 0:
+            late = -(delay + shift)
+            sooner = np.concatenate([record.reference[late:], np.full(late, record.reference[-1])])
+            words = f"the reference logged {late} sample{'s' * (late > 1)} late"
+            yield words, _rms(record, replay(replace(record, reference=sooner), feedback, 0), begin)
     if isinstance(feedback, PID):
         yield from _filters(record, feedback, delay, begin)
     error = made - record.feedforward

@@ -107,9 +107,14 @@ def check_signals(record: Record) -> None:
         raise RecordError(f"its signals must have equally many samples, at least one ({said})")
 
 
+def is_at_rate(record: Record, sample_time: float) -> bool:
+    """Whether a record was sampled at the rate of a controller that runs every `sample_time` [s]."""
+    return abs(record.sample_time / sample_time - 1) <= SAME_TIME
+
+
 def check_sample_time(record: Record, sample_time: float) -> None:
     """Raises RecordError for a record that was not sampled at the rate [s] of the machine's controller."""
-    if abs(record.sample_time / sample_time - 1) > SAME_TIME:
+    if not is_at_rate(record, sample_time):
         raise RecordError(
             f"is sampled every {show(record.sample_time, 's')}, and the machine's controller runs every "
             f"{show(sample_time, 's')}; give the machine file of this record, or a record that holds all of that "

@@ -8,6 +8,7 @@ from typing import Final
 from diagnosis.where.controller import Replayed, replayed
 from models.machine import Machine
 from models.quantity import show
+from models.records.checks import is_at_rate
 from models.records.files import Loaded
 from models.records.record import Record
 from studies.study import Check
@@ -19,12 +20,16 @@ def judged(machine: Machine, records: Sequence[tuple[str, Loaded]]) -> tuple[lis
     """Motion records that another controller made, or whose columns are shifted, each with what is to be said of it,
     and the check of them.
 
-    records: each with its kind. Other kinds are identified without the controller, and are not judged.
+    records: each with its kind. Other kinds are identified without the controller, and are not judged; nor are logs
+    without all of its samples, on which it can't be replayed.
     """
     found = [
         (one.name, replayed(machine, one.content))
         for kind, one in records
-        if kind == "motion" and isinstance(one.content, Record) and {"reference", "target"} & set(one.given)
+        if kind == "motion"
+        and isinstance(one.content, Record)
+        and {"reference", "target"} & set(one.given)
+        and is_at_rate(one.content, machine.sample_time)
     ]
     if not found:
         return [], []

@@ -23,7 +23,7 @@ from models.identification.joint.agreement import SIGMAS
 from models.identification.joint.steps import Difference, Identified, MotionStep, Settings, record_of, with_step
 from models.identification.unusable import UnusableError
 from models.quantity import show
-from models.records.checks import replay
+from models.records.checks import is_at_rate, replay
 from models.records.files import Loaded
 from models.records.record import Record
 
@@ -35,6 +35,11 @@ NOT_ITS_OWN: Final = 0.5  # share of the command's changes that the stated feedb
 def from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:  # noqa: ARG001
     """Prediction-error fit with the controller replayed; what no other record gave goes into the machine."""
     record = record_of(loaded)
+    if not is_at_rate(record, found.machine.sample_time):
+        raise UnusableError(
+            f"has a sample every {show(record.sample_time, 's')}, where the controller, which is replayed on motions, "
+            f"runs every {show(found.machine.sample_time, 's')}; log all of its samples"
+        )
     try:
         fit = motion.identify(record, found.machine, friction_covariance=_shape(found))
     except UnusableError as error:

@@ -149,6 +149,18 @@ def test_a_change_that_leaves_rounding_alone_needs_no_other_structure() -> None:
     assert late.other is None
 
 
+def test_a_reference_that_was_logged_late_is_told() -> None:
+    """Which no delay of the law's own can make good, where it has none."""
+    machine = under(PID(3e5, 2e7, 4e3, 0.3e-3), 0)
+    record = recorded(machine)
+    late = np.concatenate([np.full(2, record.reference[0]), record.reference[:-2]])
+    found = replayed(machine, replace(record, reference=late))
+    assert not found.replays
+    assert found.remedy == "the reference logged 2 samples late"
+    assert found.remains < 0.01 * found.rms
+    assert found.other is None
+
+
 def test_too_little_is_not_fitted() -> None:
     record = recorded(axis(BARE))
     assert structure(record.part(0, 150), 60) is None

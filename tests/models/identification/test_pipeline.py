@@ -25,6 +25,7 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from models.variation import Variation, varied
 from studies.identify_machine import own_records
+from studies.identify_machine.controllers import judged
 from studies.identify_machine.shown import checks_of
 from tests.diagnosis.slow import leg, moved
 
@@ -116,6 +117,19 @@ def test_motions_that_no_machine_makes_are_left_out_beside_what_else_was_identif
     assert (left.name, left.kind) == ("turned.csv", "motion")
     assert found.remarks[0] == f"turned.csv: is left out: {left.why}."
     assert "add a frequency response" not in left.why
+
+
+def test_motions_without_all_samples_of_the_controller_are_left_out() -> None:
+    """All that a response and slow loops had given was lost with them; and no controller is blamed that can't be
+    replayed on them."""
+    thinned = Loaded("m.csv", "0", own_records.motions(MACHINE, 1).thinned(2), ("reference",), ())
+    found = identify(MACHINE, [thinned, measured(MACHINE)], kinds=["motion", "response"])
+    assert [step.loaded.name for step in found.steps] == ["frf.csv"]
+    assert found.left_out[0].why == (
+        "has a sample every 1 ms, where the controller, which is replayed on motions, runs every 500 µs; log all of "
+        "its samples"
+    )
+    assert judged(MACHINE, [("motion", thinned)]) == ([], [])
 
 
 def test_the_advice_on_motions_is_the_one_that_applies(monkeypatch: pytest.MonkeyPatch) -> None:
