@@ -164,6 +164,8 @@ def as_spring(unknown: Learned, answer: Answer, pruned: Pruned, baseline: Baseli
     pulls = unknown.pulls_back(baseline.criteria.learned_max_rise)
     if not pulls or unknown.fitted is None or unknown.judgement is None or len(names) != 1:
         return None
+    if unknown.judgement.interval[0] <= 0:  # it may close nothing of what other motions show
+        return None
     stage = replace(pruned.stages[-1], fitted=unknown.fitted, added=names[0], rivals=())
     judged = unknown.judgement
     closure = replace(answer.closure, closure=judged.closure, interval=judged.interval, by_force=unknown.by_force)

@@ -174,6 +174,13 @@ class Control:
         limited = [f"an anti-windup of {show(self.anti_windup, 's')}"] if self.anti_windup > 0 else []
         return listed([core, *filters, *limited])
 
+    def without_feedforward(self) -> Control:
+        """The same without what a cascade adds of the reference's speed and acceleration; no unit [-]."""
+        if self.cascade is None:
+            return self
+        bare = dataclasses.replace(self.cascade, velocity_feedforward=0.0, acceleration_feedforward=0.0)
+        return dataclasses.replace(self, cascade=bare)
+
     def with_pid(self, pid: PID) -> Control:
         """The same with a plain PID [SI] as the only feedback: no cascade, filters or anti-windup."""
         return dataclasses.replace(self, pid=pid, cascade=None, filters=NO_FILTERS, anti_windup=0.0)

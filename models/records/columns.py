@@ -19,6 +19,7 @@ from models.quantity import QuantityError, is_rotary, parse
 _ENTRY: Final = re.compile(r"\s*(?P<name>[^\[\]*]+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*(?:\*\s*(?P<factor>[^*]+))?\s*")
 _NUMBER: Final = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
 _COUNTS: Final = frozenset(("inc", "incs", "increment", "increments", "count", "counts", "ct", "cts", "lsb", "pulses"))
+_NO_BRACKETS: Final = str.maketrans("[]", "  ")  # "24 [N/A]" is a factor, too
 _PLUS: Final = re.compile(r"\s\+\s")
 _ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232}
 
@@ -94,7 +95,7 @@ class Columns:
                 f"{signal}: {entry!r} must be a column with its unit; "
                 f'write it like "{signal} [mm]" or "x [V] * 35.2 N/V"'
             )
-        factor = (match["factor"] or "1").strip()
+        factor = (match["factor"] or "1").translate(_NO_BRACKETS).strip()
         unit = match["unit"] or _unit_by(factor, signal, stated.strip())
         if unit.lower() in _COUNTS and _is_of(factor, signal):
             unit = ""  # "[inc] * 10 nm" is "* 10 nm" for each of them

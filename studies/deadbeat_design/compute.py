@@ -148,8 +148,8 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         *reproduction(results["paper"]),
     ]
     if machine.control.law is not None:
-        results["feedback"] = machine.control.in_words
-        summary.append(("feedback kept, its reference entering as the position does", machine.control.in_words))
+        results["feedback"] = machine.control.without_feedforward().in_words
+        summary.append(("feedback kept, its reference entering as the position does", results["feedback"]))
     return Answer(results, checks, {"controller.json": file}, summary)
 
 

@@ -56,7 +56,9 @@ def told_off(rows: Sequence[Results], results: Results) -> str:
     before, after, floor = (
         show(far[name]["force_N"], "N", 3) for name in ("gap_as_delivered", "gap_refitted", "floor")
     )
+    none_left = far["gap_refitted"]["force_N"] < far["floor"]["force_N"]
+    beside = f"no more than the noise floor of {floor}" if none_left else f"beside a noise floor of {floor}"
     return (
         f"Nominal values are off, {listed([off_by(row) for row in rows])}; re-fitted, they reduce the unknown force "
-        f"from {before} to {after}, beside a noise floor of {floor}."
+        f"from {before} to {after}, {beside}."
     )

@@ -20,7 +20,9 @@ def roughness(results: Results) -> str:
     if force["taken"] > force["usual"]:
         told += (
             ". The drive is rougher than its model: beside the unknown force, which is slower, its force scatters by "
-            f"{show(force['taken'], 'N', 2)} from sample to sample, which no effect of the catalogue describes"
+            f"{show(force['taken'], 'N', 2)} from sample to sample, which no effect of the catalogue describes, unless "
+            "it is the model that lacks something as fast, such as friction at another place or a mode that friction "
+            "stiffens"
         )
     left, far = results["chi_square_per_sample"]["with_effects"], far_off(results)
     if far:

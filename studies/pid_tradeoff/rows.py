@@ -94,7 +94,8 @@ def summary(results: dict[str, Any]) -> list[tuple[str, str]]:
     present, chosen, fastest = (results[key] for key in ("present", "chosen", "fastest"))
 
     def line(row: dict[str, Any]) -> str:
-        said = f"Ms {row['ms']:.3g}, ki {row['ki_N_per_ms']:.3g} N/(m s), reversal in {show(row['settling_s'], 's')}"
+        said = f"Ms {row['ms']:.3g} at worst ({row['worst_plant']}), ki {row['ki_N_per_ms']:.3g} N/(m s)"
+        said += f", reversal in {show(row['settling_s'], 's')}"
         margin = row["settling"]["reversal"]
         change = "less" if margin["nearest_m"] == margin["less_m"] else "more"
         near = f"{show(margin['nearest_m'], 'm', 2)} {change} error: {show(margin['otherwise_s'], 's')}"

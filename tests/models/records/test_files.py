@@ -204,6 +204,7 @@ def test_a_wrong_mapping_is_said(entry: dict[str, str], says: str) -> None:
         ("x * -1", "mm", -1e-3),
         ("x [um]", "mm", 1e-6),  # what the user says counts more than what the file says
         ("x * 5 nm", "counts", 5e-9),
+        ("x [inc] * 5 [nm]", "inc", 5e-9),
         ("x_um * 1e-6", "um", 1e-6),  # the number is the unit's own, which is not counted twice
         ("x * 2", "um", 2e-6),
         ("x", "", 1.0),
