@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import call
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Begun, Null, begun
-from diagnosis.refit import weighed, within_rating
+from diagnosis.refit import CALLED, refit_under, weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
 from models.machine import Machine
@@ -27,6 +28,7 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
+ROUGHER: Final = (3.0, 10.0)  # times the usual white force, until the re-fit moves no value where nothing is wrong
 Progress = Callable[[float, str], None]
 
 
@@ -37,7 +39,8 @@ class Baseline:
 
     known_replays: of the controller on the records as they were logged, where signals that were added behind the
     controller have gone into their feedforward. given: the machine as its file has it, where it has fewer friction
-    elements than the records show."""
+    elements than the records show. biased: nominal values that the re-fit would move where nothing is wrong, by how
+    many of their tolerances [1], so that the weights are those of a rougher drive."""
 
     nominal: Fit
     records: tuple[Record, ...]
@@ -46,6 +49,7 @@ class Baseline:
     criteria: Criteria = Criteria()
     known_replays: tuple[Replayed, ...] = ()
     given: Machine | None = None
+    biased: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def machine(self) -> Machine:
@@ -137,8 +141,29 @@ def refit_and_null(
         candidate = nominal.candidate
         first = begun(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
     chance = first.completed(told)
+    biased = beyond = {} if nominal.candidate.rough else _biased(nominal, chance, criteria)
+    for rougher in ROUGHER:
+        if not beyond:
+            break
+        nominal = refit_under(nominal, records, rougher)
+        candidate = nominal.candidate
+        first = begun(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
+        chance = first.completed(told)
+        beyond = _biased(nominal, chance, criteria)
     given = smooth.candidate.nominal if finer is not smooth else None
-    return Baseline(nominal, tuple(records), motions, chance, criteria, known, given)
+    return Baseline(nominal, tuple(records), motions, chance, criteria, known, given, biased)
+
+
+def _biased(nominal: Fit, chance: Null, criteria: Criteria) -> dict[str, float]:
+    """The nominal values that the re-fit moves where nothing is wrong, by how many of their tolerances [1]: where
+    contacts slip within less than the scale can tell, friction along a smoothed path is another one."""
+    names = [name for name in nominal.candidate.layout.names if name != "initial_friction_state"]
+    largest: dict[str, float] = {}
+    for name, size in zip(names, chance.bias().tolist(), strict=False):
+        called = CALLED.get(name, name)
+        if abs(size) > max(criteria.null_bias, abs(largest.get(called, 0.0))):
+            largest[called] = size
+    return dict(sorted(largest.items(), key=lambda one: -abs(one[1])))
 
 
 def _require_smooth(records: Sequence[Record], null: Begun, criteria: Criteria) -> None:

@@ -17,6 +17,7 @@ import stat
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -44,24 +45,35 @@ from models.records.record import Record
 from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
-Drawn = tuple[Fit, list[Record], NuisanceProjection]
-Chance = tuple[dict[str, float], tuple[float, ...], float, float]
+Chance = tuple[dict[str, float], tuple[float, ...], float, float, tuple[float, ...]]
 
 DRAWS: Final = 8
 LARGEST_CACHE: Final = 1 << 22  # bytes of a kept null, which has a few kB
 APART: Final = 0x9E3779B1  # of 2**31, by the golden ratio: where neighbouring seeds begin in the white force's numbers
+SURELY: Final = 4.0  # deviations of a mean of the draws, beyond which it is not chance
 SETTLING: Final = 138.0  # loop times at rest before the record
 
 
 @dataclass(frozen=True)
 class Null:
     """Where nothing is missing: gains by effect, one a draw, the innovations' variance by draw and record [1], the
-    largest innovation of each draw in deviations [1], and its unknown force [N] (root mean square)."""
+    largest innovation of each draw in deviations [1], its unknown force [N] (root mean square), and how far its
+    re-fit moved each nominal value away from the truth, in its tolerances [1]."""
 
     gains: Mapping[str, tuple[float, ...]]
     variance: tuple[tuple[float, ...], ...]
     largest: tuple[float, ...]
     force: tuple[float, ...] = ()
+    moved: tuple[tuple[float, ...], ...] = ()
+
+    def bias(self) -> Array:
+        """By how many of its tolerances the re-fit moves each nominal value away from the truth where nothing is wrong
+        (P,) [1]; 0 where that may be chance."""
+        moved = np.array(self.moved)
+        if len(moved) < 2:
+            return np.zeros(moved.shape[-1])
+        mean, deviation = moved.mean(axis=0), moved.std(axis=0, ddof=1) / math.sqrt(len(moved))
+        return np.asarray(np.where(np.abs(mean) > SURELY * deviation, mean, 0.0))
 
     def thresholds(self, criteria: Criteria) -> dict[str, float]:
         """By effect, the chi-square [1] that it has to gain on held-out motions to be more than chance."""
@@ -157,6 +169,21 @@ def _white_force(candidate: Candidate, index: int, seed: int) -> tuple[WhiteForc
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """A table within the priors that runs the records' references: its re-fit, its records, what is left of them, and
+    how far the re-fit moved each nominal value away from the truth (P,), in its tolerances [1]."""
+
+    fitted: Fit
+    records: Sequence[Record]
+    left: NuisanceProjection
+    moved: Array
+
+    def scanned(self, known: Columns = MappingProxyType({})) -> tuple[list[Finding], Columns]:
+        """What every effect gains on it [1], and the columns of the effects."""
+        return scan(self.fitted, self.records, self.left, known=known)
+
+
+@dataclass(frozen=True)
 class Begun:
     """A null of which the first table is simulated and scanned, with the columns that the others share (`start`); or
     the whole of it, where it was kept in `place`."""
@@ -176,8 +203,8 @@ class Begun:
         """`Null.usual` [1], which takes no scan of the tables."""
         if isinstance(self.start, Null):
             return self.start.usual
-        (_, variance, _, _), _ = self.start
-        rest = parallel_map(lambda seed: variance_by_record(self.drawn(seed)[0]), range(1, self.draws))
+        (_, variance, *_), _ = self.start
+        rest = parallel_map(lambda seed: variance_by_record(self.drawn(seed).fitted), range(1, self.draws))
         return tuple(np.mean([np.array(variance), *rest], axis=0).tolist())
 
     def completed(self, say: Callable[[str], None] = lambda _: None) -> Null:
@@ -194,8 +221,8 @@ class Begun:
         for found, *_ in results:
             for name, gain in found.items():
                 gains.setdefault(name, []).append(gain)
-        _, variance, largest_ones, forces = zip(*results, strict=True)
-        made = Null({name: tuple(row) for name, row in sorted(gains.items())}, variance, largest_ones, forces)
+        _, *rest = zip(*results, strict=True)
+        made = Null({name: tuple(row) for name, row in sorted(gains.items())}, *rest)
         if self.place:
             _keep(made, self.place)
         return made
@@ -218,12 +245,12 @@ def begun(
     damaged, or somebody else owns the folder, the tables are simulated again.
     """
     place = cache / f"{_key(layout.machine, records, draws, roughness)}.json" if cache else None
-    kept = _kept(place, layout.machine.kinds, draws, len(records)) if place else None
+    kept = _kept(place, layout.machine.kinds, draws, len(records), _nominal(layout).size) if place else None
     if kept is not None:
         return Begun(layout, records, roughness, draws, place, kept)
     say(f"simulating the null, 1 of {draws}")
     table = _drawn(layout, records, roughness, 0)
-    findings, columns = scan(*table)  # most of them are those of the tables that follow, too
+    findings, columns = table.scanned()  # most of them are those of the tables that follow, too
     known = {effect: column for effect, column in columns.items() if _is_of_path(effect)}
     return Begun(layout, records, roughness, draws, place, (_gains(table, findings), known))
 
@@ -246,8 +273,9 @@ def _keep(made: Null, place: Path) -> None:
         return
 
 
-def _kept(place: Path, kinds: Collection[str], draws: int, records: int) -> Null | None:
-    """The null in a file of the cache; None where there is none, or none that `_keep` wrote for such a search."""
+def _kept(place: Path, kinds: Collection[str], draws: int, records: int, values: int) -> Null | None:
+    """The null in a file of the cache; None where there is none, or none that `_keep` wrote for such a search. values:
+    how many nominal ones there are."""
     try:
         if not (_users(place.parent) and _users(place)) or place.stat().st_size > LARGEST_CACHE:
             return None
@@ -258,10 +286,12 @@ def _kept(place: Path, kinds: Collection[str], draws: int, records: int) -> Null
             tuple(_numbers(row, records) for row in content.pop("variance")),
             _numbers(content.pop("largest"), draws),
             _numbers(content.pop("force"), draws),
+            tuple(_numbers(row, values) for row in content.pop("moved")),
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
-    whole = not content and set(made.gains) <= set(kinds) and bool(made.gains) and len(made.variance) == draws
+    whole = not content and set(made.gains) <= set(kinds) and bool(made.gains)
+    whole &= len(made.variance) == len(made.moved) == draws
     return made if whole and expected == _hash_of(asdict(made)) else None
 
 
@@ -289,26 +319,35 @@ def _hash_of(content: Mapping[str, object]) -> str:
 
 
 def _drawn(layout: Parameters, records: Sequence[Record], roughness: tuple[float, ...], seed: int) -> Drawn:
-    """A table within the priors that runs the records' references: its re-fit, its records, what is left of them."""
+    """The table of a seed."""
     rng = np.random.default_rng([seed, 1])
     theta = bounded(layout, layout.deviation * np.clip(rng.standard_normal(layout.count), -2, 2))
     truth = Candidate(layout, theta, in_order(layout.machine.effects), roughness=roughness)
     made, begun = simulated_with_starts(truth, records, 1000 * seed)
     fitted = one_step(begun, made, walk=slow_walk(layout.machine))
-    return fitted, list(made), partial_out(fitted, numbered(pieces(made, loop_time(layout.machine)), made))
+    left = partial_out(fitted, numbered(pieces(made, loop_time(layout.machine)), made))
+    values = _nominal(layout)
+    moved = (fitted.candidate.theta - begun.theta)[values] / layout.deviation[values]
+    return Drawn(fitted, made, left, moved)
+
+
+def _nominal(layout: Parameters) -> NDArray[np.int64]:
+    """Which of theta are nominal values, not starts of the records."""
+    return np.flatnonzero(np.array(layout.names) != "initial_friction_state")
 
 
 def _gains(drawn: Drawn, findings: Sequence[Finding]) -> Chance:
-    """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation, and
-    the unknown force [N]."""
-    fitted, made, _ = drawn
+    """Of a table without any effect: what each gains, the innovations' variance by record, the largest innovation, the
+    unknown force [N], and how far the nominal values were moved."""
+    fitted, made = drawn.fitted, drawn.records
     gains = {finding.effect.name: finding.held_out for finding in findings}
     gains |= gained_by_chance(fitted, made)
-    return gains, tuple(variance_by_record(fitted).tolist()), largest(fitted).deviations, force_left(fitted, made)
+    variance, far = tuple(variance_by_record(fitted).tolist()), largest(fitted).deviations
+    return gains, variance, far, force_left(fitted, made), tuple(drawn.moved.tolist())
 
 
 def _draw(drawn: Drawn, known: Columns) -> Chance:
-    return _gains(drawn, scan(*drawn, known=known)[0])
+    return _gains(drawn, drawn.scanned(known)[0])
 
 
 def _is_of_path(effect: Effect) -> bool:

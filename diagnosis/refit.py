@@ -77,6 +77,14 @@ def refit_within(machine: Machine, records: Sequence[Record], criteria: Criteria
     return weighed(within_rating(machine, records), records, criteria)
 
 
+def refit_under(fitted: Fit, records: Sequence[Record], roughness: float) -> Fit:
+    """The re-fit begun again, from the file's values, under so many times the usual white force [1] in each record."""
+    layout, effects = fitted.candidate.layout, in_order(fitted.candidate.nominal.effects)
+    start = static_equilibrium_start(layout, records)
+    candidate = Candidate(layout, start, effects, roughness=(roughness,) * len(records))
+    return started(fit(candidate, records, walk=fitted.walk), records)
+
+
 def weighed(
     fitted: Fit,
     records: Sequence[Record],

@@ -309,11 +309,13 @@ def _not_looked_for(machine: Machine) -> list[str]:
 
 
 def _white_force(found: Diagnosis) -> dict[str, Any]:
-    """Of a drive as smooth as its model, of the roughest record, and of each [N]."""
+    """Of a drive as smooth as its model, of the roughest record, and of each [N]; and the values that the re-fit would
+    move under the first of them where nothing is wrong, by how many of their tolerances [1]."""
     candidate = found.final.candidate
     usual = candidate.usual_white_force
     by_record = [usual * candidate.roughness_of(i) for i in range(len(found.baseline.records))]
-    return {"usual": usual, "taken": candidate.white_force, "by_record": by_record}
+    biased = [{"name": name, "tolerances": size} for name, size in found.baseline.biased.items()]
+    return {"usual": usual, "taken": candidate.white_force, "by_record": by_record, "biased": biased}
 
 
 def _next(beside: Evidence, machine: Machine, samples: Sequence[int], most: int) -> dict[str, Any] | None:

@@ -128,7 +128,20 @@ def test_complete_models_tell_how_well_a_floor_is_known() -> None:
     assert np.all(unknown.force_scatter(3) == 1.0)
 
 
-KEPT = Null({"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0, 2.0), (1.5, 1.0)), (4.0, 7.0), (0.1, 0.2))
+VALUES = np.sum(np.array(parameters(MACHINE, 1).names) != "initial_friction_state")
+KEPT = Null(
+    {"cogging": (3.0, 50.0), "play": (0.0, 1.0)}, ((1.0, 2.0), (1.5, 1.0)), (4.0, 7.0), (0.1, 0.2),
+    ((0.5,) * int(VALUES), (0.25,) * int(VALUES)),
+)  # fmt: skip
+
+
+def test_values_that_a_re_fit_moves_where_nothing_is_wrong_are_biased() -> None:
+    draw = np.random.default_rng(0).standard_normal((8, 4))
+    drawn = [(-5.0 + 0.1 * row[0], 3.0 * row[1], 0.2 + 0.01 * row[2], 0.0) for row in draw]
+    found = Null({}, ((1.0,),) * 8, (4.0,) * 8, (), tuple(drawn)).bias()
+    assert found == pytest.approx([-5.0, 0.0, 0.2, 0.0], abs=0.1)
+    assert found[1] == 0.0  # chance
+    assert Null({}, ((1.0,),), (4.0,), (), ((1.0, 2.0),)).bias() == pytest.approx([0.0, 0.0])
 
 
 @pytest.fixture
@@ -179,6 +192,7 @@ SPOILED: dict[str, Callable[[str], str]] = {
     "an unknown effect": signed(lambda one: one["gains"].update(gremlins=[0.0, 0.0])),
     "a draw missing": signed(lambda one: one["gains"].update(cogging=[3.0])),
     "records of another table": signed(lambda one: one.update(variance=[[1.0], [1.5]])),
+    "shifts of another table": signed(lambda one: one.update(moved=[[0.5], [0.25]])),
     "text": signed(lambda one: one.update(largest=["4.0", "7.0"])),
     "not a number": signed(lambda one: one.update(largest=[4.0, float("nan")])),
 }

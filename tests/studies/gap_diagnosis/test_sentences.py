@@ -127,6 +127,17 @@ def test_values_that_an_incomplete_model_moved_far_are_said(results: dict[str, A
     assert many.endswith("before and 2 µs now and 2 more.")
 
 
+def test_values_that_the_re_fit_would_move_where_nothing_is_wrong_are_told(results: dict[str, Any]) -> None:
+    """A drawn machine whose scale of 87 nm is coarser than its contacts: 30 % of its mass had been "off"."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    biased = [{"name": "friction_level", "tolerances": -5.4}, {"name": "payload_mass", "tolerances": -4.2}]
+    force = {"usual": 1.8, "taken": 5.4, "by_record": [5.4], "biased": biased}
+    told = sentences({**results, "verdict": verdict, "white_force_N": force})["which"]
+    assert "moves values by many of their tolerances (friction level by -5.4 and payload mass by -4.2)" in told
+    assert "a white force of 5.4 N a sample is taken beside the model in place of 1.8 N" in told
+    assert "rougher than its model" not in told
+
+
 def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
     details = {**results["where"]["details"], "controller": [{"replays": False}]}
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
