@@ -9,7 +9,7 @@ constants) before a second class is looked for.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Final, Protocol
 
@@ -29,6 +29,7 @@ from diagnosis.which.random_force import is_about
 from diagnosis.which.scan import HIGHEST, Columns
 from diagnosis.which.stage import Proposal, Stage
 from models.effects.base import Effect
+from models.quantity import declaration
 
 Array = NDArray[np.float64]
 
@@ -268,12 +269,13 @@ def min_gain_beside_others(gained: float, left: float, floors: Array, criteria: 
 
 def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], search: Search) -> set[str]:
     """Effects that were tried and only mend the form of another law: whose members take from each other, further
-    members that do not repeat within the travel, and those at the bounds of their prior range that gain little of what
-    the effects before them did."""
+    members that do not repeat within the travel, those larger than any can be, and those at the bounds of their prior
+    range that gain little of what the effects before them did."""
     criteria, here = search.criteria, stages[-1].fitted
     names = {trial.proposal.name for trial in trials if _opposed(trial.fitted, trial.proposal.name)}
     names |= {trial.proposal.name for trial in trials if _too_fast(trial.fitted)}
     names |= {trial.proposal.name for trial in trials if _draws_more(trial, here, search)}
+    names |= {trial.proposal.name for trial in trials if _is_impossible(trial.fitted, trial.proposal.name)}
     if here.candidate.added_effects:
         large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
         bounded = [trial for trial in trials if runs_to_bounds(trial.fitted, trial.proposal.name)]
@@ -302,6 +304,17 @@ def _draws_more(trial: Trial, before: Fit, search: Search) -> bool:
         return [search.periods(one) >= least for one in fitted.candidate.effects if one.name == name]
 
     return any(shown(before)) and shown(trial.fitted).count(False) > shown(before).count(False)
+
+
+def _is_impossible(fitted: Fit, name: str) -> bool:
+    """Whether an effect of this class is larger than one can be, as a ripple of more than the whole thrust."""
+    for effect in fitted.candidate.added_effects:
+        for field in fields(effect) if effect.name == name else ():
+            declared = declaration(field, effect)
+            most = declared and (declared.below if declared.below is not None else declared.at_most)
+            if most is not None and getattr(effect, field.name) > most:
+                return True
+    return False
 
 
 def _opposed(fitted: Fit, name: str) -> bool:

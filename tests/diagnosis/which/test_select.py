@@ -20,7 +20,7 @@ from diagnosis.which.stage import Proposal, Stage
 from models.effects.base import Effect
 from models.effects.catalogue import every, in_order
 from models.effects.friction_laws import DirectionalFriction, FrictionDrift
-from models.effects.motor import Cogging
+from models.effects.motor import Cogging, ThrustRipple
 from models.effects.structure import AdditionalMode
 from tests.diagnosis.tables import table
 
@@ -184,6 +184,14 @@ def test_members_of_one_class_that_take_from_each_other_are_the_form_of_one(
     trial = Trial(Proposal(name, 1.0, 1.0), _fit(0.0, effects, own))
     search = Planned({}, {}, {}, {})
     assert inadmissible([trial], [Stage(_fit(START, own=own))], search) == ({name} if opposed else set())
+
+
+@pytest.mark.parametrize(("part", "possible"), [(0.9, True), (1.02, False)])
+def test_an_effect_larger_than_any_can_be_mends_the_form_of_another(part: float, possible: bool) -> None:
+    """A ripple of 102 % of the thrust had stood beside a Stribeck curve of another form."""
+    trial = Trial(Proposal("thrust_ripple", 1.0, 1.0), _fit(0.0, [ThrustRipple(part, 0.03, 1.0)], []))
+    search = Planned({}, {}, {}, {})
+    assert inadmissible([trial], [Stage(_fit(START))], search) == (set() if possible else {"thrust_ripple"})
 
 
 @pytest.mark.parametrize(
