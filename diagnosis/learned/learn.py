@@ -155,8 +155,8 @@ def objection(judged: Judgement, criteria: Criteria) -> str:
         )
     if judged.closure < criteria.learned_min_closure:
         return (
-            f"on types of motion that were not used it closes {100 * judged.closure:.0f} % of the gap, less than the "
-            f"{100 * criteria.learned_min_closure:.0f} % asked for"
+            f"on types of motion that were not used it closes {round(100 * judged.closure)} % of the gap, less than "
+            f"the {100 * criteria.learned_min_closure:.0f} % asked for"
         )
     return ""
 

@@ -116,7 +116,7 @@ class RecordSearch:
         fitted, records = trial.fitted, self.baseline.records
         if before.fitted.cost - fitted.cost > self.criteria.restart_gain:
             fitted = started(fitted, records)
-        if fitted.candidate.rough:
+        if fitted.candidate.rough and not self.baseline.biased:  # whose weights are not those of the records
             fitted = weighed(fitted, records, self.criteria, lambda: self.baseline.null.usual)
         return replace(trial, fitted=fitted)
 

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from diagnosis import baseline as module
-from diagnosis.baseline import refit_and_null
+from diagnosis.baseline import Baseline, refit_and_null
+from diagnosis.diagnose import diagnosed
+from diagnosis.model.motions import pieces
+from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import DRAWS, Null
+from diagnosis.refit import refit_under, refit_within
+from models.effects.catalogue import looked_for
+from models.effects.friction_laws import ViscousFriction
 from tests.diagnosis.tables import recorded, short, table
 
 MACHINE = table()
@@ -50,3 +56,18 @@ def test_the_weights_are_those_under_which_no_value_is_moved(
     assert found.null.bias().max() <= (2.0 if enough < 99.0 else 10.0)
     if taken:
         assert found.biased["friction_level"] == pytest.approx(-5.4, abs=0.2)
+
+
+def test_what_is_found_beside_such_weights_does_not_lower_them() -> None:
+    """Chi-square per sample is below 1 under them, by which a rough drive's would be estimated anew."""
+    records = recorded(MACHINE, (short(MACHINE),), [ViscousFriction(400.0)], seed=3, wrong=0.0)
+    machine = with_units(MACHINE, records)
+    nominal = refit_under(refit_within(machine, records), records, 3.0)
+    names = dict.fromkeys(looked_for(), (0.0,))
+    chance = Null(names, ((1.0,),) * DRAWS, (4.0,) * DRAWS)
+    found = diagnosed(
+        Baseline(nominal, records, pieces(records, loop_time(machine)), chance, biased={"payload_mass": -4.0}),
+        disabled=[name for name in looked_for() if name != "viscous_friction"],
+    )
+    assert "viscous_friction" in (*found.effects, *found.partly)
+    assert found.final.candidate.roughness == (3.0,)
