@@ -7,7 +7,7 @@ from typing import Final
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
-from diagnosis.handover.gate import chosen
+from diagnosis.handover.gate import chosen, is_believed
 from diagnosis.handover.posterior import spreads
 from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
@@ -51,7 +51,9 @@ def without_effects(diagnosis: Diagnosis) -> Diagnosis:
     """The diagnosis where the names that it found are not sure after all: none of them counts, and the file that is
     handed over has none of their effects."""
     far = diagnosis.how_far
-    files = [file for file in far.handover.files if file.name != Content.EFFECTS]
+    files = [
+        file for file in far.handover.files if file.name != Content.EFFECTS and is_believed(file, diagnosis.baseline)
+    ]
     return replace(
         diagnosis,
         outcome=Outcome.NONE,

@@ -27,6 +27,7 @@ from diagnosis.how_far import Errors, Gap, errors_of
 from diagnosis.model.fit import Fit, without
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import Candidate, SmoothedPath, smooth
+from diagnosis.refit import CALLED
 from models.machine import Machine
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ DRAWS: Final = 1000
 CHANCE: Final = 0.05  # one-sided level at which a candidate counts as worse
 HALF: Final = 0.5  # of an error, which a file surely leaves less of that may leave
 LITTLE: Final = 0.1  # more of the other one, of itself
+BELIEVED: Final = 3.0  # tolerances by which a file may move a value that the re-fit moves where nothing is wrong
 ROUNDING: Final = 1e-6  # relative difference of errors that are equal but for their arithmetic
 MEASURES: Final = ("force", "position", "settling")
 
@@ -134,6 +136,15 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) ->
             harms += worse
             best = simpler if not worse and _better(simpler, first) else best
     return Handover(best, tuple(judged_), tuple(harms))
+
+
+def is_believed(file: File, baseline: Baseline) -> bool:
+    """Whether a file has no value far from where it was that the re-fit would move where nothing is wrong, too."""
+    if file.finished is None:
+        return True
+    layout, theta = file.fitted.candidate.layout, file.fitted.candidate.theta
+    own = np.array([CALLED.get(name, name) in baseline.biased for name in layout.names])
+    return bool(np.all(np.abs(theta[own]) <= BELIEVED * layout.deviation[own]))
 
 
 def _better(file: File, other: File, measure: str = "force", part: float = 1.0) -> bool:

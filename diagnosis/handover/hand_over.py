@@ -22,6 +22,7 @@ from diagnosis.handover.gate import (
     as_delivered,
     chosen,
     file_of,
+    is_believed,
     offset_alone,
     with_fit,
 )
@@ -179,8 +180,12 @@ def how_far(
     else:
         count = len(files) if outcome in ADOPTED else 1
         learned = [] if law is None else [with_fit(Content.MEASURED, finished(law, records), baseline)]
-        handover = chosen((delivered, *files[:count], *learned), lambda: offset_alone(baseline, delivered))
-        handover = replace(handover, files=(*handover.files, *files[count:]))
+        every = (*files[:count], *learned)
+        believed = [is_believed(one, baseline) for one in every]
+        may = (delivered, *(one for one, kept in zip(every, believed, strict=True) if kept))
+        handover = chosen(may, lambda: offset_alone(baseline, delivered))
+        rest = (one for one, kept in zip(every, believed, strict=True) if not kept)
+        handover = replace(handover, files=(*handover.files, *rest, *files[count:]))
     named = [(Content.DELIVERED, delivered.gap), (Content.REFITTED, files[0].gap), *_between(stages, baseline)]
     if len(files) > 1:
         named.append((f"{stages[-1].added}", files[-1].gap))

@@ -284,6 +284,8 @@ def _handed_over(results: Results) -> list[str]:
     harms = [harm_told(harm) for harm in far["harms"] if harm["file"] in richer]
     if harms:
         told.append(f"{' '.join(harms)} {FILES[far['adopted_file']]}")
+    elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:
+        told.append(f"The re-fit is not believed. {FILES[Content.DELIVERED]}")
     told += _slower(far)
     if far["at_bounds"]:
         values = bounds_told(far["at_bounds"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,11 @@ import pytest
 from diagnosis import baseline as module
 from diagnosis.baseline import Baseline, refit_and_null
 from diagnosis.diagnose import diagnosed
+from diagnosis.handover.final_fit import Finished
+from diagnosis.handover.gate import File, is_believed
 from diagnosis.model.motions import pieces
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
 from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import DRAWS, Null
 from diagnosis.refit import refit_under, refit_within
@@ -71,3 +77,20 @@ def test_what_is_found_beside_such_weights_does_not_lower_them() -> None:
     )
     assert "viscous_friction" in (*found.effects, *found.partly)
     assert found.final.candidate.roughness == (3.0,)
+
+
+@pytest.mark.parametrize(("tolerances", "believed"), [(2.5, True), (-3.5, False)])
+@pytest.mark.parametrize("biased", [True, False])
+def test_a_file_that_moves_such_a_value_far_is_not_handed_over(tolerances: float, believed: bool, biased: bool) -> None:
+    records = recorded(MACHINE, (short(MACHINE),), seed=3, wrong=0.0)
+    layout = parameters(with_units(MACHINE, records), 1)
+    theta = np.zeros(layout.count)
+    theta[layout.of("payload_mass")] = tolerances * layout.deviation[layout.of("payload_mass")]
+    fitted: Any = SimpleNamespace(candidate=Candidate(layout, theta, ()))
+    nothing: Any = None
+    file = File("re-fitted", nothing, nothing, nothing, Finished(fitted))
+    baseline = Baseline(
+        fitted, records, (), Null({}, ((1.0,),), (4.0,)), biased={"payload_mass": -4.0} if biased else {}
+    )
+    assert is_believed(file, baseline) == (believed or not biased)
+    assert is_believed(replace(file, finished=None), baseline)

@@ -136,6 +136,9 @@ def test_values_that_the_re_fit_would_move_where_nothing_is_wrong_are_told(resul
     assert "moves values by many of their tolerances (friction level by -5.4 and payload mass by -4.2)" in told
     assert "a white force of 5.4 N a sample is taken beside the model in place of 1.8 N" in told
     assert "rougher than its model" not in told
+    far = {**results["how_far"], "adopted_file": "as delivered", "harms": []}
+    kept = sentences({**results, "verdict": verdict, "white_force_N": force, "how_far": far})["how_far"]
+    assert "The re-fit is not believed. So improved.toml is the machine as delivered." in kept
 
 
 def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
