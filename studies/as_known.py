@@ -97,6 +97,13 @@ def in_short(found: Mapping[str, Any]) -> str:
     return f"{found['in_time']} of {found['machines']} ({drawn_from(found)})"
 
 
+def summary_row(found: Mapping[str, Any]) -> tuple[str, str]:
+    """That as a row of a study's summary, a warning where it is less than half of them: the design is then right for
+    one machine, and the axis is as likely as not another one of those that the file allows."""
+    name = "machines that the file allows on which all motions settle in time"
+    return ("WARNING, " if 2 * found["in_time"] < found["machines"] else "") + name, in_short(found)
+
+
 def drawn_from(found: Mapping[str, Any]) -> str:
     """By which deviations the allowed machines are drawn, in words."""
     own = sum(one["origin"] == "value" for one in found["known"])

@@ -8,12 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from design.controller import assemble, design_deadbeat
 from design.validation import validate
 from models.machine import Machine, Provenance, load
 from models.machine_file import to_toml
-from studies.as_known import _slowest, in_short, on_allowed_machines, origin, spread
+from studies.as_known import _slowest, in_short, on_allowed_machines, origin, spread, summary_row
 from studies.command import main
 from studies.deadbeat_design.__main__ import STUDY
 from studies.deadbeat_design.options import DeadbeatOptions
@@ -75,3 +76,10 @@ def test_a_design_that_holds_on_the_file_s_values_alone_is_not_a_yes(tmp_path: P
     said = f"but only {found['in_time']} of {found['machines']} machines that the file allows settle in time"
     assert said in " ".join(page.split())
     assert "Yes: all" not in page
+
+
+@pytest.mark.parametrize(("in_time", "warns"), [(10, False), (5, False), (4, True), (0, True)])
+def test_a_design_for_one_machine_of_many_is_a_warning(in_time: int, warns: bool) -> None:
+    name, told = summary_row({"in_time": in_time, "machines": 10, "known": []})
+    assert name.startswith("WARNING, machines") == warns
+    assert told.startswith(f"{in_time} of 10 ")
