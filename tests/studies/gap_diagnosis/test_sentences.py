@@ -9,17 +9,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import Candidate
 from reports import text
 from studies.gap_diagnosis import report
 from studies.gap_diagnosis.answer import _carried_over, elsewhere, sentences
-from studies.gap_diagnosis.compute import _of_all_contacts
-from studies.gap_diagnosis.values_off import in_percent
-from tests.diagnosis.tables import table
 
 
 def test_the_answer_is_made_of_the_results(results: dict[str, Any]) -> None:
@@ -386,19 +380,6 @@ def test_a_shift_that_is_sure_below_the_noise_floor_is_said_to_be_small(
     assert ("what is off is sure, and small" in told) == small
 
 
-def test_of_contacts_that_make_up_for_one_another_little_is_off_in_all() -> None:
-    machine = table()
-    layout = parameters(machine, 1)
-    theta = np.zeros(layout.count)
-    where = layout.of("presliding_stiffness")[:2]
-    first, second = machine.friction.stiffness[:2]
-    theta[where] = np.log1p([0.4, -0.4 * first / second])
-    assert _of_all_contacts("presliding_stiffness", Candidate(layout, theta)) == pytest.approx(0.0, abs=1e-12)
-    theta[layout.of("presliding_limit")] = np.log1p(0.1)
-    assert _of_all_contacts("presliding_limit", Candidate(layout, theta)) == pytest.approx(0.1)
-    assert _of_all_contacts("payload_mass", Candidate(layout, theta)) is None
-
-
 @pytest.mark.parametrize("still", [False, True])
 def test_the_figure_of_gains_says_what_they_are_beside(still: bool, quick: Path, results: dict[str, Any]) -> None:
     whole = json.loads((quick / "results.json").read_text())
@@ -419,10 +400,6 @@ def test_the_report_says_why_a_controller_was_not_replayed(every: int, said: boo
     assert ("has no reference" in page) == said
     assert not re.search(r"{[#%{](?!tbl|fig|sec)", page)
     assert "replayed on the logged error" not in page
-
-
-def test_a_share_is_written_out() -> None:
-    assert [in_percent(size) for size in (0.0413, 9.98, 25.2)] == ["4.1 %", "1000 %", "25 times"]
 
 
 def test_a_name_that_no_record_has_confirmed_is_marked_and_the_way_on_is_said(results: dict[str, Any]) -> None:

@@ -1,0 +1,47 @@
+"""By how much values are off, and what the file handed over costs, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from studies.gap_diagnosis.answer import SLOWER, _slower
+from studies.gap_diagnosis.compute import _of_all_contacts
+from studies.gap_diagnosis.values_off import in_percent
+from tests.diagnosis.tables import table
+
+
+def test_of_contacts_that_make_up_for_one_another_little_is_off_in_all() -> None:
+    machine = table()
+    layout = parameters(machine, 1)
+    theta = np.zeros(layout.count)
+    where = layout.of("presliding_stiffness")[:2]
+    first, second = machine.friction.stiffness[:2]
+    theta[where] = np.log1p([0.4, -0.4 * first / second])
+    assert _of_all_contacts("presliding_stiffness", Candidate(layout, theta)) == pytest.approx(0.0, abs=1e-12)
+    theta[layout.of("presliding_limit")] = np.log1p(0.1)
+    assert _of_all_contacts("presliding_limit", Candidate(layout, theta)) == pytest.approx(0.1)
+    assert _of_all_contacts("payload_mass", Candidate(layout, theta)) is None
+
+
+def test_a_share_is_written_out() -> None:
+    assert [in_percent(size) for size in (0.0413, 9.98, 25.2)] == ["4.1 %", "1000 %", "25 times"]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [(10e-3, 15e-3, True), (10e-3, SLOWER * 9.99e-3, False), (None, 15e-3, False), (10e-3, None, False)],
+)
+def test_a_larger_error_of_settling_is_told_of_the_file_handed_over(
+    before: float | None, after: float | None, said: bool
+) -> None:
+    """As of a gantry, where it was within chance, so that no gate held it back."""
+    errors = {"as delivered": before, "re-fitted": after}
+    files = [{"file": name, "held_out": {"settling_s": size}} for name, size in errors.items()]
+    told = _slower({"files": files, "adopted_file": "re-fitted"})
+    assert bool(told) == said
+    begins = "Of settling, on motions held out, it leaves 15 ms where the machine as delivered leaves 10 ms"
+    assert not said or told[0].startswith(begins)
+    assert _slower({"files": files, "adopted_file": "as delivered"}) == []
