@@ -46,6 +46,7 @@ STARTING: Final = 60  # samples at the start of a record in which the state sett
 FORGOTTEN: Final = 1e-4  # of a wrong start, below which it is not felt any more
 LONGEST: Final = 200_000  # samples for which a wrong start is followed
 FREE: Final = 1e3  # units of a wrong start: its deviation where no faster filter tells it
+FADED: Final = 1e-100  # [m], [m/s], ...: of a state in `responses`, below which there is none
 TOGETHER: Final = 8  # columns that it filters at once, so that its intermediate arrays stay small
 
 
@@ -361,8 +362,13 @@ def _heads(behind: Array, entering: Array, heads: Array) -> None:
                     of_d += factor * heads[d, b, j]
                     of_e += factor * heads[e, b, j]
                     of_f += factor * heads[f, b, j]
-                heads[c, b + 1, i], heads[d, b + 1, i] = of_c, of_d
-                heads[e, b + 1, i], heads[f, b + 1, i] = of_e, of_f
+                heads[c, b + 1, i], heads[d, b + 1, i] = _or_none(of_c), _or_none(of_d)
+                heads[e, b + 1, i], heads[f, b + 1, i] = _or_none(of_e), _or_none(of_f)
+
+
+@compiled
+def _or_none(value: float) -> float:
+    return value if abs(value) > FADED else 0.0
 
 
 @compiled

@@ -91,6 +91,18 @@ def test_columns_side_by_side_are_the_filter_itself() -> None:
     assert np.allclose(responses(model, force), by_force, rtol=1e-10, atol=1e-10 * np.max(np.abs(by_force)))
 
 
+def test_what_dies_away_ends_at_zero_and_not_in_subnormal_numbers() -> None:
+    """Products with subnormal numbers took forty times as long, and a quarter of a refit's slopes were such."""
+    rigid = replace(MACHINE.plant, modes=MACHINE.plant.modes[:1])
+    model = predictor(rigid, TS, noise=4e-8, walk=0.4, white_force=0.08)
+    force, reading = np.zeros((5, 40_000, SUBSTEPS)), np.zeros((5, 40_000))
+    force[:, :100], reading[:, :100] = np.random.default_rng(2).standard_normal((2, 5, 100, 1))[0], 1e-6
+    found = responses(model, force, reading)
+    assert np.all(found[:1000] != 0)
+    assert np.all(found[-1000:] == 0)
+    assert np.min(np.abs(found[found != 0])) > np.finfo(float).tiny
+
+
 def _simulated(
     model: Predictor,
     walk: float,
