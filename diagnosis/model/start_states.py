@@ -60,7 +60,7 @@ class StartCost(NamedTuple):
 
 class Fixed(NamedTuple):
     """The elements below one that moves: the displacement [m] of the last of them, and the slope (N, p) [1] of the
-    chi-square by each start of the others beside them."""
+    chi-square by each start of the others beside them, which is written to."""
 
     displacement: float
     slope: Array
@@ -117,12 +117,12 @@ def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArr
     points, position = _points(candidate.nominal), fitted.paths[index].path.position.ravel()
     k, limit = np.array(machine.friction.stiffness), np.array(machine.friction.limit)
     now = initial_state(layout, candidate.theta, index)
-    starts = np.linspace(-1, 1, points)[:, None] * limit
-    base = deflections(limit, position, now)
-    changed = np.stack([(deflections(limit, position, start) - base).T for start in starts])  # (p, N, n M)
-    apart = np.flatnonzero(np.any(changed != 0, axis=(0, 1)))
+    apart = np.flatnonzero(np.any(deflections(limit, position, limit) != deflections(limit, position, -limit), axis=1))
     n = min((apart[-1] // SUBSTEPS if apart.size else 0) + TAIL, record.position.size)
-    force = -(changed[:, :, : n * SUBSTEPS] * k[:, None]).reshape(points * limit.size, n, SUBSTEPS)
+    force, position = np.empty((points * limit.size, n, SUBSTEPS)), position[: n * SUBSTEPS]
+    base = deflections(limit, position, now)
+    for start, given in zip(np.linspace(-1, 1, points), np.split(force, points), strict=True):
+        given.reshape(limit.size, -1).T[:] = k * (base - deflections(limit, position, start * limit))
     model = candidate.predictor(record.sample_time, fitted.walk, index)
     columns = changes(model, force)
     part = slice(begin, begin + n)
@@ -150,7 +150,7 @@ def best_starts(limit: Array, gram: Array, slope: Array) -> Array:
         np.ascontiguousarray(gram[np.ix_(by_element, by_element)]).reshape(count, points, count, points),
         slope[by_element].reshape(count, points),
     )
-    patterns = np.array(list(_patterns(count)))
+    patterns = _patterns(count)
     costs = _costs(patterns, problem)
     least, best = np.inf, patterns[0]
     for i in np.argsort(costs, kind="stable")[:REFINED]:
@@ -164,16 +164,16 @@ def best_starts(limit: Array, gram: Array, slope: Array) -> Array:
     return displacements
 
 
-def _patterns(count: int) -> list[Array]:
-    """The curves of displacement over limit with slopes (N,) of 1 and -1 and few reversals."""
+def _patterns(count: int) -> Array:
+    """The curves of displacement over limit with slopes (k, N) of 1 and -1 and few reversals."""
     patterns = []
     for reversals in range(min(REVERSALS, count - 1) + 1):
-        for places in itertools.combinations(range(1, count), reversals):
-            turned = np.zeros(count)
-            turned[list(places)] = 1
-            slopes = 1.0 - 2.0 * (np.cumsum(turned) % 2)
-            patterns += [slopes, -slopes]
-    return patterns
+        places = np.array(list(itertools.combinations(range(1, count), reversals)), np.int64)
+        turned = np.zeros((len(places), count), np.int64)
+        np.put_along_axis(turned, places, 1, axis=1)
+        slopes = 1.0 - 2.0 * (np.cumsum(turned, axis=1) % 2)
+        patterns.append(np.stack([slopes, -slopes], axis=1).reshape(-1, count))
+    return np.concatenate(patterns)
 
 
 @inlined
@@ -207,26 +207,32 @@ def _cost_from(first: int, slopes: Array, fixed: Fixed, problem: StartCost, plac
             a, b, s = problem.gram[k, low[k], j], problem.gram[k, low[k] + 1, j], share[j]
             below += (1.0 - s) * a[low[j]] + s * a[low[j] + 1]
             above += (1.0 - s) * b[low[j]] + s * b[low[j] + 1]
-        i, s = low[k], share[k]
-        own = problem.gram[k, :, k]
-        below += fixed.slope[k, i] + 0.5 * ((1.0 - s) * own[i, i] + s * own[i, i + 1])
-        above += fixed.slope[k, i + 1] + 0.5 * ((1.0 - s) * own[i + 1, i] + s * own[i + 1, i + 1])
-        total += 2.0 * ((1.0 - s) * below + s * above)
+        total += 2.0 * ((1.0 - share[k]) * below + share[k] * above)
+        total += _own_cost(k, low[k], share[k], fixed, problem)
     return total
 
 
+@inlined
+def _own_cost(k: int, low: int, share: float, fixed: Fixed, problem: StartCost) -> float:
+    """Change in chi-square by the element k, beside those that are fixed."""
+    own, slope = problem.gram[k, :, k], fixed.slope[k]
+    below = slope[low] + 0.5 * ((1.0 - share) * own[low, low] + share * own[low, low + 1])
+    above = slope[low + 1] + 0.5 * ((1.0 - share) * own[low + 1, low] + share * own[low + 1, low + 1])
+    cost: float = 2.0 * ((1.0 - share) * below + share * above)
+    return cost
+
+
 @compiled
-def _fixed(first: int, slopes: Array, problem: StartCost) -> Fixed:
-    """The elements below `first`, as they are with the slopes (N,)."""
-    slope, at = problem.slope.copy(), 0.0
-    for j in range(first):
-        at += slopes[j] * problem.steps[j]
-        low, share = _placed(at, problem.limit[j], problem.slope.shape[1])
-        for k in range(first, slopes.size):
-            for i in range(problem.slope.shape[1]):
-                row = problem.gram[k, i, j]
-                slope[k, i] += (1.0 - share) * row[low] + share * row[low + 1]
-    return Fixed(at, slope)
+def _with(k: int, slope: float, fixed: Fixed, problem: StartCost) -> tuple[float, Fixed]:
+    """The element k, with its slope, among those that are fixed: the change in chi-square by it, and all of them."""
+    at, points = fixed.displacement + slope * problem.steps[k], problem.slope.shape[1]
+    low, share = _placed(at, problem.limit[k], points)
+    cost = _own_cost(k, low, share, fixed, problem)
+    for i in range(k + 1, problem.limit.size):
+        for j in range(points):
+            row = problem.gram[i, j, k]
+            fixed.slope[i, j] += (1.0 - share) * row[low] + share * row[low + 1]
+    return cost, Fixed(at, fixed.slope)
 
 
 @compiled
@@ -257,27 +263,40 @@ def _refine(slopes: Array, problem: StartCost) -> float:
     places = Places(np.empty(slopes.size, np.int64), np.empty(slopes.size))
     cost = _cost_from(0, slopes, Fixed(0.0, problem.slope), problem, places)
     for _ in range(ROUNDS):
-        before = cost
+        before, below, fixed = cost, 0.0, Fixed(0.0, problem.slope.copy())
         for i in range(slopes.size):
-            fixed = _fixed(i, slopes, problem)
-            below = cost - _cost_from(i, slopes, fixed, problem, places)
-            for j in range(i + 1, slopes.size):
-                cost = below + _refine_pair(slopes, i, j, cost - below, fixed, problem, places)
+            cost = _refine_with(i, slopes, cost, below, fixed, problem, places)
+            more, fixed = _with(i, slopes[i], fixed, problem)
+            below += more
         if cost > before - 1e-6:
             break
     return cost
 
 
 @compiled
-def _refine_pair(slopes: Array, i: int, j: int, cost: float, fixed: Fixed, problem: StartCost, places: Places) -> float:
-    """Sets the slopes i and j > i to the best pair of SLOPES, where that is better than they are; the cost by the
-    elements from i on."""
-    first, second = slopes[i], slopes[j]
-    for one in SLOPES:
-        for other in SLOPES:
-            slopes[i], slopes[j] = one, other
-            tried = _cost_from(i, slopes, fixed, problem, places)
-            if tried < cost - 1e-9:
-                cost, first, second = tried, one, other
-    slopes[i], slopes[j] = first, second
+def _refine_with(
+    i: int, slopes: Array, cost: float, below: float, fixed: Fixed, problem: StartCost, places: Places
+) -> float:
+    """Sets the slopes i and j to the best pair of SLOPES, where that is better than they are, for one j > i after
+    another; the cost. below: the part of the cost by the elements below i, which are fixed.
+
+    What the elements below j make of each slope of i is kept from one j to the next."""
+    displacement, sums = np.empty(SLOPES.size), np.empty(SLOPES.size)
+    beside = np.empty((SLOPES.size, *problem.slope.shape))
+    for a in range(SLOPES.size):
+        beside[a] = fixed.slope
+        more, with_i = _with(i, SLOPES[a], Fixed(fixed.displacement, beside[a]), problem)
+        displacement[a], sums[a] = with_i.displacement, below + more
+    for j in range(i + 1, slopes.size):
+        first, second = slopes[i], slopes[j]
+        for a in range(SLOPES.size):
+            for other in SLOPES:
+                slopes[j] = other
+                tried = sums[a] + _cost_from(j, slopes, Fixed(displacement[a], beside[a]), problem, places)
+                if tried < cost - 1e-9:
+                    cost, first, second = tried, SLOPES[a], other
+        slopes[i], slopes[j] = first, second
+        for a in range(SLOPES.size):
+            more, with_j = _with(j, second, Fixed(displacement[a], beside[a]), problem)
+            displacement[a], sums[a] = with_j.displacement, sums[a] + more
     return cost
