@@ -5,7 +5,8 @@ samples are free: STARTING of them, or as many as the slowest filter takes. What
 different: another delay, unit, gain, filter or structure, or swapped columns; or a signal was added behind the
 controller (`diagnosis.where.added`), which accuses no controller. A log in which the reading was rounded,
 or the command quantised by a converter, leaves noise that no other law explains; the resolution of the reading says how
-large that may be. n samples.
+large that may be. On a coarse scale it may be a fifth of the command, and a difference that another controller halves is
+none of it. n samples.
 """
 
 from __future__ import annotations
@@ -100,15 +101,19 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     least = min(remains, mended, signal.leaves if signal else np.inf)
     smooth = _between_jumps(record.feedforward[begin:], most)
     largest = float(np.max(np.abs(_difference(record, made, begin)[smooth]), initial=0.0))
+    other = None
     if least >= mended and rms < noise and largest < most:
-        return replace(plain, tolerance=most, departs=None)
+        other = structure(record, begin)
+        if other is None or other.leaves >= mended:
+            return replace(plain, tolerance=most, departs=None)
     if signal is not None and remains > signal.noise and signal.leaves < min(mended, remains / AS_GOOD):
-        other = None if signal.is_all else structure(record, begin)
+        other = None if signal.is_all else other or structure(record, begin)
         return replace(
             plain, remedy=signal.words, remains=signal.leaves, structure=other, spread=plain.spread, added=signal
         )
     best = remedy if remains < mended else None
-    other = structure(record, begin) if remains > plain.tolerance else None
+    if other is None and remains > plain.tolerance:
+        other = structure(record, begin)
     return replace(plain, remedy=best, remains=remains, structure=other)
 
 

@@ -101,6 +101,22 @@ def test_the_structure_that_made_a_record_is_named_with_its_figures(case: str) -
     assert found.leaves < 1e-6 * float(np.std(record.command))
 
 
+def test_a_coarse_scale_excuses_no_other_filter() -> None:
+    """Its rounding makes more noise of the command than the filter changes it, but is not what another law undoes."""
+    coarse = 4e-7
+    stated = axis(replace(CASCADE, velocity_filter=0.475e-3))
+    stated = replace(stated, scale=replace(stated.scale, resolution=coarse))
+    filtered = axis(replace(CASCADE, velocity_filter=0.5e-3))
+    record = recorded(replace(filtered, scale=stated.scale))
+    assert not replayed(stated, record).replays
+    assert replayed(stated, record).other is not None
+    own = recorded(stated)
+    draw = np.random.default_rng(1).uniform(-coarse / 2, coarse / 2, own.position.size)
+    late = replayed(stated, replace(own, position=own.position + draw))
+    assert late.replays
+    assert late.rms > replayed(stated, record).rms
+
+
 def test_a_cascade_is_found_on_a_way_along_which_position_and_reference_are_all_but_the_same() -> None:
     """Full feedforward on 1.5 m, behind which the axis stays by some micrometres."""
     machine = axis(replace(CASCADE, velocity_filter=0.2e-3))
