@@ -97,19 +97,12 @@ FRICTION: Final = (
     ),
     Form(
         "directional_friction",
-        "another slip limit each way",
-        "1",
-        share(0.0005, 0.01, 0.4),
-        lambda _: {"sign": EITHER},
-        fields("direction", 2.0),
-    ),
-    Form(
-        "directional_friction",
+        # Not another slip limit each way: that moves each contact's middle, and is an offset of the amplifier.
         "limits times 1 + a tanh(v/v_d)",
         "1",
         share(0.0005, 0.01, 0.4),
         _direction_ranges,
-        fields("direction", 3.0),
+        fields("direction", 2.0),
     ),
     Form(
         "position_dependent_friction",

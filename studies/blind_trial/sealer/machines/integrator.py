@@ -32,26 +32,26 @@ Array = NDArray[np.float64]
 
 
 @compiled
-def element_force(p: Truth, z: Array, moved: float, behind: float, up: float, down: float) -> float:
+def element_force(p: Truth, z: Array, moved: float, behind: float, scale: float) -> float:
     """Force [N] of all elements after a further displacement; z stays. behind: that of contacts behind a clearance."""
     stiffness, limit, total = p.stiffness, p.limit, 0.0
     if p.c[at.GAP_FORM] == 0.0:
         for i in range(z.size):
-            total += stiffness[i] * min(max(z[i] + moved, -down * limit[i]), up * limit[i])
+            total += stiffness[i] * min(max(z[i] + moved, -scale * limit[i]), scale * limit[i])
         return float(total)
     for i in range(z.size):
         step = moved if p.c[at.GAP_FORM] == 2.0 and i % 2 == 0 else behind
-        total += stiffness[i] * min(max(z[i] + step, -down * limit[i]), up * limit[i])
+        total += stiffness[i] * min(max(z[i] + step, -scale * limit[i]), scale * limit[i])
     return float(total)
 
 
 @compiled
-def friction(p: Truth, m: Moving, x: float, v: float, held: tuple[float, float, float, float]) -> float:
+def friction(p: Truth, m: Moving, x: float, v: float, held: tuple[float, float, float]) -> float:
     """Friction [N] at a place and speed within a step; held: where it began, where the contacts behind gaps were then
-    [m], and the factors of the limits up and down."""
-    c, (origin, behind, up, down) = p.c, held
+    [m], and the factor of the limits."""
+    c, (origin, behind, scale) = p.c, held
     seen = behind_gaps(c[at.GAP_FORM], c[at.GAP], x, m.gaps) - behind if c[at.GAP_FORM] > 0.0 else 0.0
-    dry = element_force(p, m.z, x - origin, seen, up, down)
+    dry = element_force(p, m.z, x - origin, seen, scale)
     if c[at.ODD_FORM] > 0.0:
         sign = 1.0 if x >= origin else -1.0
         state = m.slow[at.ODD_STATE]
@@ -80,7 +80,7 @@ def speed_of(p: Truth, y: Array) -> float:
 
 @compiled
 def rates(
-    p: Truth, m: Moving, y: Array, inputs: tuple[float, float], held: tuple[float, float, float, float], out: Array
+    p: Truth, m: Moving, y: Array, inputs: tuple[float, float], held: tuple[float, float, float], out: Array
 ) -> None:
     """dy/dt at the states y, into `out`; inputs: the amplifier's and a push [N]; held: as `friction` has them."""
     c, n, (u, push) = p.c, 2 * p.gain.size, inputs
@@ -166,10 +166,8 @@ def advance(p: Truth, m: Moving, u: float, push: float, now: float, h: float) ->
     c, y, size = p.c, m.y, m.y.size
     x, v = place_of(p, y), speed_of(p, y)
     scale = limits(c, x, v, u, m.slow)
-    lop = c[at.DIRECTION] if c[at.DIRECTION_FORM] == 2.0 else 0.0
-    up, down = scale * (1.0 + lop), scale * (1.0 - lop)
     behind = behind_gaps(c[at.GAP_FORM], c[at.GAP], x, m.gaps) if c[at.GAP_FORM] > 0.0 else 0.0
-    held = (x, behind, up, down)
+    held = (x, behind, scale)
     rates(p, m, y, (u, push), held, m.k[0])
     for stage in range(1, 4):
         part = 0.5 * h if stage < 3 else h
@@ -187,8 +185,8 @@ def advance(p: Truth, m: Moving, u: float, push: float, now: float, h: float) ->
             m.gaps[j] = max(new - half, min(m.gaps[j], new + half))
     for i in range(m.z.size):
         moved = new - x if c[at.GAP_FORM] == 0.0 or (c[at.GAP_FORM] == 2.0 and i % 2 == 0) else seen
-        m.z[i] = min(max(m.z[i] + moved, -down * p.limit[i]), up * p.limit[i])
-    dry = element_force(p, m.z, 0.0, 0.0, up, down)
+        m.z[i] = min(max(m.z[i] + moved, -scale * p.limit[i]), scale * p.limit[i])
+    dry = element_force(p, m.z, 0.0, 0.0, scale)
     settle(c, m.slow, (h, now), (new - x, speed), (dry, u, u - m.last[2]))
     m.last[0], m.last[1], m.last[2] = (speed - v) / h, dry, u
 
@@ -199,7 +197,7 @@ def run(p: Truth, r: Run, m: Moving, before: int) -> None:
     n, h, each = r.reference.size, p.sample_time / p.steps, p.steps // POINTS
     size = 2 * p.gain.size
     m.slow[at.LEVEL], m.slow[at.FALLEN] = 1.0, 1.0
-    dry = element_force(p, m.z, 0.0, 0.0, 1.0, 1.0)
+    dry = element_force(p, m.z, 0.0, 0.0, 1.0)
     m.last[1] = m.y[size + 5] = m.y[size + 6] = dry
     m.law[0] = m.last[2] = m.last[3] = m.y[size + 2] = m.y[size + 4] = dry - p.offset
     m.y[size + 3] = dry - p.offset if p.c[at.CURRENT_FORM] == 2.0 else 0.0

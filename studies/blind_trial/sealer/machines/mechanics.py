@@ -104,7 +104,7 @@ def limits(c: Array, x: float, v: float, u: float, slow: Array) -> float:
         scale += c[at.AGE] * (0.6 * slow[at.AGED] + 0.4 * slow[at.AGED_TOO])
     elif c[at.AGE_FORM] == 2.0:
         scale += c[at.AGE] * math.log1p(slow[at.RESTED] / c[at.AGE_TIME])
-    if c[at.DIRECTION_FORM] == 3.0:
+    if c[at.DIRECTION_FORM] == 2.0:
         scale += c[at.DIRECTION] * math.tanh(v / c[at.DIRECTION_SPEED])
     if c[at.LOAD] != 0.0:
         scale += c[at.LOAD] * abs(u) / c[at.LOAD_FORCE]
