@@ -251,7 +251,11 @@ def rivalling(stages: Sequence[Stage], criteria: Criteria, parts: Collection[str
             continue
         best, least = after.rivals[0]
         margin = as_well(before.fitted.cost - least, criteria)
-        alike = [name for name, cost in after.rivals[1:] if cost - least < margin and name not in {best, *inside}]
+        alike = [
+            name
+            for name, cost in after.rivals[1:]
+            if (cost - least < margin or name in after.by_force) and name not in {best, *inside}
+        ]
         if alike:
             groups.append((best, *alike))
     return tuple(groups)

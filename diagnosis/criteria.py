@@ -349,6 +349,12 @@ class Criteria:
         0.03, "1", "part of the best effect's gain within which a rival explains the records as well"
     )
     rival_margin: float = _criterion(10.0, "1", "chi-square within which a rival explains the records as well")
+    rival_share_by_force: float = _criterion(
+        0.2,
+        "1",
+        "the same part for a rival that leaves no more of the unknown force",
+        "a worm's friction that varies once a turn, by somebody else's simulator: 0.12, of a torque ripple",
+    )
 
     # A law that is learned where none of the catalogue explains the records.
     learned_min_types: int = _criterion(

@@ -154,8 +154,9 @@ def objection(judged: Judgement, criteria: Criteria) -> str:
             "record motions of other strokes and speeds over the same range"
         )
     if judged.closure < criteria.learned_min_closure:
+        closes = f"{round(100 * judged.closure)} %" if judged.closure >= 0 else "nothing"
         return (
-            f"on types of motion that were not used it closes {round(100 * judged.closure)} % of the gap, less than "
+            f"on types of motion that were not used it closes {closes} of the gap, less than "
             f"the {100 * criteria.learned_min_closure:.0f} % asked for"
         )
     return ""

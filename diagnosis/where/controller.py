@@ -4,9 +4,9 @@ The states of the integral and of the filters before the first sample are unknow
 samples are free: STARTING of them, or as many as the slowest filter takes. What then remains is rounding, or the law is
 different: another delay, unit, gain, filter or structure, or swapped columns; or a signal was added behind the
 controller (`diagnosis.where.added`), which accuses no controller. A log in which the reading was rounded,
-or the command quantised by a converter, leaves noise that no other law explains; the resolution of the reading says how
-large that may be. On a coarse scale it may be a fifth of the command, and a difference that another controller halves is
-none of it. n samples.
+or the command quantised by a converter, leaves noise that no other law explains; the resolution of the reading says
+how large that may be. On a coarse scale it may be a fifth of the command, and a difference that another controller
+halves is none of it. n samples.
 """
 
 from __future__ import annotations

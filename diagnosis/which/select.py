@@ -170,16 +170,28 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
         if _too_many(best.fitted, criteria):
             break
         dull = _dull(stages, criteria)
-        stage, columns = search.examined(_stage(best, trials), dull, columns)
+        stage, columns = search.examined(_beside_rivals(best, trials, stages[-1], search), dull, columns)
         stages.append(stage)
         set_aside = set()
     return tuple(stages)
 
 
-def _stage(best: Trial, trials: Sequence[Trial] = ()) -> Stage:
-    """The stage that a trial makes; trials: all of those that were compared by chi-square for it."""
-    rivals = sorted(((trial.proposal.name, trial.fitted.cost) for trial in trials), key=lambda rival: rival[1])
-    return Stage(best.fitted, added=best.proposal.name, rivals=tuple(rivals))
+def _stage(best: Trial) -> Stage:
+    """The stage that a trial makes by itself."""
+    return Stage(best.fitted, added=best.proposal.name)
+
+
+def _beside_rivals(best: Trial, trials: Sequence[Trial], before: Stage, search: Search) -> Stage:
+    """The stage that the best of the trials makes, with those that were compared by chi-square for it. In a model that
+    is wrong elsewhere, chi-square prefers what makes up for that; the unknown force may prefer the other."""
+    ordered = sorted(trials, key=lambda trial: trial.fitted.cost)
+    first, *others = ordered
+    far = search.criteria.rival_share_by_force * (before.fitted.cost - first.fitted.cost)
+    near = [trial for trial in others if trial.fitted.cost - first.fitted.cost < far]
+    least = search.force(first.fitted) if near else 0.0
+    by_force = tuple(trial.proposal.name for trial in near if search.force(trial.fitted) <= least)
+    rivals = tuple((trial.proposal.name, trial.fitted.cost) for trial in ordered)
+    return replace(_stage(best), rivals=rivals, by_force=by_force)
 
 
 def shortlisted(stages: Sequence[Stage], search: Search, set_aside: Collection[str] = ()) -> tuple[Proposal, ...]:

@@ -73,12 +73,14 @@ class Stage:
     """One stage of the search: the fitted model, what was added to reach it (None at the first), what the detectors
     propose beside it, and the effects that were tried for it, each with the chi-square that it left [1]; still: what
     was proposed beside an unknown force that does not walk, where the next stage is due to that: its rivals' chi-square
-    is then this stage's less what they gain there."""
+    is then this stage's less what they gain there; by_force: those rivals that leave no more unknown force than what
+    was added, though more of chi-square."""
 
     fitted: Fit
     proposals: tuple[Proposal, ...] = ()
     added: str | None = None
     rivals: tuple[tuple[str, float], ...] = ()
+    by_force: tuple[str, ...] = ()
     still: tuple[Proposal, ...] = ()
 
     def carried_by(self, carrier: Carrier) -> tuple[Proposal, ...]:

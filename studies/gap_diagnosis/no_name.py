@@ -55,6 +55,10 @@ def _beyond_the_catalogue(results: Results) -> str:
     told = "the cause is not in the catalogue"
     if results.get("friction_elements"):
         told += ", or is what so few elements leave of the friction's curve"
+    if ends := [effect(one["name"]) for one in results["how_far"]["at_bounds"] if one["part"] == "nominal"]:
+        told += (
+            f", or is a value of the file that is farther off than its range goes ({listed(list(dict.fromkeys(ends)))})"
+        )
     if unseen := _not_seen(results):
         told += f", or is {listed(unseen, 'or')}, which only equal motions that are repeated would show"
     if untried := [effect(name) for name in results.get("not_looked_for", ())]:

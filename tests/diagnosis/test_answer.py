@@ -48,6 +48,13 @@ def test_what_explains_as_much_is_a_rival_unless_it_is_in_the_model_too() -> Non
     assert rivalling([first, second, third], CRITERIA) == ()
 
 
+def test_what_leaves_no_more_force_is_a_rival_though_chi_square_prefers_the_other() -> None:
+    first, tried = _stage(9000.0), [("thrust_ripple", 1000.0), ("play", 2000.0)]
+    second = replace(_stage(1000.0, "thrust_ripple", tried), by_force=("play",))
+    assert rivalling([first, second], CRITERIA) == (("thrust_ripple", "play"),)
+    assert rivalling([first, replace(second, by_force=())], CRITERIA) == ()
+
+
 def test_the_strongest_effect_is_the_one_that_took_off_the_most_in_all_its_stages() -> None:
     stages = [_stage(1000.0), _stage(600.0, "play"), _stage(300.0, "cogging"), _stage(150.0, "cogging")]
     assert strongest_first(stages) == ("cogging", "play")

@@ -132,6 +132,25 @@ def test_what_takes_off_the_force_may_run_to_a_bound(
     assert module._needed(["a", "b"], fits, baseline) == kept
 
 
+@pytest.mark.parametrize(("gain", "share"), [(5.0, 0.99), (400.0, 0.5)])
+def test_shares_are_of_the_force_where_a_name_is_needed_for_that_alone(
+    gain: float, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """b takes the force from 1 to 0.1 N while it gains 5 beside the 400 of a, or as much as a."""
+    subsets = [frozenset(), frozenset("a"), frozenset("b"), frozenset("ab")]
+    fits: Any = {
+        one: SimpleNamespace(
+            cost=1000.0 - 400.0 * ("a" in one) - gain * ("b" in one),
+            innovations=np.full(1, 20.0),
+            force=(0.1 if "b" in one else 1.0) * (0.999 if "a" in one else 1.0),
+        )
+        for one in subsets
+    }
+    monkeypatch.setattr(module, "force_left", lambda fitted, _records: fitted.force)
+    baseline: Any = SimpleNamespace(criteria=Criteria(), thresholds={}, floors=(4.0, 4.0), records=())
+    assert shares(module._costs(frozenset("ab"), fits, baseline), "ab")["b"] == pytest.approx(share, abs=0.02)
+
+
 @pytest.fixture(scope="module")
 def springy() -> tuple[list[Stage], Baseline]:
     """A table with a cogging and a spring; in its stages the spring comes last."""

@@ -209,6 +209,20 @@ def test_what_only_repeated_motions_would_show_is_said_where_nothing_has_a_name(
     assert said not in sentences(whole)["which"]
 
 
+def test_values_at_the_end_of_their_range_may_be_the_cause_of_what_has_no_name(results: dict[str, Any]) -> None:
+    """A worm gear's first file had five assumed contacts: what they left had a cause that "is not in the catalogue"."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    ends = [{"name": "presliding_limit", "part": "nominal", "value": 1e-5, "bound": 1e-5, "unit": "m"}] * 2
+    whole = {**results, "verdict": verdict, "how_far": {**results["how_far"], "at_bounds": ends}}
+    said = ", or is a value of the file that is farther off than its range goes (presliding limit)"
+    assert said in sentences(whole)["which"]
+    inside = {
+        **whole,
+        "how_far": {**results["how_far"], "at_bounds": [{**ends[0], "part": "cogging", "name": "pitch"}]},
+    }
+    assert said[:20] not in sentences(inside)["which"]
+
+
 def limits_of(results: dict[str, Any]) -> list[dict[str, Any]]:
     """The rows of the detection limits, late commands among them."""
     rows = [row for row in results["confusability"]["limits"] if row["effect"] != "timing_jitter"]
