@@ -31,8 +31,7 @@ MOST_ENERGY: Final = 0.999
 BELOW_MODES: Final = 0.7
 WIDEST: Final = 0.9  # of half the sampling rate: the widest low-pass
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
-STEPS: Final = 4.0  # of the reading: the shortest limit looked at
-COARSE: Final = 4e-7  # m: the shortest one where the reading is so coarse
+STEPS: Final = 2.0  # of the reading: the shortest limit looked at, of which a search may halve it
 PASS: Final = 0.02  # of the path's span: the shortest way between two reversals
 ALIKE: Final = 0.1  # of their way: by less, passes from one reversal to the next are the same one again
 
@@ -128,7 +127,7 @@ def limit_range(data: Signals) -> tuple[float, float]:
     """Least and largest limit [m] looked at: from what the scale and the path show on, up to 0.45 of the path's
     span."""
     span = float(np.ptp(data.path))
-    return max(2e-3 * min(span, 2e-4), min(STEPS * data.step, COARSE)), 0.45 * min(span, 5e-2)
+    return max(2e-3 * min(span, 2e-4), STEPS * data.step), 0.45 * min(span, 5e-2)
 
 
 def finest_step(position: Array) -> float:

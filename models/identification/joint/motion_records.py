@@ -88,7 +88,11 @@ def _advice(found: Identified, record: Record) -> str:
             f"({100 * left:.3g} % of its changes remain); correct it, the reference delay or the columns"
         )
     if found.has("response", "excitation") and found.slow:
-        return "check the sign and unit of the command and the payload against those of the other records"
+        return (
+            "check the sign and unit of the command and the payload against those of the other records; where these "
+            "are right, the loop with the machine as they gave it may be unstable while its friction sticks, which "
+            "deadbeat_design tells"
+        )
     return (
         "check the sign and unit of the command, or add a frequency response and slow loops, which need no values near "
         "the true ones"
