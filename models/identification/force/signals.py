@@ -31,7 +31,7 @@ MOST_ENERGY: Final = 0.999
 BELOW_MODES: Final = 0.7
 WIDEST: Final = 0.9  # of half the sampling rate: the widest low-pass
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
-STEPS: Final = 2.0  # of the reading: the shortest limit looked at, of which a search may halve it
+STEPS: Final = 0.5  # of the reading: the shortest limit looked at, of which a search may halve it
 PASS: Final = 0.02  # of the path's span: the shortest way between two reversals
 ALIKE: Final = 0.1  # of their way: by less, passes from one reversal to the next are the same one again
 
