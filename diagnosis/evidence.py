@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import call
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ from diagnosis.verdict import Outcome
 from diagnosis.where.force import borne_out
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.serialise import to_json as place
+from models.quantity import turned
 
 UNSHOWN: Final = 6  # undetectable effects for which an experiment is searched, at most
 
@@ -75,7 +76,10 @@ def _looked(found: Baseline, disabled: Collection[str], seed: int) -> tuple[Wher
 
 
 def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) -> Evidence:
-    return Evidence(*looked, _proposal(found, *looked, seed))
+    proposal = _proposal(found, *looked, seed)
+    if proposal is not None and found.baseline.machine.axis == "rotary":
+        proposal = replace(proposal, sentence=turned(proposal.sentence))
+    return Evidence(*looked, proposal)
 
 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:

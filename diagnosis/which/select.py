@@ -28,7 +28,7 @@ from diagnosis.which.kinds import beside_free_forms, periods_shown
 from diagnosis.which.random_force import is_about
 from diagnosis.which.scan import HIGHEST, Columns
 from diagnosis.which.stage import Proposal, Stage
-from models.effects.base import Effect
+from models.effects.base import Effect, parameters
 from models.quantity import declaration
 
 Array = NDArray[np.float64]
@@ -260,10 +260,16 @@ def _significant(stages: Sequence[Stage], search: Search, set_aside: Collection[
     for proposal in stages[-1].scanned:
         members = inside.count(proposal.name)
         enough = proposal.gain > max(0.0 if members or not inside else further, of_excess)
-        may = members < criteria.max_members and proposal.name not in set_aside
+        may = members < _most_members(proposal.effect, criteria) and proposal.name not in set_aside
         if may and enough and above_chance(proposal, criteria):
             allowed.append(proposal)
     return allowed
+
+
+def _most_members(effect: Effect | None, criteria: Criteria) -> int:
+    """Members of a class that a model may have: two that differ by nothing but their amplitude are one."""
+    plain = effect is not None and all(item.role == "amplitude" for item in parameters(type(effect)))
+    return 1 if plain else criteria.max_members
 
 
 def above_chance(proposal: Proposal, criteria: Criteria) -> bool:

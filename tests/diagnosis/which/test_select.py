@@ -110,6 +110,24 @@ def test_of_those_tried_the_one_that_leaves_least_is_kept_and_the_others_are_its
     assert stages[-1].rivals == (("cogging", 1100.0), ("play", 1200.0), ("stribeck", 1300.0))
 
 
+def test_a_law_that_has_nothing_but_its_amplitude_has_one_member() -> None:
+    """A report had told one friction away from the scale twice, with the same advance."""
+    promises = {0: {"viscous_friction": 900.0}, 1: {"viscous_friction": 800.0}}
+    assert _searched(promises, {"viscous_friction": 1000.0}) == [[], ["viscous_friction"]]
+    ripples = {0: {"thrust_ripple": 900.0}, 1: {"thrust_ripple": 800.0}}
+    stages = grown(_fit(START), Falling(ripples, {}, {}, {}))
+    assert [stage.added for stage in stages] == [None, "thrust_ripple", "thrust_ripple"]
+
+
+@dataclass(frozen=True)
+class Falling(Planned):
+    """One in which whatever is tried leaves half of what was left."""
+
+    def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
+        here, half = stage.fitted, stage.fitted.cost / 2
+        return [Trial(one, replace(here, candidate=one.added_to(here.candidate), cost=half)) for one in proposals]
+
+
 @dataclass(frozen=True)
 class Forceful(Planned):
     """One in which what leaves the more of chi-square leaves the less unknown force."""
