@@ -87,7 +87,8 @@ def _line(choice: Choice) -> tuple[str, str]:
     """The row of the summary: the number, and the settling times that it was chosen by."""
     told = {choice.count - 1, choice.count, choice.most, *(1 << i for i in range(choice.most.bit_length()))}
     curve = ", ".join(f"{one.count}: {show(one.settling_time, 's')}" for one in choice.trials if one.count in told)
-    met = f"none of 1 to {choice.most} elements meets; the best"
+    best = next(one for one in choice.trials if one.count == choice.count)
+    met = f"none of 1 to {choice.most} elements meets; the best{'' if best.periodic else ', whose periods differ'}"
     if choice.meets:
         met = (
             "the fewest elements that meet"
