@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.handover.overrun import OVERRUN, overrun
+from diagnosis.handover.overrun import OVERRUN, beyond_tolerance, overrun
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import Parameters, bounded, initial_state, parameters
 from diagnosis.model.residual import Candidate
@@ -136,14 +136,11 @@ def _refitted(
     """The provenance of every value that the re-fit changed, by the value's dotted name; stated: see `machine_of`."""
     before, after = (replace(one, effects=()) for one in (nominal, fitted))
     delivered = {one.name: one.number for one in values_of(before)}
-    far = {one.name: one.deviations for one in overrun(before, after, OVERRUN)}
+    far = {one.name: f"{one.deviations:,.0f} stated standard deviations" for one in overrun(before, after, OVERRUN)}
+    far |= beyond_tolerance(before, after)
     for one in values_of(after):
         if delivered.get(one.name) != one.number:
-            moved = (
-                f"{far[one.name]:,.0f} stated standard deviations from"
-                if one.name in far
-                else "within the tolerance of"
-            )
+            moved = f"{far[one.name]} from" if one.name in far else "within the tolerance of"
             provenance = Provenance("identified", f"{source}, {moved} the file's value")
             spread = stated.get(one.name)
             yield one.name, provenance if spread is None else _with_spread(provenance, one.number, spread)

@@ -45,6 +45,15 @@ def test_what_a_file_may_state_stays_to_the_last_digit() -> None:
     assert written(effect) == effect
 
 
+def test_a_value_that_left_its_tolerance_behind_says_so() -> None:
+    """A dead time known to 20 us, moved by 320: the file had said "within the tolerance of the file's value"."""
+    layout = parameters(MACHINE, 1)
+    theta = np.zeros(layout.count)
+    theta[layout.of("dead_time")] = 16 * MACHINE.tolerances.dead_time
+    detail = machine_of(MACHINE, Candidate(layout, theta, ())).sources["plant.dead_time"].detail
+    assert detail == "diagnosis, 16 usual tolerances from the file's value"
+
+
 def test_a_value_that_left_its_stated_deviation_far_behind_says_so() -> None:
     """A mode that a sweep showed to a thousandth, moved by two hundredths within the file's tolerance."""
     (_, first, *_), name = MACHINE.plant.modes, "plant.modes.2.frequency"
@@ -57,8 +66,7 @@ def test_a_value_that_left_its_stated_deviation_far_behind_says_so() -> None:
     assert machine_of(known, moved).sources[name].detail == (
         "diagnosis, 20 stated standard deviations from the file's value"
     )
-    usual = parameters(MACHINE, 1)
-    assert (
-        "within the tolerance of the file's value"
-        in machine_of(MACHINE, replace(moved, layout=usual)).sources[name].detail
-    )
+    usual = replace(moved, layout=parameters(MACHINE, 1))
+    assert machine_of(MACHINE, usual).sources[name].detail == "diagnosis, 4 usual tolerances from the file's value"
+    near = replace(usual, theta=theta / 4)
+    assert machine_of(MACHINE, near).sources[name].detail == "diagnosis, within the tolerance of the file's value"
