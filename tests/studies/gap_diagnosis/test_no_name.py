@@ -1,0 +1,69 @@
+"""What is said where what is left of the records has no name."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from studies.gap_diagnosis.answer import sentences
+
+
+def test_values_that_are_most_of_the_gap_come_before_what_has_no_name(results: dict[str, Any]) -> None:
+    """A rotary table, 5 % lighter than its file says: the re-fit leaves 2 mN m of 231, and the floor is 1.8."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    gaps = {
+        name: {**results["how_far"][name], "force_N": force}
+        for name, force in (("gap_as_delivered", 0.231), ("gap_refitted", 0.002), ("floor", 0.0018))
+    }
+    shifts = [{**row, "moved": 0.1} for row in results["shifts"]]
+    mass, contacts = ({**row, "std": [0.015]} for row in shifts[:2])
+    mass |= {"name": "payload_mass", "moved": -3.25, "unit": "1", "values": 1, "in_all": None}
+    contacts |= {"name": "presliding_stiffness", "moved": 6.0, "unit": "1", "values": 18, "in_all": -0.01}
+    given = {**results, "verdict": verdict, "how_far": {**results["how_far"], **gaps}, "shifts": [mass, contacts]}
+    told = sentences(given)
+    assert told["which"].startswith(
+        "Nominal values are off, payload mass by -4.8 %; re-fitted, they reduce the unknown force from 0.231 N to "
+        "0.002 N, beside a noise floor of 0.0018 N. No effect of the catalogue, alone or with others, explains what is "
+        "left within its prior range"
+    )
+    assert told["outcome"] == "Nominal values are off: payload mass; what is left has no name"
+    gaps["gap_refitted"] = {**gaps["gap_refitted"], "force_N": 0.06}
+    less = sentences({**given, "how_far": {**results["how_far"], **gaps}})
+    assert less["which"].startswith("No effect of the catalogue")
+    assert less["outcome"] == "No effect of the catalogue explains it"
+
+
+def test_what_only_repeated_motions_would_show_is_said_where_nothing_has_a_name(results: dict[str, Any]) -> None:
+    """Of one command in thirty that came late, the first page had said that its cause is not in the catalogue."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    limits = [{**row, "limit": None if row["effect"] == "timing_jitter" else 1.0} for row in limits_of(results)]
+    whole = {**results, "verdict": verdict, "confusability": {**results["confusability"], "limits": limits}}
+    said = ", or is timing jitter, which only equal motions that are repeated would show"
+    assert said in sentences(whole)["which"]
+    (logged,) = (row for row in limits if row["effect"] == "timing_jitter")
+    logged["limit"] = 0.01
+    assert said not in sentences(whole)["which"]
+    logged["limit"] = None
+    whole["where"] = copy.deepcopy(results["where"])
+    whole["where"]["details"]["controller"][0] |= {"every": 3}
+    assert said not in sentences(whole)["which"]
+
+
+def test_values_at_the_end_of_their_range_may_be_the_cause_of_what_has_no_name(results: dict[str, Any]) -> None:
+    """A worm gear's first file had five assumed contacts: what they left had a cause that "is not in the catalogue"."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    ends = [{"name": "presliding_limit", "part": "nominal", "value": 1e-5, "bound": 1e-5, "unit": "m"}] * 2
+    whole = {**results, "verdict": verdict, "how_far": {**results["how_far"], "at_bounds": ends}}
+    said = ", or is a value of the file that is farther off than its range goes (presliding limit)"
+    assert said in sentences(whole)["which"]
+    inside = {
+        **whole,
+        "how_far": {**results["how_far"], "at_bounds": [{**ends[0], "part": "cogging", "name": "pitch"}]},
+    }
+    assert said[:20] not in sentences(inside)["which"]
+
+
+def limits_of(results: dict[str, Any]) -> list[dict[str, Any]]:
+    """The rows of the detection limits, late commands among them."""
+    rows = [row for row in results["confusability"]["limits"] if row["effect"] != "timing_jitter"]
+    return [*rows, {"effect": "timing_jitter", "limit": None, "parameter": "part", "unit": "1", "typical": 0.02}]
