@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
+
+import numpy as np
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
 from diagnosis.handover.gate import chosen, is_believed
 from diagnosis.handover.posterior import spreads
+from diagnosis.model.residual import Candidate
 from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
-from models.machine import Machine, Provenance
+from models.machine import Machine, Provenance, parameters
 
 OFFSET: Final = "drive.offset"
 
@@ -36,9 +40,28 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
         return given if adopted.name == Content.DELIVERED else _with_offset(given, adopted.machine.drive.offset, source)
     fitted = adopted.finished.fitted
     segment = diagnosis.baseline.segment
-    # Where something is left that has no name, values stand in for it by more than their deviations tell.
-    stated = spreads(fitted, segment) if diagnosis.outcome is not Outcome.NONE else {}
-    return machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
+    limits = at_limit(fitted.candidate, [one.number for one in adopted.finished.at_bound if one.part == "nominal"])
+    # Where something is left that has no name, or values are at the end of their range, they stand in for what the
+    # model lacks by more than their deviations tell.
+    stated = spreads(fitted, segment) if diagnosis.outcome is not Outcome.NONE and not limits else {}
+    better = machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
+    marked = {name: replace(better.sources[name], at_limit=True) for name in limits if name in better.sources}
+    return replace(better, sources={**better.sources, **marked})
+
+
+def at_limit(candidate: Candidate, places: Sequence[int]) -> set[str]:
+    """The dotted names of the values in a file that these entries of theta make."""
+    layout, here = candidate.layout, _numbers(candidate)
+    found = set[str]()
+    for place in places:
+        nearer = candidate.theta * np.where(np.arange(layout.count) == place, 0.9, 1.0)
+        found |= {name for name, number in _numbers(replace(candidate, theta=nearer)).items() if number != here[name]}
+    return found
+
+
+def _numbers(candidate: Candidate) -> dict[str, object]:
+    rows = parameters(replace(candidate.machine, effects=()))
+    return {one.name: one.number for one in rows if not one.name.startswith("presliding.")}  # which is derived
 
 
 def _with_offset(machine: Machine, offset: float, source: str) -> Machine:

@@ -105,6 +105,8 @@ def _entry(item: Any, unit: str, source: Provenance) -> Iterator[str]:
     for name in ("record", "sha256", "note"):
         if text := getattr(source, name):
             yield f"{name} = {_text(text)}"
+    if source.at_limit:
+        yield "at_limit = true"
 
 
 def _shares_of(row: Sequence[float]) -> str:

@@ -13,7 +13,7 @@ from design.redesign.stated import machines_as_stated
 from design.validation import PERIODS, Validation, respond, sequence
 from models.controller import Controller
 from models.machine import Machine
-from models.quantity import show, span
+from models.quantity import listed, show, span
 from models.records.settling import settling_time
 from models.variation import Known, known
 from studies.options import Options
@@ -102,6 +102,15 @@ def summary_row(found: Mapping[str, Any]) -> tuple[str, str]:
     one machine, and the axis is as likely as not another one of those that the file allows."""
     name = "machines that the file allows on which all motions settle in time"
     return ("WARNING, " if 2 * found["in_time"] < found["machines"] else "") + name, in_short(found)
+
+
+def limit_rows(machine: Machine) -> list[tuple[str, str]]:
+    """A warning for a summary where a fit left values of the machine at the end of their range; else nothing."""
+    names = [name for name, source in machine.sources.items() if source.at_limit]
+    if not names:
+        return []
+    told = f"{listed(names)}: the model lacks something, so that the axis may settle otherwise than is said here"
+    return [("WARNING, values at the end of the range that a fit had", told)]
 
 
 def drawn_from(found: Mapping[str, Any]) -> str:

@@ -34,7 +34,8 @@ class Provenance:
     record, sha256: the file that it was identified from, and that file's hash; empty for any other. std: its standard
     deviation in the value's own unit, one for each number of a list; None where it is not known. rotary: whether the
     value was given in units of a rotary axis; None where these are the same as others'. shares: see `Shares`; empty
-    where nothing tells what the deviation has in common with others.
+    where nothing tells what the deviation has in common with others. at_limit: whether a fit left the value at the end
+    of its range, where it stands in for what the model lacks.
     """
 
     kind: str
@@ -45,8 +46,10 @@ class Provenance:
     std: float | tuple[float, ...] | None = None
     rotary: bool | None = field(default=None, repr=False, compare=False)
     shares: Shares = ()
+    at_limit: bool = False
 
     @property
     def plain(self) -> dict[str, object]:
-        """The fields but `rotary`, by their names, as results.json has them."""
-        return {name: content for name, content in vars(self).items() if name != "rotary"}
+        """The fields but `rotary`, by their names, as results.json has them; at_limit only where it is true."""
+        left_out = {"rotary"} if self.at_limit else {"rotary", "at_limit"}
+        return {name: content for name, content in vars(self).items() if name not in left_out}

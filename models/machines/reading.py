@@ -35,6 +35,7 @@ ENTRY: Final = (
     "record",
     "sha256",
     "note",
+    "at_limit",
 )  # keys of a value that is written as a table
 MOST_ERRORS: Final = 1000  # that deviations have in common: more than a file has values
 ROUNDED: Final = 1e-6  # by how much shares that are rounded may be more than 1 together
@@ -273,7 +274,10 @@ def _provenance(entry: object, where: str) -> tuple[object, Provenance]:
     if kind.strip() not in SOURCES:
         raise MachineError(f"{where}: source {cut(kind.strip())} is unknown; begin it with one of {', '.join(SOURCES)}")
     note, record, sha256 = (str(entry.get(name, "")).strip() for name in ("note", "record", "sha256"))
-    return entry["value"], Provenance(kind.strip(), detail.strip(), note, record, sha256)
+    at_limit = entry.get("at_limit", False)
+    if not isinstance(at_limit, bool):
+        raise MachineError(f"{where}.at_limit: must be true or false, without quotes")
+    return entry["value"], Provenance(kind.strip(), detail.strip(), note, record, sha256, at_limit=at_limit)
 
 
 def join(where: str, name: str) -> str:

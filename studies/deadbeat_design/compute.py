@@ -38,7 +38,7 @@ from models.machine import Machine
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from models.variation import Variation, at_mode, known, varied_plant
-from studies.as_known import on_allowed_machines, summary_row
+from studies.as_known import limit_rows, on_allowed_machines, summary_row
 from studies.as_known import row as known_row
 from studies.beforehand import require_designable
 from studies.compensator import with_elements
@@ -141,6 +141,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         *_assumed(machine),
         *_reference_delay(machine, controller),
         *sticking_rows(results),
+        *limit_rows(machine),
         summary_row(results["as_known"]),
         *told_remedies(results),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),

@@ -18,6 +18,7 @@ def test_a_source_keeps_its_record_and_deviation_in_a_file(tmp_path: Path) -> No
     machine = load().with_value("plant.modes.1.gain", 0.05, FOUND)
     machine = machine.with_value("friction.damping", machine.friction.damping, replace(FOUND, note="n", std=spread))
     machine = machine.with_value("scale.noise", 2e-9, replace(FOUND, std=1e-10, shares=((0.6, 0.0, -0.79999999),)))
+    machine = machine.with_value("plant.dead_time", 1e-3, replace(FOUND, at_limit=True))
     each = tuple((0.5,) * (i % 3) for i in range(len(spread)))
     machine = machine.with_value("friction.limit", machine.friction.limit, replace(FOUND, std=spread, shares=each))
     path = tmp_path / "machine.toml"
@@ -41,6 +42,7 @@ def test_whole_numbers_of_a_program_have_their_units_in_a_file(tmp_path: Path) -
         ('std = "3 kg"', r"scale\.noise\.std: '3 kg' is in kg"),
         ('std = "-1 nm"', r"scale\.noise\.std: -1 nm must be at least 0"),
         ('std = ["1 nm"]', r"scale\.noise\.std: must be one text, or a list"),
+        ('at_limit = "yes"', r"scale\.noise\.at_limit: must be true or false, without quotes"),
         ("shares = [[0.5]]", r"scale\.noise\.shares: needs a std beside it"),
         (
             'std = "1 nm", shares = [[0.5], [0.5]]',
