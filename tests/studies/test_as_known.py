@@ -64,8 +64,11 @@ def test_a_loop_that_runs_away_never_settles() -> None:
 
 
 def test_a_design_that_holds_on_the_file_s_values_alone_is_not_a_yes(tmp_path: Path) -> None:
-    """The friction's force is known to 60 % only, which the feedback cannot make up for in time."""
+    """The friction's force is known to 60 % only, which the feedback cannot make up for in time; and a fit left its
+    dead time at the end of its range, which the first page tells as well."""
     machine = replace(load(), tolerance=replace(load().tolerance, friction_level=0.6, stiffness=0.6, limit=0.6))
+    left = Provenance("identified", "a fit", at_limit=True)
+    machine = machine.with_value("plant.dead_time", machine.plant.dead_time, left)
     file = tmp_path / "unsure.toml"
     file.write_text(to_toml(machine), encoding="utf-8")
     output = tmp_path / "out"
@@ -76,6 +79,7 @@ def test_a_design_that_holds_on_the_file_s_values_alone_is_not_a_yes(tmp_path: P
     said = f"but only {found['in_time']} of {found['machines']} machines that the file allows settle in time"
     assert said in " ".join(page.split())
     assert "Yes: all" not in page
+    assert "The machine file marks plant.dead_time as left at the end of the range" in " ".join(page.split())
 
 
 def test_a_design_on_values_at_the_end_of_their_range_is_a_warning() -> None:
