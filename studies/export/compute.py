@@ -38,6 +38,7 @@ from models.machine import Machine
 from models.quantity import show, turned
 from models.records.settling import settling_time
 from models.simulation.simulator import simulate
+from studies.as_known import limit_rows
 from studies.beforehand import require_designable
 from studies.command import to_text
 from studies.export.evaluator import Library
@@ -94,7 +95,7 @@ def compute(machine: Machine, options: ExportOptions, progress: Progress) -> Ans
         results["proof"] = {**prove(machine, known, sources, options, progress), "closed_loop_simulated": simulated}
     page = readme(given.text, known, results, list(files))
     files["README.md"] = turned(page) if machine.axis == "rotary" else page
-    return Answer(results, _checks(known, results), files, _summary(results))
+    return Answer(results, _checks(known, results), files, [*_summary(results), *limit_rows(machine)])
 
 
 def _given(machine: Machine, options: ExportOptions) -> _Given:

@@ -31,6 +31,7 @@ from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
 from models.quantity import show
+from studies.as_known import limit_rows
 from studies.beforehand import require_controller
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
@@ -116,7 +117,7 @@ def compute(machine: Machine, options: TradeoffOptions, progress: Progress) -> A
     checks = made(members, points, results, compensated[1], machine)
     stroke, settling = machine.specification.stroke, machine.specification.reference_settling_time
     files = {"controller.json": controller_to_json(counted.machine, fit, stroke, settling)}
-    return Answer(results, checks, files, [*summary(results), *counted.summary])
+    return Answer(results, checks, files, [*summary(results), *limit_rows(machine), *counted.summary])
 
 
 def _compensated(

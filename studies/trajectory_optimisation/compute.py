@@ -30,6 +30,7 @@ from design.validation import BATCH, PERIODS, sequence
 from models.controller import Controller
 from models.machine import Machine, parameters
 from models.quantity import show
+from studies.as_known import limit_rows
 from studies.beforehand import require_designable, require_pid
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
@@ -130,7 +131,9 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
         "parameters": [vars(one) | {"provenance": one.provenance.plain} for one in parameters(machine)],
     }
     files = {"controller.json": _controller_file(machine, wanted, made.chosen, learner)}
-    return Answer(results, _checks(machine, wanted, results), files, [*_summary(results), *counted.summary])
+    return Answer(
+        results, _checks(machine, wanted, results), files, [*_summary(results), *limit_rows(machine), *counted.summary]
+    )
 
 
 def _foresee(machine: Machine, options: TrajectoryOptions, progress: Progress) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ from design.controller import assemble, design_deadbeat
 from design.validation import validate
 from models.machine import Machine, Provenance, load
 from models.machine_file import to_toml
+from reports import text
 from studies.as_known import _slowest, in_short, limit_rows, on_allowed_machines, origin, spread, summary_row
+from studies.catalogue import every
 from studies.command import main
 from studies.deadbeat_design.__main__ import STUDY
 from studies.deadbeat_design.options import DeadbeatOptions
@@ -79,7 +83,7 @@ def test_a_design_that_holds_on_the_file_s_values_alone_is_not_a_yes(tmp_path: P
     said = f"but only {found['in_time']} of {found['machines']} machines that the file allows settle in time"
     assert said in " ".join(page.split())
     assert "Yes: all" not in page
-    assert "The machine file marks plant.dead_time as left at the end of the range" in " ".join(page.split())
+    assert "the machine file marks plant.dead_time as left at the end of the range" in " ".join(page.split())
 
 
 def test_a_design_on_values_at_the_end_of_their_range_is_a_warning() -> None:
@@ -90,6 +94,20 @@ def test_a_design_on_values_at_the_end_of_their_range_is_a_warning() -> None:
     ((name, told),) = limit_rows(machine)
     assert name == "WARNING, values at the end of the range that a fit had"
     assert told.startswith("plant.dead_time: the model lacks something")
+
+
+@pytest.mark.parametrize("name", ["deadbeat_design", "export", "pid_tradeoff", "trajectory_optimisation"])
+def test_every_report_of_a_design_names_such_values(name: str, quick_run: Callable[[str], tuple[Path, int]]) -> None:
+    whole = json.loads((quick_run(name)[0] / "results.json").read_text(encoding="utf-8"))
+    assert "left at the end of the range" not in _page(name, whole)
+    whole["parameters"][0]["provenance"]["at_limit"] = True
+    assert f"marks {whole['parameters'][0]['name']} as left at the end of the range" in _page(name, whole)
+
+
+def _page(name: str, whole: dict[str, Any]) -> str:
+    report = every()[name].report(whole)
+    captions = {figure.name: figure.caption for figure in report.figures}
+    return " ".join(text.fill(report.template, whole, captions, report.filters).replace("\\", "").split())
 
 
 @pytest.mark.parametrize(("in_time", "warns"), [(10, False), (5, False), (4, True), (0, True)])
