@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from models.machine import Machine
 from models.machines.provenance import Provenance
-from models.quantity import show, span
+from models.quantity import listed, show, span
 from reports.markup import RAISED
 from reports.units import length_unit
 
@@ -228,3 +228,8 @@ def words(name: str) -> str:
 def effect(name: str) -> str:
     """The name of an effect or of a nominal parameter in words: "dac_quantisation" becomes "DAC quantisation"."""
     return " ".join(PROPER.get(word, word) for word in name.split("_"))
+
+
+def effects_listed(names: Sequence[str], last: str = "and") -> str:
+    """Such names in words, the last two joined by `last`."""
+    return listed([effect(name) for name in names], last)

@@ -42,7 +42,7 @@ from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable, require_stable
 from studies.effort import MOST, diagnosing, foresee, more_samples
 from studies.gap_diagnosis import by_hand, own_records
-from studies.gap_diagnosis.answer import sentences
+from studies.gap_diagnosis.answer import front, sentences
 from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
@@ -256,7 +256,7 @@ def _results(
         ),
         "next": _next(beside, given.machine, [record.position.size for record in given.records], options.most_samples),
     }
-    return {**results, "answer": sentences(results)}
+    return {**results, "answer": sentences(results), "front": front(results)}
 
 
 def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -> list[dict[str, Any]]:

@@ -87,12 +87,12 @@ def marked(verdict: Mapping[str, Any]) -> str:
     return f" ({'' if alone else listed([effect(name) for name in names]) + ' '}unconfirmed)" if names else ""
 
 
-def unconfirmed(results: Mapping[str, Any]) -> str:
-    """What is said of names that came up after the first look, and that no record has confirmed; empty without any."""
+def unconfirmed(results: Mapping[str, Any]) -> list[str]:
+    """What is said of names that came up after the first look, and that no record has confirmed; none without any."""
     verdict = results["verdict"]
     names = verdict.get("unconfirmed", [])
     if not names:
-        return ""
+        return []
     last = results["asked"]["looks"][-1]
     values = [e_value({"log10_e_value": last["log10_e_values"].get(name, 0.0)}) for name in names]
     some = len(names) > 1
@@ -100,7 +100,7 @@ def unconfirmed(results: Mapping[str, Any]) -> str:
     come += f"record that did not choose {'them' if some else 'it'} has confirmed {'them' if some else 'it'} yet"
     run = "run next_experiment.csv" if verdict["next_experiment"] else "make another record"
     needed = f"e-value{'s' if some else ''} {listed(values)}, {results['asked']['needed']:.0f} needed"
-    return f" {come[0].upper()}{come[1:]} ({needed}): {run} and go on with it (--continue)."
+    return [f"{come[0].upper()}{come[1:]} ({needed}): {run} and go on with it (--continue)."]
 
 
 def told(content: Course) -> str:

@@ -23,31 +23,35 @@ def without_a_name_in_short(results: Results) -> str:
     return f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what is left has no name"
 
 
-def without_a_name(results: Results) -> str:
-    """What is said where no effect explains what is left, after the values that are off where they are most of it."""
+def without_a_name(results: Results) -> list[str]:
+    """What is said where no effect explains what is left, after the values that are off where they are most of it; in
+    sentences."""
     off = mostly(results)
     begins, rest = (f"{told_off(off, results)} No", "what is left") if off else ("No", "it")
-    return (
+    told = [
         f"{begins} effect of the catalogue, alone or with others, explains {rest} within its prior range: "
-        f"{_beyond_the_catalogue(results)}"
-    )
+        f"{_beyond_the_catalogue(results)}."
+    ]
+    if untried := [effect(name) for name in results.get("not_looked_for", ())]:
+        told.append(f"Not tried, as the machine file has no [priors.NAME] for it: {listed(untried)}.")
+    return told
 
 
-def never_the_same(results: Results) -> str:
+def never_the_same(results: Results) -> list[str]:
     """What is said where the re-fitted model leaves what does not repeat between equal motions, and nothing resembles
-    it; empty elsewhere."""
+    it; nothing elsewhere."""
     if results["verdict"]["partly"] or results["how_far"]["floor_source"] != "repeats":
-        return ""
+        return []
     far = results["how_far"]
     low, high = (part * far["floor"]["force_N"] for part in AT_FLOOR)
     if not low <= far["gap_refitted"]["force_N"] <= high:
-        return ""
+        return []
     off = [off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
     wrong = f"Nominal values are off, {listed(off)}. " if off else ""
-    return (
+    return [
         f"{wrong}What is left of the re-fitted model differs every time a motion is repeated, so that no "
-        "effect of the catalogue is seen to be missing"
-    )
+        "effect of the catalogue is seen to be missing."
+    ]
 
 
 def _beyond_the_catalogue(results: Results) -> str:
@@ -61,8 +65,6 @@ def _beyond_the_catalogue(results: Results) -> str:
         )
     if unseen := _not_seen(results):
         told += f", or is {listed(unseen, 'or')}, which only equal motions that are repeated would show"
-    if untried := [effect(name) for name in results.get("not_looked_for", ())]:
-        told += f". Not tried, as the machine file has no [priors.NAME] for it: {listed(untried)}"
     return told
 
 

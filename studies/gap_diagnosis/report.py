@@ -11,8 +11,8 @@ from reports.markup import Markdown
 from reports.report import Figure, Report
 from studies import as_known
 from studies.gap_diagnosis import course, figures, unknown_law
-from studies.gap_diagnosis.answer import bound_meant, bounds_told, effects_listed, harm_told
-from studies.wording import beside, filters, fitted, quantity
+from studies.gap_diagnosis.how_far import bound_meant, bounds_told, harm_told
+from studies.wording import beside, effects_listed, filters, fitted, quantity
 
 Results = Mapping[str, Any]
 

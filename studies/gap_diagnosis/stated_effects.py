@@ -48,13 +48,13 @@ def first(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys([*(row["effect"] for row in results.get("stated_effects", ())), *names]))
 
 
-def told(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A sentence on them; empty without any."""
+def told(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence on them; none without any."""
     if not rows:
-        return ""
+        return []
     shown = [
         f"{effect(row['effect'])} ({words(row['name'])} {show(row['now'], row['unit'], 4)} in place of "
         f"{show(row['before'], row['unit'], 4)})"
         for row in rows
     ]
-    return f" Of the effects that the machine file states, these have other values: {listed(shown)}."
+    return [f"Of the effects that the machine file states, these have other values: {listed(shown)}."]

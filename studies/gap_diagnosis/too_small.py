@@ -14,9 +14,9 @@ Results = Mapping[str, Any]
 SHARE: Final = 0.01  # of what is closed, up to which a name closes nearly nothing
 
 
-def too_small(results: Results) -> str:
+def too_small(results: Results) -> list[str]:
     """What is said of names beside others that close nearly nothing, in sizes that these records would not show by
-    themselves: they may be what the others' laws leave. Empty without any."""
+    themselves: they may be what the others' laws leave. None without any."""
     names, shares = results["verdict"]["effects"], results["how_far"].get("shares", {})
     limits = {row["effect"]: row for row in results["confusability"]["limits"]}
     sizes = {row["effect"]: row["parameters"] for row in results["which"]}
@@ -30,7 +30,7 @@ def too_small(results: Results) -> str:
             now, shows = (show(number, limit["unit"], 3) for number in (size, least))
             told.append(f"{effect(name)} ({words(limit['parameter'])} {now}, where {shows} would show)")
     if not told:
-        return ""
+        return []
     it, closes = ("It", "closes") if len(told) == 1 else ("They", "close")
     laws = f"{it} may be what the laws of the other names leave, and {closes} nearly nothing of the gap"
-    return f" Not sure, though named: {listed(told)}. {laws}."
+    return [f"Not sure, though named: {listed(told)}. {laws}."]

@@ -32,24 +32,25 @@ def has_curve(learned: Results | None) -> bool:
     return learned is not None and "knots" in learned
 
 
-def told(learned: Results | None) -> str:
-    """The law, how it was judged, and whether improved.toml has it, in a sentence or two; empty without one."""
+def told(learned: Results | None) -> list[str]:
+    """The law, how it was judged, and whether improved.toml has it, in a sentence or two; none without one."""
     if learned is None:
-        return ""
+        return []
     if not has_curve(learned):
-        return f" No law was learned in its place: {learned['reason']}."
+        return [f"No law was learned in its place: {learned['reason']}."]
     largest = max(map(abs, learned["values"]))
     low, high = learned["closure_interval"]
     law = (
-        f" Learned from the records, it is a force over {OVER[learned['coordinate']]}, "
+        f"Learned from the records, it is a force over {OVER[learned['coordinate']]}, "
         f"{TURNING[learned['symmetry']]}, of up to {show(largest, 'N', 3)}"
     )
     if learned["adopted"]:
-        return (
-            f"{law}. On types of motion that were not used it closes {100 * learned['closure']:.0f} % "
-            f"({100 * low:.0f} to {100 * high:.0f} %) of the gap, and improved.toml has it as [effects.measured]."
-        )
-    return f"{law}; but {learned['reason']}, so that improved.toml does not have it."
+        return [
+            f"{law}.",
+            f"On types of motion that were not used it closes {100 * learned['closure']:.0f} % "
+            f"({100 * low:.0f} to {100 * high:.0f} %) of the gap, and improved.toml has it as [effects.measured].",
+        ]
+    return [f"{law}; but {learned['reason']}, so that improved.toml does not have it."]
 
 
 def left(far: Results) -> list[str]:

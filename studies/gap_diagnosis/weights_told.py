@@ -14,31 +14,31 @@ Results = Mapping[str, Any]
 FAR: Final = 2.0  # times its expectation, from which on chi-square per sample is said to be far from it
 
 
-def roughness(results: Results) -> str:
+def roughness(results: Results) -> list[str]:
     """How rough the drive is, and whether the weights hold: what is left of each record, as a variance in that which
-    they promise."""
-    force, told = results["white_force_N"], ""
+    they promise; in sentences."""
+    force, told = results["white_force_N"], []
     usual, taken = (show(force[key], "N", 2) for key in ("usual", "taken"))
     if force.get("biased"):
         moved = listed([f"{effect(one['name'])} by {one['tolerances']:.2g}" for one in force["biased"]])
-        told += (
-            ". The scale is coarse for contacts that slip so soon: on simulated tables with nothing wrong, the re-fit "
+        told.append(
+            "The scale is coarse for contacts that slip so soon: on simulated tables with nothing wrong, the re-fit "
             f"moves values by many of their tolerances ({moved}); so a white force of {taken} a sample is taken beside "
-            f"the model in place of {usual}, and effects smaller than that are hidden"
+            f"the model in place of {usual}, and effects smaller than that are hidden."
         )
     elif force["taken"] > force["usual"]:
-        told += (
-            ". The drive is rougher than its model: beside the unknown force, which is slower, its force scatters by "
+        told.append(
+            "The drive is rougher than its model: beside the unknown force, which is slower, its force scatters by "
             f"{taken} from sample to sample, which no effect of the catalogue describes, unless "
             "it is the model that lacks something as fast, such as friction at another place or a mode that friction "
-            "stiffens"
+            "stiffens."
         )
     left, far = results["chi_square_per_sample"]["with_effects"], far_off(results)
     if far:
         each = listed(f"{one:.2g} in record {number}" if len(left) > 1 else f"{one:.2g}" for number, one in far)
-        told += (
-            f". Chi-square per sample is {each} where 1 was expected, so that the stated deviations are too "
-            f"{_small_or_large([one for _, one in far])}{_weighed(results)}"
+        told.append(
+            f"Chi-square per sample is {each} where 1 was expected, so that the stated deviations are too "
+            f"{_small_or_large([one for _, one in far])}{_weighed(results)}."
         )
     return told
 

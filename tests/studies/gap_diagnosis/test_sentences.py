@@ -12,12 +12,34 @@ import pytest
 
 from reports import text
 from studies.gap_diagnosis import report
-from studies.gap_diagnosis.answer import _carried_over, elsewhere, sentences
+from studies.gap_diagnosis.answer import front, sentences
+from studies.gap_diagnosis.how_far import _carried_over, elsewhere
 
 
 def test_the_answer_is_made_of_the_results(results: dict[str, Any]) -> None:
     assert sentences(results) == results["answer"]
     assert all(text.endswith(".") for part, text in results["answer"].items() if part != "outcome")
+    assert front(results) == results["front"]
+
+
+def test_the_first_page_says_all_but_what_its_figure_shows(results: dict[str, Any]) -> None:
+    """In short and as remarks, each once: a figure of the gap stands in for the sentence of all its measures."""
+    short, told = results["front"], results["answer"]
+    for part in ("which", "how_far"):
+        assert told[part].startswith(short[part])
+    assert short["where"] == told["where"]
+    said = " ".join([told["which"], told["how_far"]])
+    for one in [short["which"], short["how_far"], *short["remarks"]]:
+        assert said.count(one) == 1
+        said = said.replace(one, "")
+    assert re.fullmatch(r"\s*Over all motions the gap goes from ((?!\. ).)*\.\s*", said)
+
+
+def test_what_it_resembles_is_told_first_where_nothing_has_a_name(results: dict[str, Any]) -> None:
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
+    told = front({**results, "verdict": verdict, "not_looked_for": ["gravity"]})
+    assert "In part it resembles cogging (" in told["which"]
+    assert "Not tried, as the machine file has no [priors.NAME] for it: gravity." in told["remarks"]
 
 
 @pytest.mark.parametrize(
@@ -217,7 +239,7 @@ def test_of_an_effect_that_is_in_the_model_twice_both_members_are_said(results: 
 @pytest.mark.parametrize(
     ("names", "interval", "says"),
     [
-        (["cogging", "play"], [0.6, 0.8], "; 20 to 40 % of the gap remain unexplained; the noise floor is"),
+        (["cogging", "play"], [0.6, 0.8], "; 20 to 40 % of the gap remain unexplained. Over all motions"),
         (["cogging", "play"], [0.6, 0.95], ""),  # perhaps all of it has one
         (["cogging"], [0.3, 0.6], ""),  # one is named so where nothing more is missing
         (["controller_mismatch", "play"], [0.0, 0.0], ""),

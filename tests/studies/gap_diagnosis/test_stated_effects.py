@@ -21,10 +21,10 @@ def test_a_value_that_moved_surely_and_clearly_is_told_with_what_it_was() -> Non
     assert [(row["effect"], row["before"], row["now"], row["std"]) for row in rows] == [
         ("viscous_friction", 5.42, 13.4, 0.4)
     ]
-    assert told(rows) == (
-        " Of the effects that the machine file states, these have other values: viscous friction (coefficient "
+    assert told(rows) == [
+        "Of the effects that the machine file states, these have other values: viscous friction (coefficient "
         "13.4 N s/m in place of 5.42 N s/m)."
-    )
+    ]
     assert first({"stated_effects": rows}, ["payload_mass"]) == ["viscous_friction", "payload_mass"]
     assert first({}, ["payload_mass"]) == ["payload_mass"]
 
@@ -39,7 +39,7 @@ def test_nothing_is_said_of_what_is_not_sure_or_as_it_was() -> None:
     unsure = {"effects.viscous_friction.coefficient": Provenance("identified", "", std=4.0)}
     better = replace(GIVEN, effects=(CableSpring(16580.0), ViscousFriction(13.4)), sources={**GIVEN.sources, **unsure})
     assert stated_effects(GIVEN, better) == []
-    assert told(stated_effects(GIVEN, GIVEN)) == ""
+    assert told(stated_effects(GIVEN, GIVEN)) == []
     assert stated_effects(replace(GIVEN, effects=()), better) == []
 
 

@@ -23,25 +23,26 @@ LEARNED: dict[str, Any] = {
 
 
 def test_an_adopted_law_is_told_with_its_judgement() -> None:
-    assert unknown_law.told(LEARNED) == (
-        " Learned from the records, it is a force over the position, the same in both directions, of up to 3 N. "
+    assert unknown_law.told(LEARNED) == [
+        "Learned from the records, it is a force over the position, the same in both directions, of up to 3 N.",
         "On types of motion that were not used it closes 97 % (91 to 99 %) of the gap, and improved.toml has it as "
-        "[effects.measured]."
-    )
+        "[effects.measured].",
+    ]
 
 
 def test_a_refused_law_is_told_with_the_reason() -> None:
     refused = {**LEARNED, "adopted": False, "reason": "on types of motion that were not used it closes 40 %"}
-    assert unknown_law.told(refused).endswith(
+    (told,) = unknown_law.told(refused)
+    assert told.endswith(
         "up to 3 N; but on types of motion that were not used it closes 40 %, so that improved.toml does not have it."
     )
 
 
 @pytest.mark.parametrize(
     ("learned", "text"),
-    [(None, ""), ({"adopted": False, "reason": "too few"}, " No law was learned in its place: too few.")],
+    [(None, []), ({"adopted": False, "reason": "too few"}, ["No law was learned in its place: too few."])],
 )
-def test_without_a_curve_there_is_a_reason_or_nothing(learned: dict[str, Any] | None, text: str) -> None:
+def test_without_a_curve_there_is_a_reason_or_nothing(learned: dict[str, Any] | None, text: list[str]) -> None:
     assert unknown_law.told(learned) == text
     assert not unknown_law.has_curve(learned)
 

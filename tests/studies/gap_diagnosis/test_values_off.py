@@ -7,8 +7,8 @@ import pytest
 
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from studies.gap_diagnosis.answer import SLOWER, _slower
 from studies.gap_diagnosis.compute import _of_all_contacts
+from studies.gap_diagnosis.how_far import SLOWER, _slower
 from studies.gap_diagnosis.values_off import in_percent
 from tests.diagnosis.tables import table
 
