@@ -96,7 +96,7 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
         "quick": options.quick,
         "records": [_shown(one) for one in circle.given],
         "identified": known and {name: known[name] for name in ("estimates", "warnings", "said")},
-        "diagnosis": found and {name: found[name] for name in ("answer", "verdict", "how_far", "probabilities")},
+        "diagnosis": found and {name: found[name] for name in ("answer", "front", "verdict", "how_far", "probabilities")},
         "redesign": redesign["shown"],
         "pictures": _pictures(circle, redesign, judged),
         "verified": verified,
@@ -171,7 +171,7 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
         found, answer = answered(given_of(identified, records), (), options.disable, options, within)
         count = FEW if circle.options.quick else RUNS
         draws = [to_toml(one) for one in machines_allowed(found, count, circle.options.seed)]
-        names = ("answer", "verdict", "how_far", "next")
+        names = ("answer", "front", "verdict", "how_far", "next")
         return {
             **{name: answer.results[name] for name in names},
             "probabilities": {row["effect"]: row["probability"] for row in answer.results["which"]},
