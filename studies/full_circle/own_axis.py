@@ -46,6 +46,7 @@ from studies.study import Answer, Progress
 
 RUNS: Final = 40  # machines that could be this one, on which each design is tried
 FEW: Final = 10  # of them in a quick run
+TOLD: Final = ("answer", "front", "verdict", "how_far")  # of a diagnosis
 OPEN: Final = ("ambiguous", "none_of_these")  # outcomes of a diagnosis that ask for another experiment
 STILL_OPEN: Final = "the experiment that was asked for left open what is wrong; this one excites nearly all"
 SAME_MODEL: Final = "the other designs are judged with the same model"
@@ -96,7 +97,7 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
         "quick": options.quick,
         "records": [_shown(one) for one in circle.given],
         "identified": known and {name: known[name] for name in ("estimates", "warnings", "said")},
-        "diagnosis": found and {name: found[name] for name in ("answer", "front", "verdict", "how_far", "probabilities")},
+        "diagnosis": found and {name: found[name] for name in (*TOLD, "probabilities")},
         "redesign": redesign["shown"],
         "pictures": _pictures(circle, redesign, judged),
         "verified": verified,
@@ -171,9 +172,8 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
         found, answer = answered(given_of(identified, records), (), options.disable, options, within)
         count = FEW if circle.options.quick else RUNS
         draws = [to_toml(one) for one in machines_allowed(found, count, circle.options.seed)]
-        names = ("answer", "front", "verdict", "how_far", "next")
         return {
-            **{name: answer.results[name] for name in names},
+            **{name: answer.results[name] for name in (*TOLD, "next")},
             "probabilities": {row["effect"]: row["probability"] for row in answer.results["which"]},
             "improved": answer.files["improved.toml"],
             "next_experiment": answer.files.get("next_experiment.csv"),
