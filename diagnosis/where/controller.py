@@ -6,7 +6,8 @@ different: another delay, unit, gain, filter or structure, or swapped columns; o
 controller (`diagnosis.where.added`), which accuses no controller. A log in which the reading was rounded,
 or the command quantised by a converter, leaves noise that no other law explains; the resolution of the reading says
 how large that may be. On a coarse scale it may be a fifth of the command, and a difference that another controller
-halves is none of it. n samples.
+halves, on the samples that it is fitted to, is none of it: far from zero a log of so many digits has coarser steps.
+n samples.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.kalman import STARTING
 from diagnosis.where.added import AS_GOOD, Added, added
-from diagnosis.where.structure import Structure, structure
+from diagnosis.where.structure import Structure, judged, structure
 from models.controller import PID, Feedback
 from models.feedback.law import Law, follow
 from models.machine import Machine
@@ -104,7 +105,8 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     other = None
     if least >= mended and rms < noise and largest < most:
         other = structure(record, begin)
-        if other is None or other.leaves >= mended:
+        there = float(np.std((record.command - made)[judged(record, begin)]))
+        if other is None or other.leaves >= criteria.replay_remedy * there:
             return replace(plain, tolerance=most, departs=None)
     if signal is not None and remains > signal.noise and signal.leaves < min(mended, remains / AS_GOOD):
         other = None if signal.is_all else other or structure(record, begin)

@@ -116,15 +116,27 @@ def _as_good(known: _Signals, left: float) -> float:
     return SAME * max(left, EXACT * float(np.std(known.command)))
 
 
-def _signals(record: Record, begin: int) -> _Signals | None:
-    """The part of a record that is fitted."""
+def judged(record: Record, begin: int) -> slice:
+    """The samples by which a structure is judged: of those in which the reference moves most, those from `begin` on."""
+    part = _part(record)
+    return slice(part.start + begin, part.stop)
+
+
+def _part(record: Record) -> slice:
+    """The samples that are fitted: those in which the reference moves most."""
     n = record.position.size
-    if n - begin < SHORTEST or np.ptp(record.reference) == 0:
-        return None
     moved = np.cumsum(np.abs(np.diff(record.reference, prepend=record.reference[0])))
     length = min(n, MOST)
     first = int(np.argmax(moved[length - 1 :] - moved[: n - length + 1]))
-    part, origin = slice(first, first + length), record.position[first]
+    return slice(first, first + length)
+
+
+def _signals(record: Record, begin: int) -> _Signals | None:
+    """The part of a record that is fitted."""
+    if record.position.size - begin < SHORTEST or np.ptp(record.reference) == 0:
+        return None
+    part = _part(record)
+    origin = record.position[part.start]
     command = (record.command - record.feedforward)[part]
     return _Signals(record.sample_time, command, record.reference[part] - origin, record.position[part] - origin, begin)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosis.where.controller import replayed, starting
-from diagnosis.where.structure import structure
+from diagnosis.where.structure import MOST, judged, structure
 from models.controller import PID
 from models.feedback.forms import NO_FILTERS, Cascade, Filters, LowPass, Notch
 from models.machine import Machine
@@ -29,10 +29,10 @@ def moves(count: int = 3000) -> np.ndarray:
     return np.concatenate(path)[:count]
 
 
-def recorded(machine: Machine, noise: float = 5e-9) -> Record:
+def recorded(machine: Machine, noise: float = 5e-9, count: int = 3000) -> Record:
     """What the machine does under its own controller, with a scale that rounds and is noisy."""
     noisy = replace(machine, scale=replace(machine.scale, noise=noise))
-    return simulate(noisy, machine.feedback_only(), moves(), seed=1).record
+    return simulate(noisy, machine.feedback_only(), moves(count), seed=1).record
 
 
 def under(pid: PID, reference_delay: int = 0) -> Machine:
@@ -115,6 +115,23 @@ def test_a_coarse_scale_excuses_no_other_filter() -> None:
     late = replayed(stated, replace(own, position=own.position + draw))
     assert late.replays
     assert late.rms > replayed(stated, record).rms
+
+
+def test_noise_of_the_log_that_is_not_everywhere_is_what_it_is_where_a_structure_is_fitted() -> None:
+    """A log of ten digits has coarser steps far from zero; two drawn machines had been accused of their controllers."""
+    coarse = 4e-7
+    machine = axis(CASCADE)
+    machine = replace(machine, scale=replace(machine.scale, resolution=coarse))
+    record = recorded(machine, count=3 * MOST)
+    part = judged(record, 60)
+    assert part.stop - part.start == MOST - 60
+    draw = np.random.default_rng(1).uniform(-coarse / 4, coarse / 4, record.position.size)
+    draw[part.start - 60 : part.stop] /= 20
+    logged = replace(record, position=record.position + draw)
+    found, best = replayed(machine, logged), structure(logged, 60)
+    assert best is not None
+    assert best.leaves < 0.2 * found.rms  # which is no better controller
+    assert found.replays
 
 
 def test_a_cascade_is_found_on_a_way_along_which_position_and_reference_are_all_but_the_same() -> None:
