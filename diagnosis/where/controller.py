@@ -12,6 +12,7 @@ n samples.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -35,6 +36,9 @@ Array = NDArray[np.float64]
 LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
+SMOOTH: Final = 200  # samples in motion, from which on a reference shows whether it was rounded
+OFTEN: Final = 0.1  # of the samples in motion, up to which fourth differences that are not 0 are a path's corners
+AGAINST: Final = -0.5  # how two neighbouring fourth differences go together, from which on they are rounding
 WHOLE: Final = "the whole command"
 SLIGHT: Final = 0.05  # of a feedforward: a part that makes less of it is not named
 OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
@@ -96,7 +100,7 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
         return plain
     rms = plain.rms
     remedy, remains = min(_remedies(record, feedback, delay, begin), key=lambda one: one[1])
-    noise = criteria.replay_log_noise * _rounded(machine, record)
+    noise = criteria.replay_log_noise * math.hypot(_rounded(machine, record), _reference_rounded(machine, record))
     most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
     signal = added(record, made, begin, max(noise, plain.tolerance))
     least = min(remains, mended, signal.leaves if signal else np.inf)
@@ -182,22 +186,60 @@ def _resolution(machine: Machine, record: Record) -> float:
 
 def _rounded(machine: Machine, record: Record) -> float:
     """Standard deviation [N] of the replay's error where the readings were rounded after the controller used them."""
-    feedback, impulse, nothing = machine.control.feedback, np.zeros(STARTING), np.zeros(STARTING)
+    return _of_noise(machine.control.feedback, record.sample_time, by_reading=True) * machine.scale.resolution / 12**0.5
+
+
+def _reference_rounded(machine: Machine, record: Record) -> float:
+    """Standard deviation [N] of the replay's error where the reference was: a fine position may be logged in steps that
+    an acceleration feedforward makes newtons of."""
+    return _of_noise(machine.control.feedback, record.sample_time, by_reading=False) * rounding(record.reference)
+
+
+def _of_noise(feedback: Feedback, sample_time: float, *, by_reading: bool) -> float:
+    """Standard deviation [N/m] of what a law makes of white noise of 1 m in the reading, or in the reference."""
+    impulse, nothing = np.zeros(STARTING), np.zeros(STARTING)
     if isinstance(feedback, Law):
         impulse[1] = 1.0
-        answer = follow(feedback, nothing, impulse, nothing)
+        reference, reading = (nothing, impulse) if by_reading else (impulse, nothing)
+        answer = follow(feedback, reference, reading, nothing)
         answer -= answer[-1]  # what the integral keeps is the free constant
     else:
         impulse[0] = 1.0
-        bare = Record(record.sample_time, nothing, nothing, nothing, nothing, impulse)
+        reference, reading = (nothing, impulse) if by_reading else (impulse, nothing)
+        bare = Record(sample_time, reference, nothing, nothing, nothing, reading)
         answer = replay(bare, replace(feedback, ki=0.0), 0)
-    return float(np.linalg.norm(answer)) * machine.scale.resolution / 12**0.5
+    return float(np.linalg.norm(answer))
+
+
+def rounding(reference: Array) -> float:
+    """Standard deviation [m] of what a smooth reference (n,) [m] lost where it was rounded; 0 for one that was not.
+
+    In steps of q, the fourth differences of a smooth path are multiples of q, up to 8 q, most of them not 0, and
+    neighbours go against each other (-0.8 of white noise, where a smooth path's go together). Of a path of straight
+    lines or parabolas nearly all are 0.
+    """
+    moves = np.diff(reference) != 0
+    together = np.convolve(moves, np.ones(4), "valid") == 4
+    fourth = np.diff(reference, 4)[together]
+    other = np.abs(fourth) > 1e-9 * float(np.max(np.abs(reference), initial=0.0))
+    if np.count_nonzero(other) < max(SMOOTH, OFTEN * fourth.size):
+        return 0.0
+    step = float(np.quantile(np.abs(fourth[other]), 0.01))
+    small = np.clip(fourth, -8 * step, 8 * step)
+    energy = float(small @ small)
+    if float(small[1:] @ small[:-1]) > AGAINST * energy:
+        return 0.0
+    return (energy / small.size / 70) ** 0.5  # the sum of the squares of 1, -4, 6, -4, 1
 
 
 def _difference(record: Record, made: Array, begin: int) -> Array:
-    """Logged less replayed command (n - begin,) [N], its median removed."""
+    """Logged less replayed command (n - begin,) [N], its median removed; none where a logged command stands at the
+    largest or the least of the record and the replayed one is beyond it: a drive keeps to its rating."""
     difference = (record.command - made)[begin:]
-    return difference - np.median(difference)
+    difference = difference - np.median(difference)
+    command = record.command[begin:]
+    kept = ((command == np.max(command)) & (difference < 0)) | ((command == np.min(command)) & (difference > 0))
+    return np.where(kept, 0.0, difference)
 
 
 def _between_jumps(feedforward: Array, size: float) -> NDArray[np.bool_]:

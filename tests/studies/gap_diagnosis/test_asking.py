@@ -207,7 +207,7 @@ def test_what_is_unsure_is_told_so() -> None:
         "learned": None,
     }
     assert answer._outcome(results) == "No name is sure; it looks like cogging"
-    told_of = answer._which({**results, **ROUGHNESS})
+    told_of = " ".join(answer._which({**results, **ROUGHNESS}))
     assert "no independent record has confirmed it: the machine's time is spent" in told_of
 
 

@@ -1,0 +1,65 @@
+"""What of a difference between logged and replayed commands is the log's: rounded references, clipped commands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnosis.where.controller import replayed, rounding
+from models.simulation.simulator import simulate
+from tests.diagnosis.where.test_structure import moves
+from tests.models.feedback.axis import CASCADE, axis
+
+STRONG = replace(CASCADE, acceleration_feedforward=40.0)
+
+
+def s_curve() -> NDArray[np.float64]:
+    """Strokes of many lengths [m] with a smooth start and stop."""
+    rng, path = np.random.default_rng(0), [np.zeros(50)]
+    for stroke in rng.uniform(-1e-3, 1e-3, 20):
+        share = np.linspace(0, 1, 150)
+        path += [path[-1][-1] + stroke * share**3 * (10 - 15 * share + 6 * share**2), np.full(40, 0.0)]
+        path[-1] += path[-2][-1]
+    return np.concatenate(path)
+
+
+@pytest.mark.parametrize("step", [1e-9, 1e-8, 1e-7])
+def test_how_far_a_reference_was_rounded_is_read_off_it(step: float) -> None:
+    smooth = s_curve()
+    assert rounding(step * np.round(smooth / step)) == pytest.approx(step / 12**0.5, rel=0.1)
+    assert rounding(smooth) < 1e-3 * step
+
+
+@pytest.mark.parametrize("path", ["steps", "speeds", "accelerations"])
+def test_a_path_with_corners_was_not_rounded(path: str) -> None:
+    corners = np.repeat(np.random.default_rng(1).integers(-3, 4, 40), 50) * 1e-6
+    signal = {"steps": corners, "speeds": np.cumsum(corners), "accelerations": np.cumsum(np.cumsum(corners))}[path]
+    assert rounding(np.asarray(signal, float)) == 0.0
+
+
+def test_a_rounded_reference_is_no_other_controller_where_feedforward_makes_much_of_it() -> None:
+    """In steps of 10 nm, 40 kg times which over a sample squared are newtons; the scale is far finer."""
+    machine = axis(STRONG)
+    record = simulate(machine, machine.feedback_only(), moves(), seed=1).record
+    step = 1e-8
+    logged = replace(record, reference=step * np.round(record.reference / step))
+    found = replayed(machine, logged)
+    assert found.rms > 0.1
+    assert found.replays
+    other = replace(STRONG, acceleration_feedforward=44.0)
+    assert not replayed(axis(other), logged).replays
+
+
+def test_a_command_that_the_rating_cuts_off_accuses_no_controller() -> None:
+    """A few samples at the rated thrust, beyond which the law would go."""
+    machine = axis(STRONG)
+    record = simulate(machine, machine.feedback_only(), moves(), seed=1).record
+    limit = float(np.sort(np.abs(record.command))[-20])
+    cut = replace(record, command=np.clip(record.command, -limit, limit))
+    assert 10 <= np.count_nonzero(cut.command != record.command) < 20
+    assert replayed(machine, cut).replays
+    wrong = replace(record, command=np.where(np.abs(record.command) > limit, 0.0, record.command))
+    assert not replayed(machine, wrong).replays
