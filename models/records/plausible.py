@@ -38,6 +38,8 @@ UNMODELLED: Final = (3.0, 0.1)
 # take a hundred times the force, or a hundredth of the mass.
 FASTER: Final = 10.0
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
+HELD: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
+AT_ONCE: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
 SMOOTHED: Final = 20  # samples over which accelerations are taken
 FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit
 
@@ -56,6 +58,7 @@ def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | No
         yield from _against_reference(ran, facts)
     yield from _against_scale(record, facts)
     yield from _jumps(record, facts)
+    yield from _held(record, given, facts)
     yield from _against_force(record, facts)
     if "reference" in given:
         yield from _against_unit(ran, facts)
@@ -212,6 +215,30 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
         f"the position jumps by {show(float(steps[row - 2]), 'm', 3)} at {show((row - 1) * record.sample_time, 's')} "
         f"after the start (row {row}, line {row + 1} of a CSV), {_times(beyond.size)}, and {drive}; "
         "cut the record there"
+    )
+
+
+def _held(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
+    """Samples that a logger repeated: position and command stand still together, and what was missed is made up for in
+    one step, which is far larger than those beside it."""
+    if "command" not in given:
+        return
+    steps, stands = np.abs(np.diff(record.position)), np.diff(record.command) == 0
+    still = np.concatenate([[False], (steps == 0) & stands, [False]])
+    begins, ends = (np.flatnonzero(np.diff(still.astype(int)) == sign) for sign in (1, -1))
+    inside = (begins > 0) & (ends + 1 < steps.size) & (ends - begins + 1 >= HELD)
+    begins, ends = begins[inside], ends[inside]
+    beside = np.maximum(steps[begins - 1], steps[np.minimum(ends + 1, steps.size - 1)])
+    late = steps[ends] > np.maximum(AT_ONCE * beside, _flicker(record, facts))
+    if not late.any():
+        return
+    first = int(np.argmax(late))
+    begin, length = int(begins[first]), int(ends[first] - begins[first]) + 1
+    yield (
+        f"position and command stand still for {length} samples from {show(begin * record.sample_time, 's')} after the "
+        f"start on (row {begin + 1}, line {begin + 2} of a CSV), and the position then moves by "
+        f"{show(float(steps[ends[first]]), 'm', 3)} at once, {_times(int(np.count_nonzero(late)))}: the log repeats "
+        "old samples; log again, or cut the record there"
     )
 
 

@@ -227,6 +227,21 @@ def test_a_jump_that_no_thrust_makes_is_doubted_with_its_place(
     assert list(doubts(replace(jumped, position=small), GIVEN, FACTS)) == []
 
 
+def test_samples_that_a_logger_repeated_are_doubted_with_their_place() -> None:
+    """While the table moves at its fastest, position and command stand for 20 samples and then go on."""
+    target = np.concatenate([np.zeros(200), 0.02 * (1 - np.cos(np.linspace(0, np.pi, 600))) / 2, np.full(200, 0.02)])
+    record = simulate(MACHINE, MACHINE.feedback_only(), target, seed=1).record
+    assert not any("stand still" in doubt for doubt in doubts(record, GIVEN, FACTS))
+    held = {name: getattr(record, name).copy() for name in ("position", "command")}
+    for signal in held.values():
+        signal[500:520] = signal[500]
+    (doubt,) = (doubt for doubt in doubts(replace(record, **held), GIVEN, FACTS) if "stand still" in doubt)
+    assert "stand still for 20 samples from 250 ms after the start on (row 501, line 502 of a CSV)" in doubt
+    assert "at once, once: the log repeats old samples" in doubt
+    position = replace(record, position=held["position"])  # whose command goes on: the axis may stick
+    assert not any("stand still" in doubt for doubt in doubts(position, GIVEN, FACTS))
+
+
 def test_without_knowing_the_machine_nothing_is_doubted_by_it(records: Mapping[str, Record]) -> None:
     position = records["motions"].position.copy()
     position[300:] += 0.1
