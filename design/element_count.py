@@ -14,7 +14,7 @@ from typing import Final
 
 from design.effect_compensation import with_effects
 from design.friction_compensation import simplify, with_force
-from design.validation import agreement, validate
+from design.validation import repeats_within, validate
 from models.controller import Controller
 from models.machine import Machine
 from models.machines.parts import MOST_COMPENSATED
@@ -109,7 +109,7 @@ def choose(
 def _trial(machine: Machine, bare: Controller, count: int, stroke: float | None, seed: int) -> Trial:
     law = with_effects(replace(bare, friction_compensation=simplify(machine.friction, count)), machine)
     found = validate(machine, law, stroke=stroke, seed=seed)
-    settling, periodic = found.slowest.settling_time, found.repeat_error <= agreement(machine)
+    settling, periodic = found.slowest.settling_time, found.repeat_error <= repeats_within(machine)
     in_time = settling <= machine.specification.settling_time
     meets = in_time and periodic and found.peak_thrust <= machine.drive.rated_thrust
     spare = meets and settling <= (1 - SPARE) * machine.specification.settling_time

@@ -21,6 +21,7 @@ Reading = Literal["position", "scale"]
 
 PERIODS: Final = 3  # The sequence is simulated so often at first; the default machine then repeats itself.
 LONGER: Final = (6, 12, 24)  # So many periods are tried where fewer do not repeat.
+OF_TOLERANCE: Final = 0.05  # of the tolerance: by so much two periods may differ and a motion is judged all the same
 BATCH: Final = 40  # At most so many machines are simulated side by side,
 BLOCK: Final = 10_000_000  # and so few that they have no more samples together, of about 100 bytes each: 1 GB.
 ROUNDING: Final = 1e-9  # Relative. Readings are rounded multiples of the resolution, and 20 of 0.1 um are within 2 um.
@@ -198,6 +199,13 @@ def sequence(machine: Machine, stroke: float | None = None, periods: int = PERIO
 def agreement(machine: Machine) -> float:
     """How far [m] two periods may differ to count as equal: a step of the scale, which rounds them, and noise."""
     return max(machine.scale.resolution + 6 * machine.scale.noise, 1e-3 * machine.specification.tolerance)
+
+
+def repeats_within(machine: Machine) -> float:
+    """How far [m] two periods may differ where motions are judged by the specification: what `agreement` asks for, or a
+    part of the tolerance that decides nothing; with friction of many contacts, a count of the scale is passed on from
+    period to period."""
+    return max(agreement(machine), OF_TOLERANCE * machine.specification.tolerance)
 
 
 def assess(

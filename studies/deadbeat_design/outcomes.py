@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from design.deadbeat import Deadbeat
-from design.validation import Validation, agreement
+from design.validation import Validation, repeats_within
 from models.machine import Machine, Specification, load
 from models.quantity import show
 from studies.study import Check
@@ -153,7 +153,11 @@ def checks_of(
             source,
         ),
         Check(
-            "difference to the period before", with_rfm.repeat_error, "m", agreement(machine), "simulation is periodic"
+            "difference to the period before",
+            with_rfm.repeat_error,
+            "m",
+            repeats_within(machine),
+            "simulation is periodic",
         ),
     )
 

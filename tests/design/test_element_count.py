@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from design.controller import assemble, assemble_bare, bare_controller, default_controller, design_deadbeat
-from design.element_count import SPARE, Choice, Trial, choose, largest_count
+from design.element_count import SPARE, Choice, Trial, _trial, choose, largest_count
 from design.friction_compensation import simplify
-from design.validation import Validation, validate
+from design.validation import Validation, agreement, validate
 from models.friction import elements
 from models.machine import Machine, load
 from tests.design.rolling_axis import rolling_axis
@@ -119,3 +119,14 @@ def test_of_numbers_that_miss_the_one_that_settles_first_goes_first_periodic_or_
     alike = replace(quick, count=4, periodic=True)
     assert min(quick, alike, key=lambda one: one.rank) is alike
     assert min(quick, replace(slow, count=9, meets=True), key=lambda one: one.rank).count == 9
+
+
+@pytest.mark.parametrize(("share", "meets"), [(0.04, True), (0.06, False)])
+def test_periods_that_differ_by_far_less_than_the_tolerance_are_no_miss(
+    share: float, meets: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A heavy axis of 90 contacts differed by more than a count of 0.1 um, within +-5 um, and "missed" for that."""
+    found = replace(judged(AXIS, 80), repeat_error=share * AXIS.specification.tolerance)
+    assert found.repeat_error > agreement(AXIS)
+    monkeypatch.setattr("design.element_count.validate", lambda *_args, **_given: found)
+    assert _trial(AXIS, bare_controller(AXIS), 80, None, 0).meets == meets
