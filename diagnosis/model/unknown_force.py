@@ -12,7 +12,7 @@ from diagnosis.model.fit import Fit, weights
 from diagnosis.model.kalman import STARTING, begun, smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor
+from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor, vibration
 from diagnosis.model.units import units
 from models.records.record import Record
 
@@ -28,7 +28,8 @@ def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequen
     state = 2 * len(candidate.machine.plant.modes)
 
     def force(record: Record, residual: Residual) -> Array:
-        reading = record.position - residual.acts.reading
+        moved = vibration(candidate, residual.force, record.sample_time)
+        reading = record.position - residual.acts.reading - moved
         states = smoothed(model, residual.force, reading, begun(model, residual.force, reading))
         states[:STARTING, state] = np.nan
         return np.asarray(states[:, state])

@@ -31,6 +31,7 @@ BY_UNIT: Final[Mapping[str, Powers]] = {
 """What sizes of a unit are counted in, where their declaration does not say; those of other units stay as they are."""
 # The shortest period that is looked for along the travel has so many in it, and the longest one of a scale so many.
 MOST_PERIODS, FEWEST_PERIODS = 120, 15
+BELOW_CROSSOVER: Final = 0.25  # times the frequency at which the loop crosses over, from which on modes are looked for
 MOST_OF_NYQUIST: Final = 0.8  # up to which a frequency is looked for
 MOST_SAMPLED: Final = 0.99  # of the same, up to which a mode is in a machine that states its range
 STATED_ROOM: Final = 1.5  # times the largest frequency that is stated, up to which a fit may go
@@ -62,10 +63,10 @@ def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]
 
 
 def _rings(item: Parameter, low: float, high: float, units: Units) -> Range:
-    """Where a mode is looked for, whose usual range is low .. high [Hz]: from where the loop crosses over up to where
-    the records show it, however slow the loop is."""
-    crossover = 1 / (2 * math.pi * units.loop)
-    return (min(low, crossover), max(high, MOST_OF_NYQUIST / 2 / units.sample)) if item.is_resonance else ()
+    """Where a mode is looked for, whose usual range is low .. high [Hz]: from well below where the loop crosses over,
+    where the bed of a heavy axis rocks, up to where the records show it, however slow the loop is."""
+    least = BELOW_CROSSOVER / (2 * math.pi * units.loop)
+    return (min(low, least), max(high, MOST_OF_NYQUIST / 2 / units.sample)) if item.is_resonance else ()
 
 
 def _along(item: Parameter, units: Units) -> Parameter:

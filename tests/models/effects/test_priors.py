@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import re
 import subprocess
@@ -215,3 +216,14 @@ def test_a_mode_that_is_stated_stays_below_what_the_controller_samples(ends: tup
     assert 0 < low < high < nyquist
     assert high == pytest.approx(min(1.5 * ends[1], 0.99 * nyquist))
     assert item.low == (ends[0] if ends[0] < nyquist else pytest.approx(0.66 * nyquist))
+
+
+@pytest.mark.parametrize("loop", [1e-3, 4.3e-3, 2e-2])
+def test_a_mode_is_looked_for_from_well_below_the_crossover_on(loop: float) -> None:
+    """The bed of a machine tool rocks at 18 Hz, where its loop crosses over at 37 Hz."""
+    usual = load().priors
+    priors = Priors.of({}, replace(usual.units, loop=loop))
+    (item,) = (one for one in parameters(AdditionalMode, priors) if one.name == "frequency")
+    least, most = item.widest
+    assert least <= 0.25 / (2 * math.pi * loop) * (1 + 1e-12)
+    assert most >= 0.39 / usual.units.sample
