@@ -132,6 +132,13 @@ class Criteria:
     max_effects: int = _criterion(
         3, "1", "classes of effects in one answer by their chi-square alone; also random forces in one model"
     )
+    overlooked_share: float = _criterion(
+        0.3,
+        "1",
+        "share of the chi-square above the noise floor that an effect gains over all motions, from which on it is "
+        "fitted though it gains nothing on held-out ones; it has to take off half of it then",
+        "a drift of the scale that made contacts slip gained half, to first order, and was in truth all of it",
+    )
     max_effects_by_force: int = _criterion(
         5,
         "1",

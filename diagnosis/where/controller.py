@@ -229,7 +229,7 @@ def rounding(reference: Array) -> float:
     energy = float(small @ small)
     if float(small[1:] @ small[:-1]) > AGAINST * energy:
         return 0.0
-    return (energy / small.size / 70) ** 0.5  # the sum of the squares of 1, -4, 6, -4, 1
+    return math.sqrt(energy / small.size / 70)  # the sum of the squares of 1, -4, 6, -4, 1
 
 
 def _difference(record: Record, made: Array, begin: int) -> Array:

@@ -146,6 +146,39 @@ def test_a_rival_near_in_chi_square_that_leaves_no_more_force_is_one_by_force() 
 
 
 @dataclass(frozen=True)
+class Overlooking(Planned):
+    """One whose drift of the scale gains so much over all motions, and nothing on held-out ones."""
+
+    in_sample: float = 0.0
+
+    def examined(self, stage: Stage, dull: Collection[str] = (), known: Columns | None = None) -> tuple[Stage, Columns]:
+        found, columns = super().examined(stage, dull, known)
+        gains = {"scale_drift": self.in_sample}
+        told = [replace(one, in_sample_gain=gains.get(one.name, one.gain)) for one in found.proposals]
+        return replace(found, proposals=tuple(told)), columns
+
+
+@pytest.mark.parametrize(
+    ("in_sample", "cost", "found"),
+    [
+        (1000.0, 300.0, "scale_drift"),
+        (1000.0, 1100.0, "directional_friction"),  # which does not take off half of it
+        (500.0, 300.0, "directional_friction"),  # which is not looked at
+    ],
+)
+def test_what_gains_over_all_motions_alone_is_fitted_and_has_to_take_off_half(
+    in_sample: float, cost: float, found: str
+) -> None:
+    """A drift of 4 um/s, which moved the contacts itself, was in truth all that was left; it had no name."""
+    promises = {0: {"directional_friction": 900.0, "scale_drift": -250.0}}
+    costs = {"directional_friction": 1200.0, "scale_drift": cost}
+    start = replace(_fit(START), innovations=np.full(3, (START / 3) ** 0.5))
+    stages = grown(start, Overlooking(promises, costs, {}, {}, in_sample=in_sample))
+    assert stages[1].added == found
+    assert grown(start, Planned(promises, costs, {}, {}))[1].added == "directional_friction"
+
+
+@dataclass(frozen=True)
 class Hasty(Planned):
     """One that does not look at what it is told to leave out."""
 
