@@ -30,6 +30,7 @@ from diagnosis.model.residual import (
 )
 from diagnosis.model.units import noise
 from models.effects.base import Effect, parameters
+from models.effects.catalogue import in_order
 from models.effects.parameter import POSITIVE, Parameter
 from models.effects.priors import Priors
 from models.records.record import Record
@@ -278,6 +279,12 @@ def one_step(candidate: Candidate, records: Sequence[Record], *, walk: float = W
     if cost >= here.cost:
         return here
     return replace(here, candidate=moved, residuals=residuals, innovations=_innovations(residuals, weight), cost=cost)
+
+
+def cost_with(fitted: Fit, effect: Effect, records: Sequence[Record]) -> float:
+    """The cost [1] of a fit with an effect (SI) more, nothing re-fitted."""
+    candidate = replace(fitted.candidate, effects=in_order((*fitted.candidate.effects, effect)))
+    return _cost(candidate, evaluate(candidate, records, fitted.paths, fitted.walk), weights(records))
 
 
 def without(fitted: Fit, records: Sequence[Record], left_out: NDArray[np.bool_]) -> Candidate:

@@ -16,18 +16,21 @@ import numpy as np
 import scipy
 
 from diagnosis.baseline import Baseline
-from diagnosis.model.fit import Fit
+from diagnosis.model.fit import Fit, cost_with
 from diagnosis.model.motions import repeated, scatter
+from diagnosis.model.parallel import parallel_map
 from diagnosis.model.units import noise
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.kinds import with_free_forms
 from diagnosis.which.random_force import NEAR, is_about, strongest_random_force
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
+from models.effects.base import parameters
 from models.effects.motor import TimingJitter
 from models.effects.protocol import ControllerMismatch
 from models.effects.structure import FloorVibration
 
+AFAR: Final = (0.5, 1.5, 5.0)  # times the largest usual size: where a law is tried that is not linear on the way there
 SIMULATED_PART: Final = 0.02  # of the commands are late in a simulation at least, so that a few records tell the mean
 
 
@@ -77,7 +80,25 @@ def catalogue_scan(seen: View) -> Detected:
         )
         for finding in findings
     ]
-    return Detected(tuple(proposals), columns)
+    return Detected(tuple(_from_afar(seen, one) for one in proposals), columns)
+
+
+def _from_afar(seen: View, proposal: Proposal) -> Proposal:
+    """The proposal of a law that has nothing but its amplitude and moves the reading, at the best of some large sizes,
+    where it gains less to first order: the path moves with it, and contacts slip on the way."""
+    effect = proposal.effect
+    assert effect is not None
+    items = parameters(type(effect), seen.fitted.candidate.nominal.priors)
+    if type(effect).shown_in() != "reading" or [item.role for item in items] != ["amplitude"]:
+        return proposal
+    (item,) = items
+    signs = (1.0, -1.0) if item.low < 0 else (1.0,)
+    sizes = [sign * far * item.high for sign in signs for far in AFAR]
+    tried = [replace(effect, **{item.name: size}) for size in sizes]
+    costs = list(parallel_map(lambda one: cost_with(seen.fitted, one, seen.baseline.records), tried))
+    best = int(np.argmin(costs))
+    gain = seen.fitted.cost - costs[best]
+    return replace(proposal, effect=tried[best], in_sample_gain=gain) if gain > proposal.in_sample_gain else proposal
 
 
 def random_force(seen: View) -> Detected:

@@ -144,7 +144,7 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
     stages, set_aside, dull = [stage], set[str](), set[str]()
     while True:
         shortlist = shortlisted(stages, search, set_aside) or slow_ones(stages, search, set_aside)
-        beside = () if any(one.decided for one in shortlist) else overlooked(stages[-1], search, set_aside)
+        beside = () if any(one.decided for one in shortlist) else overlooked(stages[-1], search, shortlist, set_aside)
         shortlist = (*shortlist, *beside)
         if not shortlist and dull and _surely_left(stages[-1].fitted, search):  # what gained nothing may gain now
             (stages[-1], columns), dull = search.examined(stages[-1], (), columns), set()
@@ -236,9 +236,11 @@ def slow_ones(stages: Sequence[Stage], search: Search, set_aside: Collection[str
     return tuple(left[:1]) if inside else ()
 
 
-def overlooked(stage: Stage, search: Search, set_aside: Collection[str]) -> tuple[Proposal, ...]:
-    """The proposal that gains a good part of what is surely left over all motions, and nothing on held-out ones, if
-    there is one: to first order it need not carry over, where contacts slip that the law itself moves."""
+def overlooked(
+    stage: Stage, search: Search, shortlist: Sequence[Proposal], set_aside: Collection[str]
+) -> tuple[Proposal, ...]:
+    """The proposal that gains a good part of what is surely left over all motions, and too little on held-out ones for
+    the shortlist, if there is one: to first order it need not carry over, where contacts slip that the law moves."""
     if not _surely_left(stage.fitted, search):
         return ()
     least = search.criteria.overlooked_share * _excess(stage.fitted, search)
@@ -247,7 +249,7 @@ def overlooked(stage: Stage, search: Search, set_aside: Collection[str]) -> tupl
         one
         for one in stage.scanned
         if one.in_sample_gain > max(least, search.criteria.min_gain)
-        and not above_chance(one, search.criteria)
+        and one not in shortlist
         and one.name not in set_aside
         and one.name not in inside
     ]
