@@ -186,6 +186,10 @@ class Effect(ABC):
         """Of its friction, what grows in proportion to the speed [N s/m], alike in both directions."""
         return 0.0
 
+    def at_rating(self, rated_thrust: float) -> float:
+        """What part of the thrust [1] it takes at the rated one [N], of a law that is stated at another."""
+        return 0.0
+
     def spring_to_ground(self) -> float:
         """Of its force, what pulls back in proportion to the position, everywhere alike [N/m]."""
         return 0.0

@@ -122,6 +122,10 @@ class ThrustSaturation(Effect):
         parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0), {"thrust": -2}
     )
 
+    def at_rating(self, rated_thrust: float) -> float:
+        """The loss at the rating [N], where it counts."""
+        return self.loss * (rated_thrust / FULL_THRUST) ** 2
+
 
 @hook
 def _lagging(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:

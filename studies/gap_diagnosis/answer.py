@@ -12,7 +12,7 @@ from studies.gap_diagnosis import how_far, stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
 from studies.gap_diagnosis.no_name import never_the_same, without_a_name, without_a_name_in_short
 from studies.gap_diagnosis.too_small import too_small
-from studies.gap_diagnosis.values_off import mostly, off_by, told_off
+from studies.gap_diagnosis.values_off import in_percent, mostly, off_by, told_off
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, effects_listed, fitted
 
@@ -110,10 +110,10 @@ def _which(results: Results) -> list[str]:
     if outcome == "ambiguous":
         told = f"It is {listed(shown)}, or what these records cannot distinguish from it: {_others(results)}."
         delay = _input_delay(results) if "dead_time" in _rivals(verdict) else []
-        return [told, *rough, *delay, *sure, *beside]
+        return [told, *_at_rating(results), *rough, *delay, *sure, *beside]
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else []
-    return [f"It is {listed(shown)}.", *rough, *by_curve, *_said_beside(results), *sure, *beside]
+    return [f"It is {listed(shown)}.", *_at_rating(results), *rough, *by_curve, *_said_beside(results), *sure, *beside]
 
 
 def _nameless(results: Results) -> list[str]:
@@ -134,6 +134,17 @@ def _nameless(results: Results) -> list[str]:
     if all(one["replays"] for one in results["where"]["details"]["controller"]):
         return told
     return [*told, "Correct the log or the controller first, because the rest may be due to it."]
+
+
+def _at_rating(results: Results) -> list[str]:
+    """What named laws of the thrust take at the rated one, where their size is stated at another."""
+    named = results["verdict"]["effects"]
+    return [
+        f"At the rated {show(one['rated_N'], 'N', 4)}, {effect(one['effect'])} takes {in_percent(one['part'])} of the "
+        "thrust."
+        for one in results.get("at_rating", ())
+        if one["effect"] in named
+    ]
 
 
 def _elements(results: Results) -> list[str]:

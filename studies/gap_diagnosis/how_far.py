@@ -49,7 +49,7 @@ def _overrun(results: Results) -> list[str]:
     more = len(rows) - LISTED
     are = "values in improved.toml differ" if len(rows) > 1 else "value in improved.toml differs"
     told = listed([*map(_moved, rows[:LISTED]), *([f"{more} more"] if more > 0 else [])])
-    incomplete = results["how_far"]["at_bounds"] and bound_meant(results) == INCOMPLETE
+    incomplete = results["how_far"]["at_bounds"] and bound_meant(results) in {INCOMPLETE, UNDETERMINED}
     incomplete = incomplete or results["verdict"]["outcome"] == "none_of_these"
     if not (far_off(results) or incomplete):
         return [f"{len(rows)} {are} from the file's by at least {OVERRUN:g} of its stated deviations: {told}."]
@@ -199,6 +199,7 @@ def elsewhere(far: Results) -> list[str]:
 
 MEANT: Final = {"force": "", "position": "in position (in force it is not sure) "}
 INCOMPLETE: Final = "the model is incomplete"
+UNDETERMINED: Final = "farther off than that, or these records do not determine them"
 NO_GAP: Final = "no closure of that gap can be told"
 KEYS: Final = {"force_N": "force", "position_m": "position", "settling_s": "settling"}
 
@@ -240,10 +241,13 @@ def bounds_told(bounds: Sequence[Results], *, verb: bool = True) -> str:
 
 
 def bound_meant(results: Results) -> str:
-    """What values at a bound say: those of a single effect that is named, which leaves nothing, of that one alone."""
+    """What values at a bound say: those of a single effect that is named, which leaves nothing, of that one alone; and
+    where no effect is missing, that they are not known."""
     named = results["verdict"]["effects"] if results["verdict"]["outcome"] in {"attributed", "ambiguous"} else ()
     if len(named) == 1 and {one["part"] for one in results["how_far"]["at_bounds"]} == set(named):
         return "these records do not determine it, or the law has another form"
+    if results["verdict"]["outcome"] in {"parameters", "nothing_to_explain"}:
+        return UNDETERMINED
     return INCOMPLETE
 
 

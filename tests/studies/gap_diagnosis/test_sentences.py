@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from models.effects.motor import Cogging, ThrustSaturation
 from reports import text
 from studies.gap_diagnosis import report
 from studies.gap_diagnosis.answer import front, sentences
@@ -33,6 +34,19 @@ def test_the_first_page_says_all_but_what_its_figure_shows(results: dict[str, An
         assert said.count(one) == 1
         said = said.replace(one, "")
     assert re.fullmatch(r"\s*Over all motions the gap goes from ((?!\. ).)*\.\s*", said)
+
+
+def test_a_loss_that_is_stated_at_another_thrust_is_told_at_the_rating(results: dict[str, Any]) -> None:
+    """A loss of 0.000375 at 100 N is 15 % at the 2000 N of a machine tool."""
+    part = ThrustSaturation(0.000375).at_rating(2000.0)
+    assert part == pytest.approx(0.15)
+    assert Cogging(1.0, 30e-3, 0.0).at_rating(2000.0) == 0.0
+    verdict = {**results["verdict"], "outcome": "attributed", "effects": ["thrust_saturation"]}
+    rows = [{"effect": "thrust_saturation", "part": part, "rated_N": 2000.0}]
+    told = sentences({**results, "verdict": verdict, "at_rating": rows})["which"]
+    assert " At the rated 2000 N, thrust saturation takes 15 % of the thrust." in told
+    other = {**verdict, "effects": ["cogging"]}
+    assert "At the rated" not in sentences({**results, "verdict": other, "at_rating": rows})["which"]
 
 
 def test_what_it_resembles_is_told_first_where_nothing_has_a_name(results: dict[str, Any]) -> None:
@@ -301,6 +315,16 @@ def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[s
     assert "the model is incomplete" in sentences({**results, "verdict": verdict, "how_far": beside})["how_far"]
     unnamed = {**verdict, "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
     assert "the model is incomplete" in sentences({**results, "verdict": unnamed, "how_far": far})["how_far"]
+
+
+def test_a_bound_where_no_effect_is_missing_does_not_make_the_model_incomplete(results: dict[str, Any]) -> None:
+    """Both stood on one page of a healthy axis."""
+    bound = {"part": "nominal", "name": "presliding_stiffness", "value": 4.0, "unit": "1"}
+    verdict = {**results["verdict"], "outcome": "parameters", "effects": ["payload_mass"]}
+    told = sentences({**results, "verdict": verdict, "how_far": {**results["how_far"], "at_bounds": [bound]}})
+    assert "no effect is missing" in told["which"]
+    assert "the model is incomplete" not in told["how_far"]
+    assert "twice the usual range: farther off than that, or these records do not determine" in told["how_far"]
 
 
 def test_a_re_fit_that_leaves_no_more_than_the_floor_has_no_closure(results: dict[str, Any]) -> None:
