@@ -91,11 +91,11 @@ def test_a_mode_faster_than_the_usual_ones_is_found_with_the_sign_of_its_gain(la
     assert not at_bounds(adopted, MACHINE.priors)
 
 
-def test_a_mode_slower_than_the_usual_ones_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From where the loop crosses over, and to its width between the points of a grid."""
-    law = AdditionalMode(2e-3, 67.0, 0.01)
+@pytest.mark.parametrize("law", [AdditionalMode(2e-3, 67.0, 0.01), AdditionalMode(2e-3, 18.0, 0.03)])
+def test_a_mode_slower_than_the_usual_ones_is_found(law: AdditionalMode, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also below where the loop crosses over, and to its width between the points of a grid."""
     (usual,) = (item for item in parameters(AdditionalMode, MACHINE.priors) if item.name == "frequency")
-    assert usual.widest[0] == pytest.approx(1 / (2 * np.pi * MACHINE.priors.units.loop))
+    assert usual.widest[0] == pytest.approx(0.25 / (2 * np.pi * MACHINE.priors.units.loop))
     assert usual.widest[0] < law.frequency < 0.7 * usual.low
     records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
     nominal = refit_within(MACHINE, records)
