@@ -25,10 +25,10 @@ from diagnosis.model.kalman import STARTING
 from diagnosis.where.added import AS_GOOD, Added, added
 from diagnosis.where.structure import Structure, judged, structure
 from models.controller import PID, Feedback
-from models.feedback.law import Law, follow
+from models.feedback.law import Law
 from models.machine import Machine
 from models.quantity import listed, show
-from models.records.checks import quantisation, replay
+from models.records.checks import noise_gain, quantisation, replay
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -186,29 +186,13 @@ def _resolution(machine: Machine, record: Record) -> float:
 
 def _rounded(machine: Machine, record: Record) -> float:
     """Standard deviation [N] of the replay's error where the readings were rounded after the controller used them."""
-    return _of_noise(machine.control.feedback, record.sample_time, by_reading=True) * machine.scale.resolution / 12**0.5
+    return noise_gain(machine.control.feedback, record.sample_time) * machine.scale.resolution / 12**0.5
 
 
 def _reference_rounded(machine: Machine, record: Record) -> float:
     """Standard deviation [N] of the replay's error where the reference was: a fine position may be logged in steps that
     an acceleration feedforward makes newtons of."""
-    return _of_noise(machine.control.feedback, record.sample_time, by_reading=False) * rounding(record.reference)
-
-
-def _of_noise(feedback: Feedback, sample_time: float, *, by_reading: bool) -> float:
-    """Standard deviation [N/m] of what a law makes of white noise of 1 m in the reading, or in the reference."""
-    impulse, nothing = np.zeros(STARTING), np.zeros(STARTING)
-    if isinstance(feedback, Law):
-        impulse[1] = 1.0
-        reference, reading = (nothing, impulse) if by_reading else (impulse, nothing)
-        answer = follow(feedback, reference, reading, nothing)
-        answer -= answer[-1]  # what the integral keeps is the free constant
-    else:
-        impulse[0] = 1.0
-        reference, reading = (nothing, impulse) if by_reading else (impulse, nothing)
-        bare = Record(sample_time, reference, nothing, nothing, nothing, reading)
-        answer = replay(bare, replace(feedback, ki=0.0), 0)
-    return float(np.linalg.norm(answer))
+    return noise_gain(machine.control.feedback, record.sample_time, of="reference") * rounding(record.reference)
 
 
 def rounding(reference: Array) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 import scipy
@@ -37,6 +37,7 @@ SHAKES: Final = 2.0  # times the variance by fourth differences, above which tha
 NOISIER: Final = 2.0  # times what a machine file says: a reading that scatters more at rest is told
 SAME_MASS: Final = 1.3  # ratio of the masses that two records show, above which they are of two machines
 ROLLING: Final = 0.05  # of the highest speed: below, a record hardly shows on which way the axis is
+NOISE_LASTS: Final = 60  # samples after which a law has answered to an impulse, but for its integral
 FEWEST_ROLLING: Final = 100  # samples of rolling that a fit of the mass needs
 LEAVES_LESS: Final = 0.5  # of what two masses leave of two records: one mass on a spring that leaves less is believed
 NO_WORSE: Final = 1.1  # of the same, in either record
@@ -198,6 +199,22 @@ def replay(record: Record, feedback: Feedback, reference_delay: int, limit: floa
     return np.asarray(
         pid.kp * error + integral + pid.kd * _slope(error, pid, record.sample_time) + record.feedforward, float
     )
+
+
+def noise_gain(feedback: Feedback, sample_time: float, *, of: Literal["reading", "reference"] = "reading") -> float:
+    """Standard deviation [N/m] of what a law makes of white noise of 1 m in the reading, or in the reference; what its
+    integral keeps of it is left out. sample_time [s]: the controller's."""
+    impulse, nothing = np.zeros(NOISE_LASTS), np.zeros(NOISE_LASTS)
+    impulse[1] = 1.0
+    reference, reading = (nothing, impulse) if of == "reading" else (impulse, nothing)
+    if isinstance(feedback, Law):
+        answer = follow(feedback, reference, reading, nothing)
+        answer = answer - answer[-1]
+    else:
+        answer = replay(
+            Record(sample_time, reference, reference, nothing, nothing, reading), replace(feedback, ki=0.0), 0
+        )
+    return float(np.linalg.norm(answer))
 
 
 def _replayed_law(record: Record, law: Law, reference_delay: int, limit: float) -> Array:

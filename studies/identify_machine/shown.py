@@ -16,6 +16,7 @@ from models.identification.force import by_elements
 from models.identification.force.fit import ForceFit
 from models.identification.into_machine import WAYS, Holdable
 from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, half_of
+from models.identification.joint.response_records import on_what_is_between
 from models.identification.joint.steps import Difference, Identified, MotionStep, Step, record_of
 from models.identification.modal.order import SAME, Order
 from models.identification.modal.remarks import ResponseStep, bent, on_refuted, on_turning
@@ -58,9 +59,16 @@ def results_of(found: Identified) -> dict[str, Any]:
 
 
 def warnings_of(found: Identified) -> list[tuple[str, str]]:
-    """What is wrong with records, each with the record's name: those that were left out, and why; and responses that
-    are bent as the axis turned back, or that no plant fits."""
+    """What is wrong with records, each with the record's name: those that were left out, and why; logs that lack much
+    of the command; and responses that are bent as the axis turned back, or that no plant fits."""
     left_out = [(one.name, f"left out: {one.why}") for one in found.left_out]
+    excited = [step.loaded for step in found.steps if isinstance(step.gave, ResponseStep)]
+    left_out += [
+        (one.name, said)
+        for one in excited
+        if isinstance(one.content, Record)
+        for said in on_what_is_between(found.machine, one.content)
+    ]
     responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
     wrong = [(name, said) for name, gave in responses for said in on_turning(gave.measured)]
     return left_out + (wrong or [(name, said) for name, gave in responses for said in on_refuted(gave)])

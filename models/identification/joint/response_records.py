@@ -28,6 +28,8 @@ from models.identification.modal.remarks import (
 from models.identification.response import FrequencyResponse
 from models.identification.unusable import UnusableError
 from models.machine import Machine
+from models.quantity import show
+from models.records.checks import noise_gain
 from models.records.files import Loaded
 from models.records.record import Record
 
@@ -35,6 +37,7 @@ AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved 
 
 BENT: Final = 3.0  # reduced chi-square from which on friction may bend what the file says it does not
 RUBS: Final = 0.01  # of the command's deviation: less friction than that bends no line
+BETWEEN: Final = 0.02  # of the command's deviation, from which on what a log lacks of it may move the plant
 SLOWER: Final = 1.01  # times the controller's sample time: a log further apart has not all of its samples
 
 
@@ -56,6 +59,8 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     step = ResponseStep(measured, fit, level=level)
     earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
     remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
+    if isinstance(content, Record):
+        remarks += on_what_is_between(found.machine, content)
     if earlier:
         every = [*earlier, Step(kind, loaded, step)]
         used = _not_refuted([one for one in every if not bent(_gave(one).measured)] or _least_bent(every))
@@ -67,6 +72,20 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         source = Found(together(used), "response")
     known = found.machine if not _showed_spring(found) else with_spring(found.machine, None, source)
     return with_step(found, with_response(known, best, source), kind, loaded, step, remarks)
+
+
+def on_what_is_between(machine: Machine, record: Record) -> list[str]:
+    """That a log without all samples lacks much of the command: what the scale's noise makes of it changes each time
+    that the controller runs, and the response takes it for what is held."""
+    every = round(record.sample_time / machine.sample_time)
+    noise = noise_gain(machine.control.feedback, machine.sample_time) * machine.scale.noisy().reading_deviation
+    if record.sample_time <= SLOWER * machine.sample_time or noise < BETWEEN * float(np.std(record.command)):
+        return []
+    return [
+        f"has one of {every} samples of the controller, and the scale's noise makes {show(noise, 'N', 2)} (rms) of the "
+        "command from one to the next: dead time, lag and gains may be off by many of the deviations stated here; log "
+        "all samples, for a shorter time"
+    ]
 
 
 def _fitted(

@@ -26,7 +26,7 @@ from models.records.tables.sizes import RecordError
 from models.variation import Variation, varied
 from studies.identify_machine import own_records
 from studies.identify_machine.controllers import judged
-from studies.identify_machine.shown import checks_of
+from studies.identify_machine.shown import checks_of, warnings_of
 from tests.diagnosis.slow import leg, moved
 
 MACHINE = load()
@@ -130,6 +130,18 @@ def test_motions_without_all_samples_of_the_controller_are_left_out() -> None:
         "its samples"
     )
     assert judged(MACHINE, [("motion", thinned)]) == ([], [])
+
+
+@pytest.mark.parametrize(("resolution", "every", "told"), [(1e-6, 2, True), (1e-6, 1, False), (1e-9, 2, False)])
+def test_a_log_that_lacks_much_of_the_command_is_told(resolution: float, every: int, told: bool) -> None:
+    """On a scale of 0.1 um, a machine tool's dead time came out ten deviations off from every second sample."""
+    machine = replace(MACHINE, scale=replace(MACHINE.scale, resolution=resolution, noise=0.0))
+    record = own_records.excitation(machine, 3)
+    loaded = Loaded("e.csv", "0", record.thinned(every) if every > 1 else record, ("reference",), ())
+    found = identify(machine, [loaded], kinds=["response"])
+    said = [one for one in found.remarks if "has one of 2 samples of the controller" in one]
+    assert bool(said) == told
+    assert [name for name, one in warnings_of(found) if "has one of 2 samples" in one] == ["e.csv"] * told
 
 
 def test_the_advice_on_motions_is_the_one_that_applies(monkeypatch: pytest.MonkeyPatch) -> None:
