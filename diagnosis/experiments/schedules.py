@@ -30,6 +30,8 @@ SUITE_SAMPLES: Final = 90_000  # of the 120,000 that a diagnosis takes by defaul
 SHORTER: Final = (1.0, 0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # of the usual rests
 SHORTEST: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain
 MOST: Final = 0.6  # of the rated thrust, for what need not be fast
+HALF_WAY: Final = 0.45  # of the stated travel, over which what depends on the place is looked at, at the least
+AT_TOP_SPEED: Final = 3.0  # s that such a stroke takes at the rated speed, at the most
 LADDER: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1)  # of the longest move
 DWELL_STROKE: Final = 0.865  # specified strokes
 RESTS: Final = (2.4, 4.8, 10, 20, 40, 60)  # pauses
@@ -351,7 +353,9 @@ class Experiment:
 def menu(machine: Machine) -> tuple[Experiment, ...]:
     """The experiments that can be run on this machine, with settings within its ratings."""
     high, each_way = top(machine), 8 * pause(machine)
-    stroke, longest, short = length(machine, 100, 0.1), length(machine, 600, 3), length(machine, 10, 0.1)
+    stroke, short = length(machine, 100, 0.1), length(machine, 10, 0.1)
+    half = min(HALF_WAY * machine.drive.travel, AT_TOP_SPEED * machine.drive.rated_speed)
+    longest = max(length(machine, 600, 3), rounded(min(half, machine.drive.room)))
     apart = min(length(machine, 100, 0.5), (machine.drive.room - short) / (PLACES - 1))
     speeds = tuple(dict.fromkeys(rounded(at_share(machine, stroke, share), 3) for share in SPEEDS))
     slow, fast = speeds[0], rounded(at_share(machine, longest, 1 / 16), 3)

@@ -17,8 +17,9 @@ EMPS = load(Path(DEFAULT).parent / "emps.toml")
 
 
 @pytest.mark.parametrize("rated_speed", [2.4, 0.3, 0.03])
-def test_no_experiment_takes_minutes_however_low_the_rated_speed(rated_speed: float) -> None:
-    slow = replace(MACHINE, drive=replace(MACHINE.drive, rated_speed=rated_speed))
+@pytest.mark.parametrize("travel", [0.0, 0.8])
+def test_no_experiment_takes_minutes_however_low_the_rated_speed(rated_speed: float, travel: float) -> None:
+    slow = replace(MACHINE, drive=replace(MACHINE.drive, rated_speed=rated_speed, travel=travel))
     lengths = [one.schedule.target.size * slow.sample_time for one in menu(slow)]
     assert max(lengths) < 60
     assert suite(slow).target.size * slow.sample_time < 100
@@ -55,3 +56,14 @@ def test_the_more_samples_a_suite_may_have_the_longer_it_is() -> None:
     sizes = [suite(fine, most).target.size for most in (40_000, 90_000, 150_000, 1_000_000)]
     assert sizes == sorted(set(sizes))
     assert sizes[-1] == suite(fine).target.size
+
+
+def test_what_depends_on_the_place_is_looked_at_over_half_of_a_stated_travel() -> None:
+    """Covers 105 to 147 mm apart were to be seen by strokes of 24 mm, 600 presliding distances, of 800 mm."""
+    table = load()
+    for travel, least in ((0.8, 0.36), (0.02, 0.018), (0.0, 0.0)):
+        machine = replace(table, drive=replace(table.drive, travel=travel))
+        (along,) = (one for one in menu(machine) if "position" in one.coordinates)
+        way = float(np.ptp(along.schedule.target))
+        assert way >= least * 0.999
+        assert travel == 0.0 or way <= machine.drive.room * 1.001
