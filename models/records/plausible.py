@@ -219,9 +219,9 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
 
 
 def _held(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
-    """Samples that a logger repeated: position and command stand still together, and what was missed is made up for in
-    one step, which is far larger than those beside it."""
-    if "command" not in given:
+    """Samples that a logger repeated: position and command stand still together while the reference goes on, and what
+    was missed is made up for in one step, which is far larger than those beside it."""
+    if not {"command", "reference"} <= given:
         return
     steps, stands = np.abs(np.diff(record.position)), np.diff(record.command) == 0
     still = np.concatenate([[False], (steps == 0) & stands, [False]])
@@ -230,6 +230,7 @@ def _held(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
     begins, ends = begins[inside], ends[inside]
     beside = np.maximum(steps[begins - 1], steps[np.minimum(ends + 1, steps.size - 1)])
     late = steps[ends] > np.maximum(AT_ONCE * beside, _flicker(record, facts))
+    late &= record.reference[ends + 1] != record.reference[begins]  # at rest it may be a count that was lost
     if not late.any():
         return
     first = int(np.argmax(late))
