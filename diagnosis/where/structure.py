@@ -118,15 +118,15 @@ def _as_good(known: _Signals, left: float) -> float:
 
 def judged(record: Record, begin: int) -> slice:
     """The samples by which a structure is judged: of those in which the reference moves most, those from `begin` on."""
-    part = _part(record)
+    part = _part(record, begin)
     return slice(part.start + begin, part.stop)
 
 
-def _part(record: Record) -> slice:
-    """The samples that are fitted: those in which the reference moves most."""
+def _part(record: Record, begin: int) -> slice:
+    """The samples that are fitted: those in which the reference moves most, and twice as many as do not count."""
     n = record.position.size
     moved = np.cumsum(np.abs(np.diff(record.reference, prepend=record.reference[0])))
-    length = min(n, MOST)
+    length = min(n, max(MOST, 2 * begin))
     first = int(np.argmax(moved[length - 1 :] - moved[: n - length + 1]))
     return slice(first, first + length)
 
@@ -135,7 +135,7 @@ def _signals(record: Record, begin: int) -> _Signals | None:
     """The part of a record that is fitted."""
     if record.position.size - begin < SHORTEST or np.ptp(record.reference) == 0:
         return None
-    part = _part(record)
+    part = _part(record, begin)
     origin = record.position[part.start]
     command = (record.command - record.feedforward)[part]
     return _Signals(record.sample_time, command, record.reference[part] - origin, record.position[part] - origin, begin)

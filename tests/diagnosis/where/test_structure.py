@@ -194,6 +194,15 @@ def test_a_reference_that_was_logged_late_is_told() -> None:
     assert found.other is None
 
 
+def test_a_law_that_takes_longer_to_settle_than_the_samples_that_are_fitted_is_judged_all_the_same() -> None:
+    record = recorded(axis(CASCADE), count=4 * MOST)
+    part = judged(record, MOST)
+    assert part.stop - part.start == MOST
+    found = structure(record, MOST)
+    assert found is not None
+    assert found.leaves < 1e-6 * float(np.std(record.command))
+
+
 def test_too_little_is_not_fitted() -> None:
     record = recorded(axis(BARE))
     assert structure(record.part(0, 150), 60) is None
