@@ -109,7 +109,8 @@ def limit_rows(machine: Machine) -> list[tuple[str, str]]:
     names = [name for name, source in machine.sources.items() if source.at_limit]
     if not names:
         return []
-    told = f"{listed(names)}: the model lacks something, so that the axis may behave otherwise than is said here"
+    told = f"{listed(names)}: the model lacks something, or the records do not show them, so that the axis may behave "
+    told += "otherwise than is said here"
     return [("WARNING, values at the end of the range that a fit had", told)]
 
 

@@ -39,6 +39,8 @@ FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is lef
 SMOOTH: Final = 200  # samples in motion, from which on a reference shows whether it was rounded
 OFTEN: Final = 0.1  # of the samples in motion, up to which fourth differences that are not 0 are a path's corners
 AGAINST: Final = -0.5  # how two neighbouring fourth differences go together, from which on they are rounding
+OFF_STEPS: Final = 0.05  # of a step, from which on differences are no multiples of it
+AT_RATING: Final = 0.02  # of the rated thrust, by which a command may be off it that is cut off by it
 WHOLE: Final = "the whole command"
 SLIGHT: Final = 0.05  # of a feedforward: a part that makes less of it is not named
 OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
@@ -105,7 +107,8 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     signal = added(record, made, begin, max(noise, plain.tolerance))
     least = min(remains, mended, signal.leaves if signal else np.inf)
     smooth = _between_jumps(record.feedforward[begin:], most)
-    largest = float(np.max(np.abs(_difference(record, made, begin)[smooth]), initial=0.0))
+    rating = machine.drive.rated_thrust
+    largest = float(np.max(np.abs(_difference(record, made, begin, rating)[smooth]), initial=0.0))
     other = None
     if least >= mended and rms < noise and largest < most:
         other = structure(record, begin)
@@ -134,7 +137,7 @@ def _plainly(machine: Machine, record: Record, criteria: Criteria) -> tuple[Repl
     feedback, delay = machine.control.feedback, machine.control.reference_delay
     begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
     made = replay(record, feedback, delay, machine.drive.rated_thrust)
-    difference = _difference(record, made, begin)
+    difference = _difference(record, made, begin, machine.drive.rated_thrust)
     spread = float(np.std(record.command[begin:]))
     tolerance = max(criteria.replay_tolerance * spread, quantisation(record.command), _resolution(machine, record))
     beyond = np.flatnonzero(np.abs(difference) > tolerance)
@@ -209,6 +212,9 @@ def rounding(reference: Array) -> float:
     if np.count_nonzero(other) < max(SMOOTH, OFTEN * fourth.size):
         return 0.0
     step = float(np.quantile(np.abs(fourth[other]), 0.01))
+    counts = fourth[other] / step
+    if float(np.median(np.abs(counts - np.round(counts)))) > OFF_STEPS:
+        return 0.0
     small = np.clip(fourth, -8 * step, 8 * step)
     energy = float(small @ small)
     if float(small[1:] @ small[:-1]) > AGAINST * energy:
@@ -216,14 +222,15 @@ def rounding(reference: Array) -> float:
     return math.sqrt(energy / small.size / 70)  # the sum of the squares of 1, -4, 6, -4, 1
 
 
-def _difference(record: Record, made: Array, begin: int) -> Array:
-    """Logged less replayed command (n - begin,) [N], its median removed; none where a logged command stands at the
-    largest or the least of the record and the replayed one is beyond it: a drive keeps to its rating."""
+def _difference(record: Record, made: Array, begin: int, rating: float = math.inf) -> Array:
+    """Logged less replayed command (n - begin,) [N], its median removed; none where the logged command stands at the
+    rating [N], as the largest or the least of the record, and the replayed one is beyond it: a drive keeps to it."""
     difference = (record.command - made)[begin:]
     difference = difference - np.median(difference)
     command = record.command[begin:]
-    kept = ((command == np.max(command)) & (difference < 0)) | ((command == np.min(command)) & (difference > 0))
-    return np.where(kept, 0.0, difference)
+    at_rating = np.abs(np.abs(command) / rating - 1) < AT_RATING
+    above, below = (command == np.max(command)) & (difference < 0), (command == np.min(command)) & (difference > 0)
+    return np.where(at_rating & (above | below), 0.0, difference)
 
 
 def _between_jumps(feedforward: Array, size: float) -> NDArray[np.bool_]:

@@ -144,7 +144,8 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
     stages, set_aside, dull = [stage], set[str](), set[str]()
     while True:
         shortlist = shortlisted(stages, search, set_aside) or slow_ones(stages, search, set_aside)
-        beside = () if any(one.decided for one in shortlist) else overlooked(stages[-1], search, shortlist, set_aside)
+        decided = any(one.decided for one in shortlist)
+        beside = () if decided or set_aside else overlooked(stages[-1], search, shortlist)
         shortlist = (*shortlist, *beside)
         if not shortlist and dull and _surely_left(stages[-1].fitted, search):  # what gained nothing may gain now
             (stages[-1], columns), dull = search.examined(stages[-1], (), columns), set()
@@ -236,9 +237,7 @@ def slow_ones(stages: Sequence[Stage], search: Search, set_aside: Collection[str
     return tuple(left[:1]) if inside else ()
 
 
-def overlooked(
-    stage: Stage, search: Search, shortlist: Sequence[Proposal], set_aside: Collection[str]
-) -> tuple[Proposal, ...]:
+def overlooked(stage: Stage, search: Search, shortlist: Sequence[Proposal]) -> tuple[Proposal, ...]:
     """The proposal that gains a good part of what is surely left over all motions, and too little on held-out ones for
     the shortlist, if there is one: to first order it need not carry over, where contacts slip that the law moves."""
     if not _surely_left(stage.fitted, search):
@@ -248,23 +247,17 @@ def overlooked(
     left = [
         one
         for one in stage.scanned
-        if one.in_sample_gain > max(least, search.criteria.min_gain)
-        and one not in shortlist
-        and one.name not in set_aside
-        and one.name not in inside
+        if one.in_sample_gain > max(least, search.criteria.min_gain) and one not in shortlist and one.name not in inside
     ]
     return tuple(sorted(left, key=lambda one: -one.in_sample_gain)[:1])
 
 
 def _not_enough(trials: Sequence[Trial], beside: Sequence[Proposal], before: Stage, search: Search) -> set[str]:
-    """Those of the overlooked effects that, fitted, do not take off half of what is left: it was chance."""
-    half = 0.5 * _excess(before.fitted, search)
-    names = {one.name for one in beside}
-    return {
-        one.proposal.name
-        for one in trials
-        if one.proposal.name in names and before.fitted.cost - one.fitted.cost < half
-    }
+    """Those of the overlooked effects that, fitted, do not take off half of what is left, which may be chance, or
+    beside which one does that gains on held-out motions, too."""
+    half, names = 0.5 * _excess(before.fitted, search), {one.name for one in beside}
+    enough = {one.proposal.name for one in trials if before.fitted.cost - one.fitted.cost >= half}
+    return names if enough - names else names - enough
 
 
 def _excess(fitted: Fit, search: Search) -> float:

@@ -39,6 +39,7 @@ UNMODELLED: Final = (3.0, 0.1)
 FASTER: Final = 10.0
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
 HELD: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
+SLOWER: Final = 1.01  # times the controller's sample time: a log that has not all of its samples
 AT_ONCE: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
 SMOOTHED: Final = 20  # samples over which accelerations are taken
 FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit
@@ -221,7 +222,8 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
 def _held(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
     """Samples that a logger repeated: position and command stand still together while the reference goes on, and what
     was missed is made up for in one step, which is far larger than those beside it."""
-    if not {"command", "reference"} <= given:
+    slower = facts.sample_time is not None and record.sample_time > SLOWER * facts.sample_time
+    if slower or not {"command", "reference"} <= given:  # between the samples of a slower log a small motion may end
         return
     steps, stands = np.abs(np.diff(record.position)), np.diff(record.command) == 0
     still = np.concatenate([[False], (steps == 0) & stands, [False]])

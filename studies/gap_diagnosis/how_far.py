@@ -49,10 +49,12 @@ def _overrun(results: Results) -> list[str]:
     more = len(rows) - LISTED
     are = "values in improved.toml differ" if len(rows) > 1 else "value in improved.toml differs"
     told = listed([*map(_moved, rows[:LISTED]), *([f"{more} more"] if more > 0 else [])])
-    incomplete = results["how_far"]["at_bounds"] and bound_meant(results) in {INCOMPLETE, UNDETERMINED}
+    meant = bound_meant(results) if results["how_far"]["at_bounds"] else ""
+    incomplete = meant == INCOMPLETE
     incomplete = incomplete or results["verdict"]["outcome"] == "none_of_these"
     if not (far_off(results) or incomplete):
-        return [f"{len(rows)} {are} from the file's by at least {OVERRUN:g} of its stated deviations: {told}."]
+        unsure = ", and these records may not determine all of them" if meant == UNDETERMINED else ""
+        return [f"{len(rows)} {are} from the file's by at least {OVERRUN:g} of its stated deviations{unsure}: {told}."]
     return [
         f"{len(rows)} {are} from the file's by at least {OVERRUN:g} of its stated deviations, and may stand in for "
         f"what the model lacks: {told}. Other motions may be predicted worse than with the file as it was."
@@ -199,7 +201,7 @@ def elsewhere(far: Results) -> list[str]:
 
 MEANT: Final = {"force": "", "position": "in position (in force it is not sure) "}
 INCOMPLETE: Final = "the model is incomplete"
-UNDETERMINED: Final = "farther off than that, or these records do not determine them"
+UNDETERMINED: Final = "farther off than that, or not determined by these records"
 NO_GAP: Final = "no closure of that gap can be told"
 KEYS: Final = {"force_N": "force", "position_m": "position", "settling_s": "settling"}
 
@@ -256,6 +258,9 @@ def _unexplained(results: Results) -> str:
     nothing more is missing, and the closure does not measure effects that show in the log only."""
     names, (low, high) = results["verdict"]["effects"], results["how_far"]["closure_interval"]
     logged = any(results["catalogue"][name]["shown_in"] == "log" for name in names)
+    terms = results["how_far"]["closure_terms"]
+    if terms["refitted"] <= terms["floor"]:  # no closure is told
+        return ""
     if len(names) < 2 or logged or 1 - high < MUCH:
         return ""
     return f"; {100 * (1 - high):.0f} to {100 * (1 - low):.0f} % of the gap remain unexplained"

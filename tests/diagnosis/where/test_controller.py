@@ -54,12 +54,22 @@ def test_a_rounded_reference_is_no_other_controller_where_feedforward_makes_much
 
 
 def test_a_command_that_the_rating_cuts_off_accuses_no_controller() -> None:
-    """A few samples at the rated thrust, beyond which the law would go."""
+    """A few samples at the rated thrust, beyond which the law would go; cut off elsewhere, it is another controller."""
     machine = axis(STRONG)
     record = simulate(machine, machine.feedback_only(), moves(), seed=1).record
     limit = float(np.sort(np.abs(record.command))[-20])
     cut = replace(record, command=np.clip(record.command, -limit, limit))
     assert 10 <= np.count_nonzero(cut.command != record.command) < 20
-    assert replayed(machine, cut).replays
-    wrong = replace(record, command=np.where(np.abs(record.command) > limit, 0.0, record.command))
-    assert not replayed(machine, wrong).replays
+    rated = replace(machine, drive=replace(machine.drive, rated_thrust=limit))
+    assert replayed(rated, cut).replays
+    assert not replayed(machine, cut).replays
+    for other in (np.maximum(record.command, 0.0), np.clip(record.command, -0.2 * limit, 0.2 * limit)):
+        assert not replayed(rated, replace(record, command=other)).replays
+
+
+@pytest.mark.parametrize("period", [0.0, 2.5])
+def test_a_noisy_reference_was_not_rounded(period: float) -> None:
+    """White, or a sine as fast as the samples tell: neighbours go against each other without a step."""
+    n = np.arange(3000)
+    signal = np.sin(2 * np.pi * n / period) if period else np.random.default_rng(0).standard_normal(n.size)
+    assert rounding(1e-6 * signal) == 0.0

@@ -324,7 +324,7 @@ def test_a_bound_where_no_effect_is_missing_does_not_make_the_model_incomplete(r
     told = sentences({**results, "verdict": verdict, "how_far": {**results["how_far"], "at_bounds": [bound]}})
     assert "no effect is missing" in told["which"]
     assert "the model is incomplete" not in told["how_far"]
-    assert "twice the usual range: farther off than that, or these records do not determine" in told["how_far"]
+    assert "twice the usual range: farther off than that, or not determined by these records." in told["how_far"]
 
 
 def test_a_re_fit_that_leaves_no_more_than_the_floor_has_no_closure(results: dict[str, Any]) -> None:
