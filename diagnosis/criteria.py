@@ -136,7 +136,7 @@ class Criteria:
         0.3,
         "1",
         "share of the chi-square above the noise floor that an effect gains over all motions, from which on it is "
-        "fitted though it gains nothing on held-out ones; it has to take off half of it then",
+        "fitted though it gains too little on held-out ones; it has to take off half of it then",
         "a drift of the scale that made contacts slip gained half, to first order, and was in truth all of it",
     )
     max_effects_by_force: int = _criterion(

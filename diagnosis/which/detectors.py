@@ -88,6 +88,8 @@ def _from_afar(seen: View, proposal: Proposal) -> Proposal:
     where it gains less to first order: the path moves with it, and contacts slip on the way."""
     effect = proposal.effect
     assert effect is not None
+    if any(one.name == effect.name for one in seen.fitted.candidate.added_effects):
+        return proposal
     items = parameters(type(effect), seen.fitted.candidate.nominal.priors)
     if type(effect).shown_in() != "reading" or [item.role for item in items] != ["amplitude"]:
         return proposal

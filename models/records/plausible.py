@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.quantity import show
-from models.records.checks import INERTIA, Facts, fitted_mass, quantisation, replay, smoothed
+from models.records.checks import INERTIA, Facts, fitted_mass, is_at_rate, quantisation, replay, smoothed
 from models.records.feedback_sign import Mistake, mistake
 from models.records.record import Record
 
@@ -39,7 +39,6 @@ UNMODELLED: Final = (3.0, 0.1)
 FASTER: Final = 10.0
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
 HELD: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
-SLOWER: Final = 1.01  # times the controller's sample time: a log that has not all of its samples
 AT_ONCE: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
 SMOOTHED: Final = 20  # samples over which accelerations are taken
 FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit
@@ -222,9 +221,10 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
 def _held(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
     """Samples that a logger repeated: position and command stand still together while the reference goes on, and what
     was missed is made up for in one step, which is far larger than those beside it."""
-    slower = facts.sample_time is not None and record.sample_time > SLOWER * facts.sample_time
-    if slower or not {"command", "reference"} <= given:  # between the samples of a slower log a small motion may end
+    if not {"command", "reference"} <= given:
         return
+    if facts.sample_time is not None and not is_at_rate(record, facts.sample_time):
+        return  # between the samples of a slower log a small motion may begin and end
     steps, stands = np.abs(np.diff(record.position)), np.diff(record.command) == 0
     still = np.concatenate([[False], (steps == 0) & stands, [False]])
     begins, ends = (np.flatnonzero(np.diff(still.astype(int)) == sign) for sign in (1, -1))

@@ -62,16 +62,15 @@ def warnings_of(found: Identified) -> list[tuple[str, str]]:
     """What is wrong with records, each with the record's name: those that were left out, and why; logs that lack much
     of the command; and responses that are bent as the axis turned back, or that no plant fits."""
     left_out = [(one.name, f"left out: {one.why}") for one in found.left_out]
-    excited = [step.loaded for step in found.steps if isinstance(step.gave, ResponseStep)]
-    left_out += [
-        (one.name, said)
-        for one in excited
-        if isinstance(one.content, Record)
-        for said in on_what_is_between(found.machine, one.content)
+    lacking = [
+        (step.loaded.name, said)
+        for step in found.steps
+        if isinstance(step.gave, ResponseStep) and isinstance(step.loaded.content, Record)
+        for said in on_what_is_between(found.machine, step.loaded.content)
     ]
     responses = [(step.loaded.name, step.gave) for step in found.steps if isinstance(step.gave, ResponseStep)]
     wrong = [(name, said) for name, gave in responses for said in on_turning(gave.measured)]
-    return left_out + (wrong or [(name, said) for name, gave in responses for said in on_refuted(gave)])
+    return left_out + lacking + (wrong or [(name, said) for name, gave in responses for said in on_refuted(gave)])
 
 
 def checks_of(found: Identified, results: Mapping[str, Any]) -> Iterator[Check]:

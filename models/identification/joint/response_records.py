@@ -29,7 +29,7 @@ from models.identification.response import FrequencyResponse
 from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.quantity import show
-from models.records.checks import noise_gain
+from models.records.checks import is_at_rate, noise_gain
 from models.records.files import Loaded
 from models.records.record import Record
 
@@ -79,12 +79,13 @@ def on_what_is_between(machine: Machine, record: Record) -> list[str]:
     that the controller runs, and the response takes it for what is held."""
     every = round(record.sample_time / machine.sample_time)
     noise = noise_gain(machine.control.feedback, machine.sample_time) * machine.scale.noisy().reading_deviation
-    if record.sample_time <= SLOWER * machine.sample_time or noise < BETWEEN * float(np.std(record.command)):
+    spread, fed_back = float(np.std(record.command)), float(np.std(record.command - record.feedforward))
+    if is_at_rate(record, machine.sample_time) or min(noise, fed_back) < BETWEEN * spread:  # or without a feedback
         return []
     return [
         f"has one of {every} samples of the controller, and the scale's noise makes {show(noise, 'N', 2)} (rms) of the "
-        "command from one to the next: dead time, lag and gains may be off by many of the deviations stated here; log "
-        "all samples, for a shorter time"
+        "command between two logged samples: dead time, lag and gains may be off by many of the deviations stated "
+        "here; log all samples, for a shorter time"
     ]
 
 

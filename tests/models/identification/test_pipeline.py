@@ -13,6 +13,7 @@ from models.effects.friction_laws import ViscousFriction
 from models.identification import motion
 from models.identification.estimate import Estimate
 from models.identification.into_machine import Found, holdable, with_drag, with_inertia, with_offset
+from models.identification.joint.response_records import on_what_is_between
 from models.identification.joint.steps import ForceStep
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
@@ -142,6 +143,7 @@ def test_a_log_that_lacks_much_of_the_command_is_told(resolution: float, every: 
     said = [one for one in found.remarks if "has one of 2 samples of the controller" in one]
     assert bool(said) == told
     assert [name for name, one in warnings_of(found) if "has one of 2 samples" in one] == ["e.csv"] * told
+    assert on_what_is_between(machine, replace(record.thinned(2), feedforward=record.thinned(2).command)) == []
 
 
 def test_the_advice_on_motions_is_the_one_that_applies(monkeypatch: pytest.MonkeyPatch) -> None:

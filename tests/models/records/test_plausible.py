@@ -238,6 +238,8 @@ def test_samples_that_a_logger_repeated_are_doubted_with_their_place() -> None:
     (doubt,) = (doubt for doubt in doubts(replace(record, **held), GIVEN, FACTS) if "stand still" in doubt)
     assert "stand still for 20 samples from 250 ms after the start on (row 501, line 502 of a CSV)" in doubt
     assert "at once, once: the log repeats old samples" in doubt
+    slower = replace(FACTS, sample_time=record.sample_time / 4)  # between whose samples a motion may begin and end
+    assert not any("stand still" in doubt for doubt in doubts(replace(record, **held), GIVEN, slower))
     lost = replace(record, **held, reference=np.full(record.position.size, 0.01))  # at rest, a count may be lost
     assert not any("stand still" in doubt for doubt in doubts(lost, GIVEN, FACTS))
     position = replace(record, position=held["position"])  # whose command goes on: the axis may stick
