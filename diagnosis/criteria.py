@@ -49,6 +49,14 @@ class Criteria:
         "on EMPS and 21 drawn cases, whose files have all elements, it gains 0.5 at most, whatever the law; with seven "
         "elements for eighty and a scale of 1 nm it gains 226",
     )
+    finer_friction_again: float = _criterion(
+        0.05,
+        "1",
+        "part of the chi-square that is left, which a finer curve of the friction has to gain on held-out motions for "
+        "elements that were doubled to be doubled again",
+        "with five elements for eighty and a scale of 5 nm the first doubling gains 0.90 of it, the second 0.09 to "
+        "0.12, a third 0.004 at most",
+    )
     min_gain: float = _criterion(20.0, "1", "chi-square that any effect has to gain")
     null_safety: float = _criterion(
         2.0, "1", "times the largest gain among simulated tables without an effect, which an effect has to exceed"

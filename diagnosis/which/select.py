@@ -328,8 +328,19 @@ def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], search: Searc
     if here.candidate.added_effects:
         large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
         bounded = [trial for trial in trials if runs_to_bounds(trial.fitted, trial.proposal.name)]
-        names |= {trial.proposal.name for trial in bounded if here.cost - trial.fitted.cost < large}
+        little = [trial for trial in bounded if here.cost - trial.fitted.cost < large]
+        names |= {trial.proposal.name for trial in little if not _is_of_rest(trial, here, search)}
     return names
+
+
+def _is_of_rest(trial: Trial, before: Fit, search: Search) -> bool:
+    """Whether an effect that was tried is of the time at rest and takes off the greater part of the unknown force.
+    What happens at rest has time constants over decades (ageing goes with the logarithm of the time), of which the
+    best single one may be shorter or longer than any that is usual."""
+    effect = trial.proposal.effect
+    if effect is None or type(effect).kind().coordinate != "rest":
+        return False
+    return force_share(search.force(before), search.force(trial.fitted)) >= search.criteria.force_share_of_slow
 
 
 def runs_to_bounds(fitted: Fit, name: str) -> bool:
