@@ -41,6 +41,19 @@ class Criteria:
         "variance of what does not repeat between equal motions, beyond which a drive counts as rougher than its model",
         "clean tables of the null stay below; EMPS leaves 132",
     )
+    noise_variance: float = _criterion(
+        1.15,
+        "1",
+        "the same, in that of complete models, from which on it is tried whether a white force is all that is left",
+        "clean drawn machines leave up to 1.09, a healthy axis whose thrust scatters by 0.8 % 1.65",
+    )
+    whiteness: float = _criterion(
+        0.75,
+        "1",
+        "variance that is steadily there about the loop's frequency over that of all that is left, or the inverse, "
+        "from which on it is white noise",
+        "thrust noise leaves 0.91 to 0.99, steps of a converter 0.95, laws that are missing 0.002 to 0.63",
+    )
     finer_friction: float = _criterion(
         2.0,
         "1",

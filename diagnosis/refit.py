@@ -14,9 +14,9 @@ from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, coordinates, fit, weights
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate, SmoothedPath
-from diagnosis.model.roughness import unmodelled_variance, variance_by_record
+from diagnosis.model.roughness import steady_variance, unmodelled_variance, variance_by_record
 from diagnosis.model.start_states import fine, search, static_equilibrium_start
-from diagnosis.model.units import slow_walk
+from diagnosis.model.units import loop_time, slow_walk
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, Provenance
@@ -106,8 +106,40 @@ def weighed(
     if usual and rough.any():
         rough = apart > criteria.rough_variance * np.maximum(usual(), 1.0)
     rough |= np.array([candidate.roughness_of(i) for i in range(len(records))]) > 1
-    if not rough.any():
-        return fitted
+    return _weighed(fitted, records, rough) if rough.any() else fitted
+
+
+def noise_alone(fitted: Fit, records: Sequence[Record], criteria: Criteria, usual: Sequence[float]) -> Array | None:
+    """The white force of each record [N] beside which a fit leaves white noise and nothing else; None where there is no
+    such force. usual: the variance of what complete models leave of each record [1].
+
+    The search does not allow for a drive that is rougher by so little, as steps of its converter would pass for it.
+    """
+    apart = unmodelled_variance(fitted, records, criteria.min_equal_motions)
+    more = apart > criteria.noise_variance * np.maximum(usual, 1.0)
+    if fitted.candidate.rough or not more.any():
+        return None
+    found = _weighed(fitted, records, more)
+    if not found.candidate.rough or np.any(whiteness(found, records) < criteria.whiteness):
+        return None
+    roughness = [found.candidate.roughness_of(i) for i in range(len(records))]
+    return found.candidate.usual_white_force * np.array(roughness)
+
+
+def whiteness(fitted: Fit, records: Sequence[Record]) -> Array:
+    """By record, how much of what a fit leaves is steadily there about the loop's frequency, over the same of white
+    noise [1], or the inverse where that is less: 1 of white noise, next to 0 where a law is missing."""
+    loop = loop_time(fitted.candidate.nominal)
+    steady = [
+        steady_variance(one.innovations, record, loop) for one, record in zip(fitted.residuals, records, strict=True)
+    ]
+    share = np.array(steady) / variance_by_record(fitted)
+    return np.asarray(np.minimum(share, 1 / np.maximum(share, 1e-12)))
+
+
+def _weighed(fitted: Fit, records: Sequence[Record], rough: NDArray[np.bool_]) -> Fit:
+    """The fit under the white force with which each of the rough records leaves as much as the weights promise."""
+    candidate = fitted.candidate
     given, most = fitted, max(float(np.std(record.command)) for record in records) / candidate.usual_white_force
     variance = variance_by_record(fitted)
     slope = np.ones(len(records))  # of the variance over the white force, on logarithms, with its sign turned

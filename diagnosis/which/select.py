@@ -8,6 +8,7 @@ constants) before a second class is looked for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
@@ -70,6 +71,9 @@ class Search(Protocol):
     def force(self, fitted: Fit) -> float:
         """The deviation [N] of the unknown force that a model leaves."""
 
+    def deviance(self, fitted: Fit) -> float:
+        """-2 log likelihood [1] of a model, its priors included: what compares one with another random force."""
+
     def periods(self, effect: Effect) -> float:
         """How many periods of a law the records' travel holds [1]; infinite for a law that need not repeat."""
 
@@ -124,6 +128,11 @@ class RecordSearch:
         """Of the baseline's records."""
         return force_left(fitted, self.baseline.records)
 
+    def deviance(self, fitted: Fit) -> float:
+        """The cost, beside what the innovations' deviations are by themselves."""
+        sizes = [2 * one.innovations.size * math.log(one.deviation) for one in fitted.residuals]
+        return fitted.cost + sum(sizes)
+
     def periods(self, effect: Effect) -> float:
         """In the longest travel of the baseline's records."""
         return periods_shown(effect, self.baseline.records)
@@ -154,9 +163,12 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
             break
         say(f"fitting {', '.join(proposal.name for proposal in shortlist)} with all that is nominal")
         trials = search.tried(stages[-1], shortlist)
+        if decided and len(trials) > 1:  # a mode rings to the commands with which the loop answers what shakes it, too
+            likeliest = min(trials, key=lambda trial: search.deviance(trial.fitted))
+            trials = [likeliest] if likeliest.proposal.decided else [one for one in trials if not one.proposal.decided]
         if trials[0].proposal.decided:
             dull = _dull(stages, criteria)
-            stage, columns = search.examined(_stage(trials[0]), dull)
+            stage, columns = search.examined(_stage(search.settled(trials[0], stages[-1])), dull)
             stages.append(stage)
             continue
         set_aside |= inadmissible(trials, stages, search) | _not_enough(trials, beside, stages[-1], search)
@@ -200,8 +212,8 @@ def _beside_rivals(best: Trial, trials: Sequence[Trial], before: Stage, search: 
 def shortlisted(stages: Sequence[Stage], search: Search, set_aside: Collection[str] = ()) -> tuple[Proposal, ...]:
     """The proposals to be fitted next, the most promising first; none ends the search.
 
-    A proposal that the likelihood has decided goes first, unless effects of the catalogue gain far more, or a mode that
-    rings about its frequency gains a good part of it.
+    A proposal that the likelihood has decided goes first, unless effects of the catalogue gain far more; beside it a
+    mode that rings about its frequency, if it gains a good part of it.
     """
     promising = _promising(stages, search, set_aside)
     most = promising[0].gain if promising else 0.0
@@ -210,7 +222,7 @@ def shortlisted(stages: Sequence[Stage], search: Search, set_aside: Collection[s
     if not decided:
         return promising
     first = max(decided, key=lambda proposal: proposal.gain)
-    return _ringing(first, _significant(stages, search, set_aside), search.criteria) or (first,)
+    return (first, *_ringing(first, _significant(stages, search, set_aside), search.criteria))
 
 
 def _ringing(decided: Proposal, allowed: Sequence[Proposal], criteria: Criteria) -> tuple[Proposal, ...]:

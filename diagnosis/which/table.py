@@ -59,6 +59,8 @@ def table(
             decided = _decided(stages, name)
             shown = max(decided, key=lambda one: one.gain, default=proposal)
             unfitted = _sines(stages[-1].fitted, name) or (unfitted if decided else ())
+        elif name in names and members is not None:  # as a sine, and perhaps as a random force as well
+            members = tuple(sorted((*members, *_sines(stages[-1].fitted, name)), key=lambda one: -one[0].strength()))
         adequate = name in names and closure > criteria.min_closure
         rows.append(EffectRow(name, members or unfitted, shown.gain, shown.threshold, 0.0, adequate))
     seen = [one for one in stages[-1].proposals if one.carrier is not Carrier.MODEL and one.name in names]

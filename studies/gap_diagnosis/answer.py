@@ -10,7 +10,7 @@ from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import how_far, stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
-from studies.gap_diagnosis.no_name import never_the_same, without_a_name, without_a_name_in_short
+from studies.gap_diagnosis.no_name import never_the_same, noise_alone, without_a_name, without_a_name_in_short
 from studies.gap_diagnosis.too_small import too_small
 from studies.gap_diagnosis.values_off import in_percent, mostly, off_by, told_off
 from studies.gap_diagnosis.weights_told import far_off, roughness
@@ -118,7 +118,7 @@ def _which(results: Results) -> list[str]:
 
 def _nameless(results: Results) -> list[str]:
     """What is said where what is left has no name: what it resembles, and what else it may be."""
-    verdict, repeats_never = results["verdict"], never_the_same(results)
+    verdict, repeats_never = results["verdict"], never_the_same(results) or noise_alone(results)
     told = _unsure(results) or repeats_never or without_a_name(results)
     if resembles(verdict):
         before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))

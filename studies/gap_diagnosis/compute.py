@@ -30,6 +30,8 @@ from diagnosis.model.parameters import moved, priors
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import loop_time
+from diagnosis.refit import noise_alone, whiteness
+from diagnosis.verdict import Outcome
 from diagnosis.where.controller import replayed
 from diagnosis.where.serialise import pictures
 from models.effects.base import parameters
@@ -312,13 +314,26 @@ def _not_looked_for(machine: Machine) -> list[str]:
 
 
 def _white_force(found: Diagnosis) -> dict[str, Any]:
-    """Of a drive as smooth as its model, of the roughest record, and of each [N]; and the values that the re-fit would
-    move under the first of them where nothing is wrong, by how many of their tolerances [1]."""
-    candidate = found.final.candidate
+    """Of a drive as smooth as its model, of the roughest record, and of each [N]; the values that the re-fit would
+    move under the first of them where nothing is wrong, by how many of their tolerances [1]; whether what is left under
+    them is white noise; and where nothing is named, the white force of each record [N] that leaves no more than that.
+    """
+    candidate, baseline = found.final.candidate, found.baseline
     usual = candidate.usual_white_force
-    by_record = [usual * candidate.roughness_of(i) for i in range(len(found.baseline.records))]
-    biased = [{"name": name, "tolerances": size} for name, size in found.baseline.biased.items()]
-    return {"usual": usual, "taken": candidate.white_force, "by_record": by_record, "biased": biased}
+    by_record = [usual * candidate.roughness_of(i) for i in range(len(baseline.records))]
+    biased = [{"name": name, "tolerances": size} for name, size in baseline.biased.items()]
+    nothing_named = found.outcome is Outcome.NONE and not found.partly
+    alone = None
+    if nothing_named:
+        alone = noise_alone(baseline.nominal, baseline.records, baseline.criteria, baseline.null.usual)
+    return {
+        "usual": usual,
+        "taken": candidate.white_force,
+        "by_record": by_record,
+        "biased": biased,
+        "is_white": bool(np.all(whiteness(found.final, baseline.records) >= baseline.criteria.whiteness)),
+        "alone": None if alone is None else alone.tolist(),
+    }
 
 
 def _next(beside: Evidence, machine: Machine, samples: Sequence[int], most: int) -> dict[str, Any] | None:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from models.quantity import listed
-from studies.gap_diagnosis.values_off import SHIFTED, mostly, off_by, told_off
+from models.quantity import listed, show
+from studies.gap_diagnosis.values_off import SHIFTED, in_percent, mostly, off_by, told_off
 from studies.wording import effect
 
 Results = Mapping[str, Any]
@@ -18,6 +18,9 @@ AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a flo
 def without_a_name_in_short(results: Results) -> str:
     """The outcome without a name, in a few words: nominal values first where they are most of the gap."""
     off = mostly(results) if results["verdict"]["outcome"] == "none_of_these" else []
+    if noise := _noise_of(results):
+        names = f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what" if off else "What"
+        return f"{names} is left is noise of {noise}"
     if not off:
         return "No effect of the catalogue explains it"
     return f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what is left has no name"
@@ -35,6 +38,28 @@ def without_a_name(results: Results) -> list[str]:
     if untried := [effect(name) for name in results.get("not_looked_for", ())]:
         told.append(f"Not tried, as the machine file has no [priors.NAME] for it: {listed(untried)}.")
     return told
+
+
+def noise_alone(results: Results) -> list[str]:
+    """What is said where a white force is all that the re-fitted model leaves; nothing elsewhere."""
+    noise = _noise_of(results)
+    if not noise:
+        return []
+    off, share = mostly(results), max(results["white_force_N"]["alone"]) / results["how_far"]["drive_rms_N"]
+    told = [told_off(off, results)] if off else []
+    return [
+        *told,
+        f"What is left is what a force that scatters by {noise} from sample to sample would leave, "
+        f"{in_percent(share)} of the drive's (rms): alike at all times, so that it is noise of the drive or steps of "
+        "its converter that the machine file does not have, and no sign of another effect; smaller ones are hidden "
+        "by it.",
+    ]
+
+
+def _noise_of(results: Results) -> str:
+    """The white force [N] that is all that is left of the roughest record; nothing where there is none."""
+    alone = results["white_force_N"].get("alone")
+    return show(max(alone), "N", 2) if alone else ""
 
 
 def never_the_same(results: Results) -> list[str]:

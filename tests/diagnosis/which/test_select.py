@@ -77,6 +77,9 @@ class Planned:
     def force(self, fitted: Fit) -> float:
         return float(np.sqrt(fitted.cost))
 
+    def deviance(self, fitted: Fit) -> float:
+        return fitted.cost
+
     def periods(self, effect: Effect) -> float:
         return self.travel / effect.pitch if isinstance(effect, Cogging) else float("inf")
 
