@@ -28,8 +28,8 @@ def roughness(results: Results) -> list[str]:
         )
     elif force["taken"] > force["usual"] and not force.get("is_white", True):
         told.append(
-            f"What is left is as large as a force that scatters by {taken} from sample to sample would leave, but is no "
-            "such noise, as it is not alike at all times: the model lacks something else. What is smaller is hidden."
+            f"What is left is as large as a force that scatters by {taken} from sample to sample would leave, but is "
+            "no such noise, as it is not alike at all times: the model lacks something else. What is smaller is hidden."
         )
     elif force["taken"] > force["usual"]:
         told.append(
