@@ -192,10 +192,16 @@ def _parsed(quantity: str, wanted: str, signal: str) -> float:
 
 def _with_a_factor(unit: str, wanted: str) -> str:
     """How to write the factor of a column in amperes or volts that is to be a force, for a message; else nothing."""
+    drive = drive_unit(unit)
+    return f'; give its factor, like "NAME [{unit}] * 35 {wanted}/{drive}"' if drive and wanted == "N" else ""
+
+
+def drive_unit(unit: str) -> str:
+    """A or V, whichever a unit is a multiple of; nothing for any other."""
     for drive in ("A", "V"):
         try:
             parse(f"1 {unit}", drive)
         except QuantityError:
             continue
-        return f'; give its factor, like "NAME [{unit}] * 35 {wanted}/{drive}"' if wanted == "N" else ""
+        return drive
     return ""

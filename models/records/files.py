@@ -22,7 +22,7 @@ from models.machine import Machine
 from models.quantity import cut
 from models.records import response_columns
 from models.records.checks import DoubtfulError, Facts, derivative_of_error, findings
-from models.records.columns import UNITS, Columns
+from models.records.columns import UNITS, Columns, drive_unit
 from models.records.grids import on_one_grid
 from models.records.plausible import doubts
 from models.records.recognised import recognised
@@ -313,7 +313,8 @@ def _in_si(table: Table, columns: Columns, signal: str, name: str) -> Array:
     try:
         source = columns.source(signal, stated)
     except ValueError as error:
-        one = {"m": "5 nm", "s": "250 us", "N": "35 N"}.get(UNITS[signal], f"2 {UNITS[signal]}")
+        force = f"35 N/{drive}" if (drive := drive_unit(stated)) else "35 N"
+        one = {"m": "5 nm", "s": "250 us", "N": force}.get(UNITS[signal], f"2 {UNITS[signal]}")
         raise RecordError(
             f"column {cut(name)} is in {cut(stated, 30)}, as the file states, which is not a unit of the {signal}; "
             f'write what one of it is, as in {signal} = "{name} * {one}", or its right unit, as in [{UNITS[signal]}]'

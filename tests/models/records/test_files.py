@@ -412,3 +412,14 @@ def test_samples_that_a_file_keeps_in_another_one_are_not_read(tmp_path: Path) -
 def test_a_command_in_what_the_drive_counts_is_asked_for_its_factor(entry: str, hint: str) -> None:
     with pytest.raises(ValueError, match=re.escape(hint)):
         Columns(command=entry)
+
+
+@pytest.mark.parametrize(("unit", "hint"), [("mA", "35 N/A"), ("mV", "35 N/V"), ("bar", "35 N")])
+def test_a_command_that_the_file_states_in_amperes_is_asked_for_a_factor_of_them(
+    tmp_path: Path, unit: str, hint: str
+) -> None:
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{1e-3 * i},{1e-6 * i},{i % 7}\n" for i in range(50))
+    path.write_text(f"time_s,position_m,Strom [{unit}]\n{rows}", encoding="utf-8")
+    with pytest.raises(RecordError, match=re.escape(f'command = "Strom * {hint}"')):
+        load(path, Columns(command="Strom"))

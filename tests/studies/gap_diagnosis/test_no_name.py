@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+import pytest
+
 from studies.gap_diagnosis.answer import sentences
 
 
@@ -61,6 +63,30 @@ def test_values_at_the_end_of_their_range_may_be_the_cause_of_what_has_no_name(r
         "how_far": {**results["how_far"], "at_bounds": [{**ends[0], "part": "cogging", "name": "pitch"}]},
     }
     assert said[:20] not in sentences(inside)["which"]
+
+
+def test_noise_that_is_all_that_is_left_is_no_cause_out_of_the_catalogue(results: dict[str, Any]) -> None:
+    """A healthy stage whose thrust scatters by 10 mN: its first page had asked for its friction and its clock."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    force = {"usual": 0.0022, "taken": 0.0022, "by_record": [0.0022], "biased": [], "is_white": False}
+    far = {**results["how_far"], "drive_rms_N": 1.2}
+    whole = {**results, "verdict": verdict, "white_force_N": {**force, "alone": [0.0091, 0.0098]}, "how_far": far}
+    told = sentences(whole)
+    assert "a force that scatters by 0.0098 N from sample to sample would leave, 0.82 % of the drive's" in told["which"]
+    assert "not in the catalogue" not in told["which"]
+    assert told["outcome"].endswith("is left is noise of 0.0098 N")
+    other = {**whole, "white_force_N": {**force, "alone": None}}
+    assert "not in the catalogue" in sentences(other)["which"]
+
+
+@pytest.mark.parametrize("is_white", [True, False])
+def test_what_comes_in_places_is_no_noise_of_the_drive(results: dict[str, Any], is_white: bool) -> None:
+    """Of a cable chain the page had said that the drive scatters by 0.2 N; it does by 0.01 N."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    force = {"usual": 0.0022, "taken": 0.2, "by_record": [0.2], "biased": [], "is_white": is_white, "alone": None}
+    told = sentences({**results, "verdict": verdict, "white_force_N": force})["which"]
+    assert ("The drive is rougher than its model" in told) == is_white
+    assert ("is no such noise, as it is not alike at all times" in told) != is_white
 
 
 def limits_of(results: dict[str, Any]) -> list[dict[str, Any]]:
