@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -46,7 +46,7 @@ from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.diagnosable import checked
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import on_single_blas_thread
-from diagnosis.refit import wrong_values
+from diagnosis.refit import noise_alone, wrong_values
 from diagnosis.verdict import Outcome
 from diagnosis.where.law_curve import LawCurve, law_curve
 from diagnosis.which.kinds import Form
@@ -111,6 +111,15 @@ class Diagnosis:
         handed = self.how_far.handover.named(Content.EFFECTS)
         whole = handed is not None and len(handed.fitted.candidate.effects) == len(self.final.candidate.effects)
         return handed.fitted if handed is not None and whole else self.final
+
+    @cached_property
+    def noise(self) -> Array | None:
+        """The white force of each record [N] where it is all that the re-fitted model leaves, and nothing has a name;
+        None elsewhere."""
+        if self.outcome is not Outcome.NONE or self.partly:
+            return None
+        base = self.baseline
+        return noise_alone(base.nominal, base.records, base.criteria, base.null.usual)
 
     @property
     def final(self) -> Fit:

@@ -93,7 +93,7 @@ def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) ->
             seed=seed,
             white_force=candidate.white_force,
         )
-    if found.outcome is Outcome.NONE:
+    if found.outcome is Outcome.NONE and found.noise is None:
         best = lies.coordinate
         return along(best.name if best.is_stated(criteria) else None, machine)
     if found.outcome is Outcome.ATTRIBUTED:

@@ -30,8 +30,7 @@ from diagnosis.model.parameters import moved, priors
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import loop_time
-from diagnosis.refit import noise_alone, whiteness
-from diagnosis.verdict import Outcome
+from diagnosis.refit import whiteness
 from diagnosis.where.controller import replayed
 from diagnosis.where.serialise import pictures
 from models.effects.base import parameters
@@ -145,6 +144,8 @@ def answered(
         for part, text in results["answer"].items()
         if part in {"where", "which", "how_far"}
     ]
+    if asked := results["verdict"]["next_experiment"]:
+        summary.append(("next", asked))
     return found, Answer(results, tuple(_checks(found, given)), written, summary)
 
 
@@ -322,17 +323,13 @@ def _white_force(found: Diagnosis) -> dict[str, Any]:
     usual = candidate.usual_white_force
     by_record = [usual * candidate.roughness_of(i) for i in range(len(baseline.records))]
     biased = [{"name": name, "tolerances": size} for name, size in baseline.biased.items()]
-    nothing_named = found.outcome is Outcome.NONE and not found.partly
-    alone = None
-    if nothing_named:
-        alone = noise_alone(baseline.nominal, baseline.records, baseline.criteria, baseline.null.usual)
     return {
         "usual": usual,
         "taken": candidate.white_force,
         "by_record": by_record,
         "biased": biased,
         "is_white": bool(np.all(whiteness(found.final, baseline.records) >= baseline.criteria.whiteness)),
-        "alone": None if alone is None else alone.tolist(),
+        "alone": None if found.noise is None else found.noise.tolist(),
     }
 
 
