@@ -54,6 +54,13 @@ class Criteria:
         "from which on it is white noise",
         "thrust noise leaves 0.91 to 0.99, steps of a converter 0.95, laws that are missing 0.002 to 0.63",
     )
+    whiteness_of_a_drive: float = _criterion(
+        0.2,
+        "1",
+        "the same of what is left under the weights of a drive that is rougher than its model, from which on the "
+        "roughness may be the drive's",
+        "EMPS leaves 0.24; where a cable chain, a fan or a filter was missing, 0.005 to 0.12 was left",
+    )
     finer_friction: float = _criterion(
         2.0,
         "1",

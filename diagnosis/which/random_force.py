@@ -77,21 +77,15 @@ def strongest_random_force(
 ) -> RandomForce | None:
     """The random force that gains the most beside what is in the model; its gain over that of its neighbours, or of a
     larger white force where that is more. None where the records are sampled too slowly for any."""
-    best: RandomForce | None = None
-    for frequency in _frequencies(fitted, records, projection):
-        found = _strongest(fitted, records, frequency, BANDWIDTHS[0])
-        if best is None or found.gain > best.gain:
-            best = found
-    if best is None:
+    found = [_strongest(fitted, records, one, BANDWIDTHS[0]) for one in _frequencies(fitted, records, projection)]
+    if not found:
         return None
-    narrower = [_strongest(fitted, records, best.resonance.frequency, bandwidth) for bandwidth in BANDWIDTHS[1:]]
-    best = max(best, *narrower, key=lambda one: one.gain)
-    for factor in BETWEEN:
-        between = replace(best.resonance, level=factor * best.resonance.level)
-        best = max(best, RandomForce(between, _whole(_reductions(fitted, records, between))), key=lambda one: one.gain)
+    best = max(found, key=lambda one: one.gain)
+    beside = _aside(best.resonance, fitted, records)
+    if best.gain > max(map(_whole, beside)):
+        best = _finer(best, fitted, records)
+        beside = [*_aside(best.resonance, fitted, records), *_of_whiter_forces(fitted, records)]
     line = best.resonance
-    beside = [_reductions(fitted, records, replace(line, frequency=line.frequency * f)) for f in ASIDE]
-    beside += _of_whiter_forces(fitted, records)
     aside = max(beside, key=_whole)
     whole, slow = (np.concatenate(one) for one in (_reductions(fitted, records, line), aside))
     own = whole - slow if np.sum(slow) > 0 else whole
@@ -102,6 +96,22 @@ def strongest_random_force(
     # A line of a law that acts at rest only may gain evenly over its neighbours, and one of motions evenly by itself.
     low, high = zip(evenness(own, resting), evenness(whole, resting), strict=True)
     return RandomForce(line, float(np.sum(own)), steady, (min(low), min(high)))
+
+
+def _finer(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> RandomForce:
+    """The random force with the bandwidth, and the level between those that are tried, with which it gains the most."""
+    frequency = found.resonance.frequency
+    best = max(
+        found, *(_strongest(fitted, records, frequency, one) for one in BANDWIDTHS[1:]), key=lambda one: one.gain
+    )
+    between = [replace(best.resonance, level=factor * best.resonance.level) for factor in BETWEEN]
+    tried = [RandomForce(one, _whole(_reductions(fitted, records, one))) for one in between]
+    return max(best, *tried, key=lambda one: one.gain)
+
+
+def _aside(line: Resonance, fitted: Fit, records: Sequence[Record]) -> list[list[Array]]:
+    """`_reductions` by the same force at the frequencies beside its own."""
+    return [_reductions(fitted, records, replace(line, frequency=line.frequency * factor)) for factor in ASIDE]
 
 
 def at_rest(record: Record, machine: Machine) -> NDArray[np.bool_]:

@@ -317,18 +317,19 @@ def _not_looked_for(machine: Machine) -> list[str]:
 def _white_force(found: Diagnosis) -> dict[str, Any]:
     """Of a drive as smooth as its model, of the roughest record, and of each [N]; the values that the re-fit would
     move under the first of them where nothing is wrong, by how many of their tolerances [1]; whether what is left under
-    them is white noise; and where nothing is named, the white force of each record [N] that leaves no more than that.
+    them may be noise; and where nothing is named, the white force of each record [N] that leaves no more than that.
     """
     candidate, baseline = found.final.candidate, found.baseline
     usual = candidate.usual_white_force
     by_record = [usual * candidate.roughness_of(i) for i in range(len(baseline.records))]
     biased = [{"name": name, "tolerances": size} for name, size in baseline.biased.items()]
+    even = whiteness(found.final, baseline.records)
     return {
         "usual": usual,
         "taken": candidate.white_force,
         "by_record": by_record,
         "biased": biased,
-        "is_white": bool(np.all(whiteness(found.final, baseline.records) >= baseline.criteria.whiteness)),
+        "may_be_noise": bool(np.all(even >= baseline.criteria.whiteness_of_a_drive)),
         "alone": None if found.noise is None else found.noise.tolist(),
     }
 

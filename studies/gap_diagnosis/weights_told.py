@@ -26,7 +26,7 @@ def roughness(results: Results) -> list[str]:
             f"moves values by many of their tolerances ({moved}); so a white force of {taken} a sample is taken beside "
             f"the model in place of {usual}, and effects smaller than that are hidden."
         )
-    elif force["taken"] > force["usual"] and not force.get("is_white", True):
+    elif force["taken"] > force["usual"] and not force.get("may_be_noise", True):
         told.append(
             f"What is left is as large as a force that scatters by {taken} from sample to sample would leave, but is "
             "no such noise, as it is not alike at all times: the model lacks something else. What is smaller is hidden."

@@ -68,7 +68,7 @@ def test_values_at_the_end_of_their_range_may_be_the_cause_of_what_has_no_name(r
 def test_noise_that_is_all_that_is_left_is_no_cause_out_of_the_catalogue(results: dict[str, Any]) -> None:
     """A healthy stage whose thrust scatters by 10 mN: its first page had asked for its friction and its clock."""
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
-    force = {"usual": 0.0022, "taken": 0.0022, "by_record": [0.0022], "biased": [], "is_white": False}
+    force = {"usual": 0.0022, "taken": 0.0022, "by_record": [0.0022], "biased": [], "may_be_noise": False}
     far = {**results["how_far"], "drive_rms_N": 1.2}
     whole = {**results, "verdict": verdict, "white_force_N": {**force, "alone": [0.0091, 0.0098]}, "how_far": far}
     told = sentences(whole)
@@ -79,14 +79,21 @@ def test_noise_that_is_all_that_is_left_is_no_cause_out_of_the_catalogue(results
     assert "not in the catalogue" in sentences(other)["which"]
 
 
-@pytest.mark.parametrize("is_white", [True, False])
-def test_what_comes_in_places_is_no_noise_of_the_drive(results: dict[str, Any], is_white: bool) -> None:
+@pytest.mark.parametrize("may_be_noise", [True, False])
+def test_what_comes_in_places_is_no_noise_of_the_drive(results: dict[str, Any], may_be_noise: bool) -> None:
     """Of a cable chain the page had said that the drive scatters by 0.2 N; it does by 0.01 N."""
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
-    force = {"usual": 0.0022, "taken": 0.2, "by_record": [0.2], "biased": [], "is_white": is_white, "alone": None}
+    force = {
+        "usual": 0.0022,
+        "taken": 0.2,
+        "by_record": [0.2],
+        "biased": [],
+        "may_be_noise": may_be_noise,
+        "alone": None,
+    }
     told = sentences({**results, "verdict": verdict, "white_force_N": force})["which"]
-    assert ("The drive is rougher than its model" in told) == is_white
-    assert ("is no such noise, as it is not alike at all times" in told) != is_white
+    assert ("The drive is rougher than its model" in told) == may_be_noise
+    assert ("is no such noise, as it is not alike at all times" in told) != may_be_noise
 
 
 def limits_of(results: dict[str, Any]) -> list[dict[str, Any]]:
