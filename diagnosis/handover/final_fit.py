@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, bounds_of, fit
-from diagnosis.model.parameters import LOOSE, Parameters, moved
+from diagnosis.model.parameters import LOOSE, Parameters, below_nyquist, moved
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.unknown_force import unknown_force
 from models.effects.base import parameters as parameters_of
@@ -75,7 +75,7 @@ def finished(given: Fit, records: Sequence[Record], iterations: int = ITERATIONS
         new = [one for one in at_bounds(fitted.candidate) if one.place not in {before.place for before in widened}]
         if not new:
             break
-        fitted = still_fit(_widened(fitted.candidate, new), records, fitted.paths, iterations)
+        fitted = still_fit(with_more_room(fitted.candidate, new), records, fitted.paths, iterations)
         widened += new
     return Finished(fitted, tuple(widened), at_bounds(fitted.candidate))
 
@@ -84,7 +84,7 @@ def with_room(given: Fit, records: Sequence[Record]) -> Fit:
     """A fit of the search, fitted again under its own weights with more room for effects' values at their bounds; none
     for periods: a sine that is longer than the travel draws any curve."""
     hit = [one for one in at_bounds(given.candidate) if one.part != "nominal" and not _is_period(given.candidate, one)]
-    return given if not hit else fit(_widened(given.candidate, hit), records, paths=given.paths, walk=given.walk)
+    return given if not hit else fit(with_more_room(given.candidate, hit), records, paths=given.paths, walk=given.walk)
 
 
 def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
@@ -101,7 +101,7 @@ def freed(given: Fit, records: Sequence[Record]) -> Fit:
         hit = plant_at_bounds(fitted.candidate)
         if not hit:
             break
-        fitted = fit(_widened(fitted.candidate, hit), records, paths=fitted.paths, walk=fitted.walk)
+        fitted = fit(with_more_room(fitted.candidate, hit), records, paths=fitted.paths, walk=fitted.walk)
     return fitted
 
 
@@ -146,7 +146,7 @@ def _hit(layout: Parameters, theta: Array) -> list[int]:
     return [int(i) for i in np.flatnonzero(at) if layout.names[i] != "initial_friction_state"]
 
 
-def _widened(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
+def with_more_room(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
     """The candidate with ROOM times the room for the values at their bounds."""
     layout = candidate.layout
     low, high, ranges = layout.low.copy(), layout.high.copy(), dict(layout.machine.priors)
@@ -160,5 +160,7 @@ def _widened(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
         ranges[one.part, one.name] = (ends[0] / ROOM, ends[1] * ROOM)
     dead = layout.of("dead_time")
     low[dead] = np.maximum(low[dead], -layout.machine.plant.dead_time)
+    mode = layout.of("mode_frequency")
+    high[mode] = np.minimum(high[mode], below_nyquist(layout.machine))
     machine = replace(layout.machine, priors=Priors.of(ranges, layout.machine.priors.units))
     return replace(candidate, layout=replace(layout, machine=machine, low=low, high=high))

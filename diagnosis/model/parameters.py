@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 NOWHERE: Final = np.zeros(0, np.int64)
 FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
 FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
+BELOW_NYQUIST: Final = 0.99  # of the Nyquist frequency, to which a re-fit may move a mode's frequency at most
 LOADED: Final = 20.0  # bound of the mass and of a mode's frequency: a load may have been left on the table
 MOST: Final = 1.0  # relative deviation of a value at most, as of a stated tolerance
 ABSOLUTE: Final = ("plant.dead_time", "drive.offset")  # values whose deviation is not a share of them
@@ -95,10 +96,20 @@ def parameters(machine: Machine, records: int) -> Parameters:
     if machine.drive.travel > 0:  # a contact that would slip beyond the travel is a spring
         within = np.log(np.maximum(machine.drive.travel / np.array(machine.friction.limit), 1.0))
         high[limit] = np.minimum(high[limit], within)
+    mode = np.array(names) == "mode_frequency"
+    high[mode] = np.minimum(high[mode], below_nyquist(machine))
     longer = np.exp(np.minimum(FAR * wide[limit], high[limit]))  # the limits are fitted, too
     high[start] = np.tile(np.array(machine.friction.limit) * longer, records)
     low[start] = -high[start]
     return Parameters(machine, records, names, wide, low, high)
+
+
+def below_nyquist(machine: Machine) -> Array:
+    """How far each of the plant's modes may rise (F,) [1, on the logarithm], as a machine file has none from the
+    Nyquist frequency on."""
+    frequency = np.array([machine.plant.modes[i].frequency for i in machine.plant.flexible])
+    most = BELOW_NYQUIST * 0.5 / machine.sample_time
+    return np.asarray(np.log(np.maximum(most / frequency, 1.0)))
 
 
 def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:

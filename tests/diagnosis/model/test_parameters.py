@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.experiments.schedules import strokes
+from diagnosis.handover.final_fit import at_bounds, with_more_room
 from diagnosis.model.fit import _step_bounds
 from diagnosis.model.parameters import FAR, FURTHER, LOADED, applied, bounded, moved, parameters, priors
 from diagnosis.model.residual import Candidate
@@ -77,6 +78,20 @@ def test_no_contact_slips_beyond_the_travel() -> None:
     assert starts[[1, 3]] == pytest.approx([0.3, 0.3])
     free = parameters(replace(machine, drive=replace(drive, travel=0.0)), 2)
     assert applied(free, bounded(free, free.high)).friction.limit[1] > 0.5
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.995])  # of the Nyquist frequency
+def test_no_re_fit_leads_a_mode_beyond_what_the_controller_samples(share: float) -> None:
+    """A drawn machine's mode of 415 Hz went to 580 Hz at 1 kHz: its file could not be read, so there was no answer."""
+    nyquist = 0.5 / MACHINE.sample_time
+    modes = (*MACHINE.plant.modes[:1], replace(MACHINE.plant.modes[1], frequency=share * nyquist))
+    machine = replace(MACHINE, plant=replace(MACHINE.plant, modes=modes))
+    layout = parameters(machine, 1)
+    hit = [one for one in at_bounds(Candidate(layout, layout.high, ())) if one.name == "mode_frequency"]
+    for bounds in (layout, with_more_room(Candidate(layout, layout.high, ()), hit).layout):
+        highest = applied(bounds, bounded(bounds, bounds.high)).plant.modes[1].frequency
+        assert highest < nyquist
+        assert highest >= share * nyquist * (1 - 1e-12)
 
 
 def test_no_contact_starts_beyond_its_fitted_limit() -> None:
