@@ -188,13 +188,12 @@ def test_a_unit_of_another_kind_is_refused_and_named(tmp_path: Path) -> None:
         for name, column in (("t", TIME), ("x", POSITION), ("u", COMMAND)):
             file[name] = column
         file["u"].attrs["unit"] = "A"
-    says = (
-        r"column .u. is in .A., as the file states, which is .*; write what one of it is, as in command = \"u \* 35 N\""
-    )
+    says = r"column .u. is in .A., as the file states, which is .*; write what one of it is, as in command = \"u \* 35 N/A\""
     with pytest.raises(RecordError, match=says):
         load(tmp_path / "a.h5", Columns(time="t", position="x", command="u"))
-    loaded = load(tmp_path / "a.h5", Columns(time="t", position="x", command="u * 60 N"))
-    np.testing.assert_allclose(record(loaded.content).command, 60 * COMMAND)
+    for factor in ("60 N", "60 N/A"):
+        loaded = load(tmp_path / "a.h5", Columns(time="t", position="x", command=f"u * {factor}"))
+        np.testing.assert_allclose(record(loaded.content).command, 60 * COMMAND)
 
 
 class Planted:
