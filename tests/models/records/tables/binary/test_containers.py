@@ -188,7 +188,7 @@ def test_a_unit_of_another_kind_is_refused_and_named(tmp_path: Path) -> None:
         for name, column in (("t", TIME), ("x", POSITION), ("u", COMMAND)):
             file[name] = column
         file["u"].attrs["unit"] = "A"
-    says = r"column .u. is in .A., as the file states, which is .*; write what one of it is, as in command = \"u \* 35 N/A\""
+    says = r"column .u. is in .A., as the file states, which is .*; write what .* as in command = \"u \* 35 N/A\""
     with pytest.raises(RecordError, match=says):
         load(tmp_path / "a.h5", Columns(time="t", position="x", command="u"))
     for factor in ("60 N", "60 N/A"):
