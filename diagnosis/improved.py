@@ -25,8 +25,8 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
 
     With the effects where the verdict names them; with the re-fitted nominal values alone where no effect may be
     adopted; as it was given where there was nothing to explain. Where a richer one of these is worse than a simpler one
-    on motions that were left out of its fit, in force, position or settling, it is the simpler one: see
-    `diagnosis.how_far.handover`. `source` says what the records were, as in "gap_diagnosis of moves.csv": it becomes
+    on motions that were left out of its fit, in force, position or settling, it is the simpler one, or has all of the
+    effects but one where that alone does harm: see `diagnosis.handover.gate`. `source` says what the records were, as in "gap_diagnosis of moves.csv": it becomes
     the provenance of every value that the diagnosis changed or added, with its standard deviation where the records are
     explained.
 
@@ -75,7 +75,9 @@ def without_effects(diagnosis: Diagnosis) -> Diagnosis:
     handed over has none of their effects."""
     far = diagnosis.how_far
     files = [
-        file for file in far.handover.files if file.name != Content.EFFECTS and is_believed(file, diagnosis.baseline)
+        file
+        for file in far.handover.files
+        if file.name not in {Content.SOME, Content.EFFECTS} and is_believed(file, diagnosis.baseline)
     ]
     return replace(
         diagnosis,

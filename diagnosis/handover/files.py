@@ -37,6 +37,7 @@ class Content(StrEnum):
     DELIVERED = "as delivered"
     OFFSET = "offset alone"
     REFITTED = "re-fitted"
+    SOME = "with some of the effects"
     EFFECTS = "with effects"
     MEASURED = "measured law"
 

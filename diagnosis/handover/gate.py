@@ -1,7 +1,8 @@
 """Which machine file is handed over: the richest that does no harm on motions that it was not fitted to.
 
-The candidates are the machine as delivered, with its offset fitted, re-fitted, and with effects. Each is fitted without
-a part of the motions in turn and judged on that part, in force, position and settling. One that is worse than the
+The candidates are the machine as delivered, with its offset fitted, re-fitted, and with effects; where those do harm
+together, with all of them but one. Each is fitted without a part of the motions in turn and judged on that part, in
+force, position and settling. One that is worse than the
 machine as delivered, or than a simpler candidate that passed, by more than chance in any of the three is not adopted,
 unless it is no worse than as delivered and surely better than the simpler one in both force and position (settling is
 when a few motions cross a threshold, the others are of all samples), or surely leaves less than half of one of the two

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -30,6 +30,7 @@ from diagnosis.handover.transfer import Transfer, transferred
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit
 from diagnosis.model.motions import rms
+from diagnosis.model.residual import Candidate
 from diagnosis.verdict import Outcome
 from diagnosis.which.stage import Stage
 
@@ -178,14 +179,8 @@ def how_far(
     if outcome is Outcome.NOTHING:
         handover = Handover(delivered, (delivered, *files))
     else:
-        count = len(files) if outcome in ADOPTED else 1
         learned = [] if law is None else [with_fit(Content.MEASURED, finished(law, records), baseline)]
-        every = (*files[:count], *learned)
-        believed = [is_believed(one, baseline) for one in every]
-        may = (delivered, *(one for one, kept in zip(every, believed, strict=True) if kept))
-        handover = chosen(may, lambda: offset_alone(baseline, delivered))
-        rest = (one for one, kept in zip(every, believed, strict=True) if not kept)
-        handover = replace(handover, files=(*handover.files, *rest, *files[count:]))
+        handover = _gated(delivered, files, learned, baseline, adopted=outcome in ADOPTED)
     named = [(Content.DELIVERED, delivered.gap), (Content.REFITTED, files[0].gap), *_between(stages, baseline)]
     if len(files) > 1:
         named.append((f"{stages[-1].added}", files[-1].gap))
@@ -197,6 +192,53 @@ def how_far(
     drive = rms([record.command * baseline.machine.plant.thrust_constant for record in records])
     at = fits[-1].widened, fits[-1].at_bound
     return HowFar(tuple(named), floor.gap(), floor.source, terms, interval, handover, drive, *at, transfer)
+
+
+def _gated(
+    delivered: File, files: Sequence[File], learned: Sequence[File], baseline: Baseline, *, adopted: bool
+) -> Handover:
+    """The file among those that may be handed over; files: re-fitted and, if there are effects, with them; adopted:
+    whether these may be in it. Where the file with all of them does harm, it may still have some."""
+    refitted, with_effects = files[:1], files[1:]
+    judged = (*files, *learned) if adopted else (*refitted, *learned)
+    doubted = [one for one in judged if not is_believed(one, baseline)]
+    may = [delivered, *(one for one in judged if one not in doubted)]
+    handover = chosen(may, lambda: offset_alone(baseline, delivered))
+    if adopted and with_effects and handover.adopted.name not in {Content.EFFECTS, Content.MEASURED}:
+        handover = _with_some(handover, with_effects[0], baseline)
+    rest = () if adopted else with_effects
+    return replace(handover, files=(*handover.files, *doubted, *rest))
+
+
+def _with_some(handover: Handover, with_effects: File, baseline: Baseline) -> Handover:
+    """The handover where the file may have all of the effects but one: one law may do harm, and the others be right.
+    Of those that pass, the one that leaves the least force; the same handover where none does."""
+    passed = list[Handover]()
+    simpler = handover.files[: [one.name for one in handover.files].index(handover.adopted.name) + 1]
+    for fewer in all_but_one(with_effects.fitted.candidate):
+        made = finished(replace(with_effects.fitted, candidate=fewer), baseline.records)
+        file = with_fit(Content.SOME, made, baseline)
+        if is_believed(file, baseline) and (found := chosen([*simpler, file])).adopted is file:
+            passed.append(found)
+    if not passed:
+        return handover
+    best = min(passed, key=lambda one: float(one.adopted.held_out.mean("force")))
+    before = [one for one in handover.files if one is not with_effects]
+    after = [one for one in handover.files if one is with_effects]
+    return Handover(best.adopted, (*before, best.adopted, *after), handover.harms)
+
+
+def all_but_one(candidate: Candidate) -> Iterator[Candidate]:
+    """The candidate without one of the laws that it adds, each in turn, where it adds several; the random forces count
+    as one law."""
+    names = dict.fromkeys(effect.name for effect in candidate.added_effects)
+    if len(names) + bool(candidate.random_forces) < 2:
+        return
+    added = {id(effect): effect.name for effect in candidate.added_effects}
+    for name in names:
+        yield replace(candidate, effects=tuple(one for one in candidate.effects if added.get(id(one)) != name))
+    if candidate.random_forces:
+        yield replace(candidate, random_forces=())
 
 
 def _between(stages: Sequence[Stage], baseline: Baseline) -> list[tuple[str, Gap]]:

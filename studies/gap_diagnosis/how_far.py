@@ -133,7 +133,7 @@ def _handed_over(results: Results) -> list[str]:
     richer = names[names.index(far["adopted_file"]) + 1 :]
     harms = [harm_told(harm) for harm in far["harms"] if harm["file"] in richer]
     if harms:
-        told.append(f"{' '.join(harms)} {FILES[far['adopted_file']]}")
+        told.append(f"{' '.join(harms)} {_file_told(results)}")
     elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:
         told.append(f"The re-fit is not believed. {FILES[Content.DELIVERED]}")
     told += _slower(far)
@@ -144,6 +144,16 @@ def _handed_over(results: Results) -> list[str]:
         told.append(f"Twice the usual room was needed for {bounds_told(far['widened'], verb=False)}.")
     named = results["verdict"]["outcome"] in {"attributed", "ambiguous"}
     return [*told, *_carried_over(far["transfer"], named=named), *elsewhere(far)]
+
+
+def _file_told(results: Results) -> str:
+    """What improved.toml has, and which of the effects it has not where one of them would do harm."""
+    file, has = results["how_far"]["adopted_file"], results["adopted"]
+    if file != Content.SOME:
+        return FILES[file]
+    lacks = [name for name in results["verdict"]["effects"] if name not in has]
+    kept = [name for name in results["verdict"]["effects"] if name in has]
+    return f"So improved.toml has {effects_listed(kept)}, without {effects_listed(lacks)}: so it does no harm."
 
 
 def _slower(far: Results) -> list[str]:
@@ -218,6 +228,7 @@ CANDIDATES: Final = {
     Content.DELIVERED: "the machine as delivered",
     Content.OFFSET: "the machine with its offset fitted",
     Content.REFITTED: "the re-fitted machine",
+    Content.SOME: "the machine with some of the effects",
     Content.EFFECTS: "the machine with effects",
     Content.MEASURED: "the machine with the measured law",
 }

@@ -1,11 +1,27 @@
-"""The closure's terms: of the unknown force, and of the position where that does not surely show a gap."""
+"""The closure's terms: of the unknown force, and of the position where that does not surely show a gap; and the file
+that has some of the effects, where one of them does harm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from diagnosis.handover.gate import Sums
-from diagnosis.handover.hand_over import closure_terms
+from diagnosis.handover import hand_over
+from diagnosis.handover.files import Content
+from diagnosis.handover.gate import File, Handover, Sums
+from diagnosis.handover.hand_over import all_but_one, closure_terms
 from diagnosis.how_far import Gap
+from diagnosis.model.kalman import Resonance
+from diagnosis.model.parameters import parameters
+from diagnosis.model.residual import Candidate
+from models.effects.base import Effect
+from models.effects.scale import ScalePeriodicError
+from models.effects.structure import CableSpring
+from models.machine import load
 
 MOTIONS = 40
 
@@ -63,3 +79,72 @@ def test_nothing_closes_a_gap_that_neither_shows() -> None:
     assert not terms.shows
     assert terms.closure() == 0.0
     assert interval[0] <= 0.0 <= interval[1]
+
+
+LAYOUT = parameters(load(), 1)
+RIGHT, HARMFUL, TONE = ScalePeriodicError(1e-7, 1e-5, 0.3), CableSpring(900.0), Resonance(47.0, 0.1, 0.04)
+
+
+def _candidate(*effects: Effect, forces: tuple[Resonance, ...] = ()) -> Candidate:
+    return Candidate(LAYOUT, np.zeros(LAYOUT.count), effects, forces)
+
+
+def _judged_by_its_effects(name: str, made: Any, _: Any = None) -> File:
+    """What a spring that is not there does to the position, and an encoder error that is to both."""
+    names = [effect.name for effect in made.candidate.effects]
+    force, position = (1.0 if "scale_periodic_error" in names else 2.0), (4e-7 if "cable_spring" in names else 2e-7)
+    sums, finished = _left(force, position), SimpleNamespace(candidate=made.candidate, fitted=made)
+    return File(name, cast(Any, None), Gap(force, position, None), sums, cast(Any, finished))
+
+
+@pytest.fixture
+def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fits of the files left out: what is tested is which of them are made and chosen."""
+    monkeypatch.setattr(hand_over, "finished", lambda given, _: given)
+    monkeypatch.setattr(hand_over, "with_fit", _judged_by_its_effects)
+    monkeypatch.setattr(hand_over, "is_believed", lambda *_: True)
+    monkeypatch.setattr(hand_over, "offset_alone", lambda *_: None)
+
+
+def _handed(*effects: Effect, forces: tuple[Resonance, ...] = (), adopted: bool = True) -> Handover:
+    @dataclass(frozen=True)
+    class Made:
+        candidate: Candidate
+
+    delivered = replace(_judged_by_its_effects("as delivered", Made(_candidate())), finished=None)
+    refitted = _judged_by_its_effects("re-fitted", Made(_candidate()))
+    with_all = _judged_by_its_effects("with effects", Made(_candidate(*effects, forces=forces)))
+    baseline: Any = SimpleNamespace(records=())
+    return hand_over._gated(delivered, [refitted, with_all], [], baseline, adopted=adopted)
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_a_file_with_one_harmful_law_is_handed_over_without_it() -> None:
+    """As on a stage whose encoder error was sure and whose spring did harm: neither was handed over."""
+    for effects in ((RIGHT, HARMFUL), (HARMFUL, RIGHT)):
+        found = _handed(*effects)
+        assert found.adopted.name == Content.SOME
+        assert found.adopted.fitted.candidate.effects == (RIGHT,)
+        assert [file.name for file in found.files] == [
+            "as delivered",
+            "re-fitted",
+            "with some of the effects",
+            "with effects",
+        ]
+        assert {(harm.file, harm.measure) for harm in found.harms} == {("with effects", "position")}
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_where_nothing_harms_or_nothing_helps_no_law_is_left_out() -> None:
+    assert _handed(RIGHT).adopted.name == Content.EFFECTS
+    alone = _handed(HARMFUL)
+    assert (alone.adopted.name, len(alone.files)) == ("re-fitted", 3)
+    unsure = _handed(RIGHT, HARMFUL, adopted=False)
+    assert (unsure.adopted.name, len(unsure.files)) == ("re-fitted", 3)
+
+
+def test_random_forces_are_left_out_as_one_law() -> None:
+    given = _candidate(RIGHT, HARMFUL, forces=(TONE, TONE))
+    left = [([effect.name for effect in one.effects], len(one.random_forces)) for one in all_but_one(given)]
+    assert left == [(["cable_spring"], 2), (["scale_periodic_error"], 2), (["scale_periodic_error", "cable_spring"], 0)]
+    assert list(all_but_one(_candidate(RIGHT))) == []

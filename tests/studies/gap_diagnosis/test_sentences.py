@@ -305,6 +305,23 @@ def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> 
     assert "Payload mass is at the limit of twice the usual range: the model is incomplete." in told
 
 
+def test_a_file_with_some_of_the_effects_says_which(results: dict[str, Any]) -> None:
+    harm = {"file": "with effects", "measure": "settling", "unit": "s", "than": "re-fitted", "before": 2e-3}
+    far = {
+        **results["how_far"],
+        "adopted_file": "with some of the effects",
+        "harms": [{**harm, "after": 3e-3}],
+        "files": [
+            {**results["how_far"]["files"][0], "file": name}
+            for name in ("as delivered", "re-fitted", "with some of the effects", "with effects")
+        ],
+    }
+    verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cable_spring", "cogging"]}
+    told = sentences({**results, "how_far": far, "verdict": verdict, "adopted": ["cogging"]})["how_far"]
+    assert "the machine with effects leaves an error of the settling times of 3 ms" in told
+    assert "So improved.toml has cogging, without cable spring: so it does no harm." in told
+
+
 def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[str, Any]) -> None:
     bound = {"part": "cogging", "name": "period", "value": 0.1, "unit": "m"}
     verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cogging"]}
