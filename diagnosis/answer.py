@@ -12,7 +12,7 @@ from typing import Final
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
 from diagnosis.criteria import Criteria
-from diagnosis.handover.final_fit import with_room
+from diagnosis.handover.final_fit import roomier
 from diagnosis.how_far import force_share
 from diagnosis.learned.learn import Learned
 from diagnosis.model.fit import Fit, at_bounds, largest
@@ -88,7 +88,7 @@ def _with_room(
     the next bound."""
     given, closure = _explained(stages, random, series, baseline, seed)
     if given.at_bound and verdict(replace(given, at_bound=False), baseline.criteria) is Outcome.ATTRIBUTED:
-        roomy = (*stages[:-1], replace(stages[-1], fitted=with_room(stages[-1].fitted, baseline.records)))
+        roomy = (*stages[:-1], replace(stages[-1], fitted=roomier(stages[-1].fitted, baseline.records)))
         if not strongest_at_bound(roomy):
             stages = roomy
             given, closure = _explained(stages, random, series, baseline, seed)

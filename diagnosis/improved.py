@@ -26,9 +26,9 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     With the effects where the verdict names them; with the re-fitted nominal values alone where no effect may be
     adopted; as it was given where there was nothing to explain. Where a richer one of these is worse than a simpler one
     on motions that were left out of its fit, in force, position or settling, it is the simpler one, or has all of the
-    effects but one where that alone does harm: see `diagnosis.handover.gate`. `source` says what the records were, as in "gap_diagnosis of moves.csv": it becomes
-    the provenance of every value that the diagnosis changed or added, with its standard deviation where the records are
-    explained.
+    effects but one where that alone does harm: see `diagnosis.handover.gate`. `source` says what the records were, as
+    in "gap_diagnosis of moves.csv": it becomes the provenance of every value that the diagnosis changed or added, with
+    its standard deviation where the records are explained.
 
     >>> better = pos.improved_machine(diagnosis, "diagnosis of moves.csv")
     >>> [effect.name for effect in better.effects]

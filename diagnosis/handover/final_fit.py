@@ -80,7 +80,7 @@ def finished(given: Fit, records: Sequence[Record], iterations: int = ITERATIONS
     return Finished(fitted, tuple(widened), at_bounds(fitted.candidate))
 
 
-def with_room(given: Fit, records: Sequence[Record]) -> Fit:
+def roomier(given: Fit, records: Sequence[Record]) -> Fit:
     """A fit of the search, fitted again under its own weights with more room for effects' values at their bounds; none
     for periods: a sine that is longer than the travel draws any curve."""
     hit = [one for one in at_bounds(given.candidate) if one.part != "nominal" and not _is_period(given.candidate, one)]

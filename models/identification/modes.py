@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from models.identification import MOST_MODES
 from models.identification.estimate import Estimate
 from models.identification.force.fit import SPRING
-from models.identification.modal.fitting import Beside, Problem, Structure, decoded, left_of, problem_of, sizes
+from models.identification.modal.fitting import Beside, decoded, left_of, sizes
 from models.identification.modal.foreign import left_out
 from models.identification.modal.order import HEAVY, Candidate, Chosen, Order, chosen
+from models.identification.modal.problem import Problem, Structure, problem_of
 from models.identification.modal.transfer import Array, Complex, response
 from models.identification.response import FrequencyResponse
 from models.identification.unusable import UnusableError

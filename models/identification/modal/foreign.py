@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification.modal.fitting import Lines, Problem
 from models.identification.modal.local_rational import DEGREE, LEAST, PASSES
 from models.identification.modal.order import FAR, Chosen
+from models.identification.modal.problem import Lines, Problem
 from models.identification.modal.transfer import Array, Complex
 
 STANDING: Final = 30.0  # times the usual error of what neighbours foretell, from which on a line may be foreign,

@@ -26,8 +26,6 @@ from models.identification.modal.fitting import (
     FEW,
     LEAST_DAMPING,
     MOST_DAMPING,
-    Problem,
-    Structure,
     bounds,
     jacobian,
     refined,
@@ -35,6 +33,7 @@ from models.identification.modal.fitting import (
     trend,
     with_mode,
 )
+from models.identification.modal.problem import Problem, Structure
 from models.identification.modal.transfer import Array
 
 HEAVY: Final = 0.2  # damping ratio that no structure has: such a mode stands for friction

@@ -10,7 +10,7 @@ import pytest
 
 from diagnosis.experiments.schedules import strokes
 from diagnosis.handover.files import judged, machine_of, starts_of
-from diagnosis.handover.final_fit import at_bounds, finished, freed, plant_at_bounds, with_room
+from diagnosis.handover.final_fit import at_bounds, finished, freed, plant_at_bounds, roomier
 from diagnosis.how_far import errors_of
 from diagnosis.model.fit import Fit, bounds_of, fit
 from diagnosis.model.parameters import parameters
@@ -84,7 +84,7 @@ def test_more_room_leads_no_mode_beyond_what_the_controller_samples() -> None:
         effects = in_order((*AXIS.effects, AdditionalMode(1e-3, most, 0.02)))
         candidate = Candidate(layout, static_equilibrium_start(layout, [record]), effects)
         assert ("additional_mode", "frequency") in [(one.part, one.name) for one in at_bounds(candidate)]
-        roomy = with_room(fit(candidate, [record], iterations=1), [record])
+        roomy = roomier(fit(candidate, [record], iterations=1), [record])
         layout = roomy.candidate.layout
     judged(machine_of(AXIS, roomy.candidate), starts_of(roomy.candidate))
 

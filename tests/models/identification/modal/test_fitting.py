@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.identification.modal.fitting import Lines, Problem, Structure, jacobian, residual
+from models.identification.modal.fitting import jacobian, residual
+from models.identification.modal.problem import Lines, Problem, Structure
 from models.identification.modal.transfer import Array
 
 LINES, TS = 400, 5e-4

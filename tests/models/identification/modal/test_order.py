@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from models.identification import modes
-from models.identification.modal.fitting import Structure, problem_of, trend, with_mode
+from models.identification.modal.fitting import trend, with_mode
 from models.identification.modal.order import SAME, Candidate, _sound, faults, fitted
+from models.identification.modal.problem import Structure, problem_of
 from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
