@@ -1,7 +1,8 @@
 """Experiments for a diagnosis, as the references that the controller is to follow.
 
 A move is a seventh-order polynomial in time, with zero speed, acceleration and jerk at both ends. The feedforward is
-the force that the rigid body needs for it, plus an excitation at rest where the experiment has one.
+the force that the rigid body needs for it beyond what the controller feeds forward by itself, plus an excitation at
+rest where the experiment has one.
 
 What an axis is asked to do is in its own sizes: lengths in the specified stroke or in the friction's presliding
 distance, speeds in the rated one, forces in the friction, frequencies in the sample rate, times in the specified
@@ -82,7 +83,7 @@ Step = Move | Excitation
 def schedule(name: str, machine: Machine, steps: Sequence[Step], lead: float | None = None) -> Schedule:
     """The steps one after the other, after `lead` [s] of rest at 0, at the sample time of the machine's controller.
     Default: four pauses."""
-    ts, mass = machine.sample_time, machine.plant.mass
+    ts, mass = machine.sample_time, machine.plant.mass - machine.control.fed_forward
     ahead = round((4 * pause(machine) if lead is None else lead) / ts)
     position, target, force = [np.zeros(ahead)], [np.zeros(ahead)], [np.zeros(ahead)]
     at = 0.0

@@ -174,6 +174,11 @@ class Control:
         limited = [f"an anti-windup of {show(self.anti_windup, 's')}"] if self.anti_windup > 0 else []
         return listed([core, *filters, *limited])
 
+    @property
+    def fed_forward(self) -> float:
+        """The mass [kg] whose force the controller adds by itself: that of a cascade's acceleration feedforward."""
+        return 0.0 if self.cascade is None else self.cascade.acceleration_feedforward
+
     def without_feedforward(self) -> Control:
         """The same without what a cascade adds of the reference's speed and acceleration; no unit [-]."""
         if self.cascade is None:

@@ -34,6 +34,7 @@ from models.identification.joint.agreement import (
 )
 from models.identification.joint.slow_records import on_damping, on_effects
 from models.identification.joint.steps import ForceStep, Identified, Settings, Step, record_of, with_step
+from models.identification.modes import DRAG
 from models.quantity import show
 from models.records.files import Loaded
 from models.records.record import Record
@@ -80,8 +81,10 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     held, joint = joint_force(helds, best)
     if not joint:
         source = Found(steps[best].loaded, "dynamics")
-    if held.drag is not None or held.asymmetry is not None:
-        machine = with_drag(machine, held.drag, held.asymmetry, source)
+    drag, by_response = _with_the_response(found, held.drag)
+    remarks += by_response
+    if drag is not None or held.asymmetry is not None:
+        machine = with_drag(machine, drag, held.asymmetry, source)
     machine = with_offset(machine, *held.offset, source)
     step = ForceStep(fit, holdable(fit))
     return with_step(
@@ -107,6 +110,29 @@ def _on_plant(found: Identified, fit: ForceFit) -> Iterator[str]:
                 f"{show(known[0], unit)}, by {apart:.1f} standard deviations ({CAUSES[name]}); the machine file has "
                 "the latter."
             )
+
+
+def _with_the_response(
+    found: Identified, held: tuple[float, float] | None
+) -> tuple[tuple[float, float] | None, list[str]]:
+    """The viscous friction [N s/m] of fast records (None: they show none) and of a frequency response together, with
+    its standard deviation, and that the two disagree. The elements' own friction goes with the drag of strokes; a
+    response that was measured while the axis rolled shows it by itself."""
+    response = found.last("response")
+    if response is None or DRAG not in response.estimate.names:
+        return held, []
+    known = response.estimate.value(DRAG), response.estimate.deviation(DRAG)
+    if held is None:
+        return known, []
+    value, std, apart = combined([known, held])
+    if apart <= SIGMAS:
+        return (value, std), []
+    here, there = (f"{show(size, 'N s/m', 3)} ± {show(spread, 'N s/m', 2)}" for size, spread in (held, known))
+    return (value, std), [
+        f"The viscous friction of the fast records, {here}, and that of the frequency response, {there}, differ by "
+        f"{apart:.1f} standard deviations (friction that is not in proportion to the speed, or elements that make up "
+        "for a drag); the machine file has their mean, with a deviation as wide."
+    ]
 
 
 def _on_delay(inertia: Estimate, sample_time: float) -> Iterator[str]:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.experiments.schedules import SUITE_SAMPLES, menu, suite
+from diagnosis.experiments.schedules import PEAK_ACCELERATION, SUITE_SAMPLES, Move, menu, schedule, suite
 from models.machine import DEFAULT, Machine, load
 from studies.gap_diagnosis.options import MOST_SAMPLES
+from tests.models.feedback.axis import CASCADE, axis
 
 MACHINE = load()
 EMPS = load(Path(DEFAULT).parent / "emps.toml")
@@ -67,3 +68,14 @@ def test_what_depends_on_the_place_is_looked_at_over_half_of_a_stated_travel() -
         way = float(np.ptp(along.schedule.target))
         assert way >= least * 0.999
         assert travel == 0.0 or way <= machine.drive.room * 1.001
+
+
+def test_what_a_cascade_feeds_forward_by_itself_is_not_in_the_references_too() -> None:
+    """The strokes for a die bonder's axis of 6 kg with its own acceleration feedforward had pushed twice."""
+    plain, own = axis(replace(CASCADE, acceleration_feedforward=0.0)), axis()
+    half = axis(replace(CASCADE, acceleration_feedforward=0.5 * plain.plant.mass))
+    step = Move(1e-3, 0.02, 0.05)
+    whole, none, rest = (schedule("a move", one, [step], lead=0.1).given.feedforward for one in (plain, own, half))
+    assert np.abs(whole).max() == pytest.approx(12.0 * PEAK_ACCELERATION * 1e-3 / 0.02**2, rel=1e-3)
+    assert np.abs(none).max() < 1e-9
+    np.testing.assert_allclose(rest, 0.5 * whole)
