@@ -145,7 +145,8 @@ def answered(
         if part in {"where", "which", "how_far"}
     ]
     if asked := results["verdict"]["next_experiment"]:
-        summary.append(("next", asked))
+        needs = results["next"]["needs"] if results["next"] else ""
+        summary.append(("next", f"{asked} {needs[:1].upper()}{needs[1:]}." if needs else asked))
     return found, Answer(results, tuple(_checks(found, given)), written, summary)
 
 
@@ -287,7 +288,8 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
             row = {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
             prior = known[name]
             told = {"unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin}
-            rows.append({**row, **told, "in_all": _of_all_contacts(name, fits[0])})
+            of_all = {"in_all": _of_all_contacts(name, fits[0]), "in_all_of_file": _of_all_contacts(name, fits[-1])}
+            rows.append({**row, **told, **of_all})
     return rows
 
 
