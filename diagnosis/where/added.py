@@ -22,6 +22,7 @@ from models.records.record import Column, Record
 Array = NDArray[np.float64]
 
 LATEST: Final = 8  # samples by which a column may be added late, or early
+SURELY: Final = 0.1  # of the difference, up to which what a column leaves shows that it is there, however small it is
 COPY: Final = 0.99  # correlation with the command from which on a column is the command in another unit
 OMITTED: Final = 0.01  # gain of a feedforward below which it does not act
 SMALL: Final = 0.02  # part of a column's range by which it departs from what it mostly is
@@ -123,7 +124,9 @@ def _columns(record: Record, made: Array, begin: int, noise: float) -> Iterator[
         leaves, gain, delay = min(fits, key=lambda one: one[0])
         acts = gain * _late(values, delay)
         missing = acts - values if column.mapped else acts
-        large = max(noise, SMALL * max(abs(gain), column.mapped) * float(np.ptp(values)))
+        large = SMALL * max(abs(gain), column.mapped) * float(np.ptp(values))
+        if leaves > SURELY * float(np.std(difference[inside])):
+            large = max(noise, large)
         size, stretches = _departures(values if column.mapped and abs(gain) < OMITTED else acts, large)
         if stretches:
             yield Added(column.name, column.mapped, gain, delay, size, stretches, leaves, noise, missing)

@@ -12,6 +12,7 @@ n samples.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
+DELAYED: Final = 3  # delays of the reference [samples], from 0 on, beside which another part of the law is tried
 SMOOTH: Final = 200  # samples in motion, from which on a reference shows whether it was rounded
 OFTEN: Final = 0.1  # of the samples in motion, up to which fourth differences that are not 0 are a path's corners
 AGAINST: Final = -0.5  # how two neighbouring fourth differences go together, from which on they are rounding
@@ -101,7 +103,8 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     if plain.replays:
         return plain
     rms = plain.rms
-    remedy, remains = min(_remedies(record, feedback, delay, begin), key=lambda one: one[1])
+    remedies = itertools.chain(_remedies(record, feedback, delay, begin), _other_acceleration(record, machine, begin))
+    remedy, remains = min(remedies, key=lambda one: one[1])
     noise = criteria.replay_log_noise * math.hypot(_rounded(machine, record), _reference_rounded(machine, record))
     most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
     signal = added(record, made, begin, max(noise, plain.tolerance))
@@ -115,7 +118,8 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
         there = float(np.std((record.command - made)[judged(record, begin)]))
         if other is None or other.leaves >= criteria.replay_remedy * there:
             return replace(plain, tolerance=most, departs=None)
-    if signal is not None and remains > signal.noise and signal.leaves < min(mended, remains / AS_GOOD):
+    by_law = remains <= signal.noise and remains < mended if signal else True  # another law does as well
+    if signal is not None and not by_law and signal.leaves < min(mended, remains / AS_GOOD):
         other = None if signal.is_all else other or structure(record, begin)
         return replace(
             plain, remedy=signal.words, remains=signal.leaves, structure=other, spread=plain.spread, added=signal
@@ -275,6 +279,24 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
     for words, columns in groups:
         if all(np.ptp(column) > 0 for column in columns):
             yield _scaled(record, made, words, columns, begin)
+
+
+def _other_acceleration(record: Record, machine: Machine, begin: int) -> Iterator[tuple[str, float]]:
+    """A cascade whose acceleration feedforward comes sooner or later than the difference of its last three references:
+    a profile generator has the acceleration of the sample itself. In words, each with the rms difference [N] left."""
+    control = machine.control
+    if control.cascade is None or not control.fed_forward:
+        return
+    bare = replace(control, cascade=replace(control.cascade, acceleration_feedforward=0.0))
+    for delay in dict.fromkeys((control.reference_delay, *range(DELAYED))):
+        alone = replay(record, bare.feedback, delay)
+        part = replay(record, control.feedback, delay) - alone
+        other = f"a reference delay of {delay} samples instead of {control.reference_delay} and "
+        for shift in range(-LONGEST, LONGEST + 1):
+            if shift:
+                late = f"{abs(shift)} sample{'s' * (abs(shift) > 1)} {'later' if shift > 0 else 'sooner'}"
+                words = f"{other if delay != control.reference_delay else ''}the acceleration feedforward {late}"
+                yield words, _rms(record, alone + np.roll(part, shift), begin)
 
 
 def _unlogged(record: Record, made: Array, begin: int) -> tuple[str, float]:

@@ -60,6 +60,9 @@ class Topic(StrEnum):
     FLOOR = "floor"
 
 
+OTHER_GAIN: Final = 1e-3  # from 1, from which on a gain is told beside a delay
+
+
 @dataclass(frozen=True)
 class Statement:
     """A sentence, what it is about, and how certain or large that is [1]: of the findings the heaviest comes first."""
@@ -118,8 +121,9 @@ def added_in_words(one: Replayed, signal: Added, record: str, sample_time: float
         f"({show(signal.noise, 'N', 2)})"
     )
     if signal.mapped:
-        late = f" and {signal.shift}" if signal.delay else ""
-        how = f"acts times {signal.gain:.4g} instead of 1{late}" if abs(signal.gain) > OMITTED else "does not act"
+        parts = [f"times {signal.gain:.4g} instead of 1"] * (abs(signal.gain - 1) > OTHER_GAIN or not signal.delay)
+        parts += [signal.shift] * bool(signal.delay)
+        how = f"acts {' and '.join(parts)}" if abs(signal.gain) > OMITTED else "does not act"
         before = (
             " Or the command is logged before the feedforward is added to it; then map a column that holds their sum."
         )

@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.where.controller import replayed, rounding
+from diagnosis.where.sentences import added_in_words
+from models.controller import References
 from models.simulation.simulator import simulate
 from tests.diagnosis.where.test_structure import moves
 from tests.models.feedback.axis import CASCADE, axis
@@ -73,3 +75,42 @@ def test_a_noisy_reference_was_not_rounded(period: float) -> None:
     n = np.arange(3000)
     signal = np.sin(2 * np.pi * n / period) if period else np.random.default_rng(0).standard_normal(n.size)
     assert rounding(1e-6 * signal) == 0.0
+
+
+@pytest.mark.parametrize(("shift", "said"), [(-1, "1 sample sooner"), (2, "2 samples later")])
+@pytest.mark.parametrize("delay", [0, 1])
+def test_an_acceleration_that_comes_at_another_sample_is_told(shift: int, said: str, delay: int) -> None:
+    """A profile generator's own, and one with a wrong delay: a fit of all gains had told 2751 N s/m for 2600."""
+    path, own = moves(), replace(STRONG, acceleration_feedforward=0.0)
+    machine, stated = axis(own), axis(STRONG)
+    late = np.diff(path, n=2, prepend=(path[0], path[0])) / machine.sample_time**2
+    force = STRONG.acceleration_feedforward * np.roll(late, shift)
+    record = simulate(machine, machine.feedback_only(), path, seed=1, given=References(path, force, 0 * path)).record
+    logged = replace(record, feedforward=np.zeros(path.size))
+    found = replayed(replace(stated, control=replace(stated.control, reference_delay=delay)), logged)
+    assert not found.replays
+    wait = machine.control.reference_delay
+    other = f"a reference delay of {wait} samples instead of {delay} and " if delay != wait else ""
+    assert found.remedy == f"{other}the acceleration feedforward {said}"
+    assert found.remains < 0.02 * found.rms
+    assert found.other is None
+
+
+def test_a_mapped_feedforward_that_is_late_is_told_in_every_record() -> None:
+    """In the record of small strokes, whose feedforward is less than what rounding may leave, too: it was a controller
+    mismatch there."""
+    own = replace(STRONG, acceleration_feedforward=0.0)
+    machine = axis(own)
+    for size in (1.0, 0.02):
+        path = size * moves()
+        late = np.diff(path, n=2, prepend=(path[0], path[0])) / machine.sample_time**2
+        force = STRONG.acceleration_feedforward * late
+        given = References(path, np.roll(force, 3), 0 * path)
+        record = simulate(machine, machine.feedback_only(), path, seed=1, given=given).record
+        found = replayed(machine, replace(record, feedforward=force))
+        assert found.replays
+        assert found.added is not None
+        assert found.added.delay == 3
+        assert found.added.gain == pytest.approx(1.0, abs=1e-3)
+        told = added_in_words(found, found.added, "record 1", machine.sample_time)
+        assert "acts 3 samples late: what is left then" in told
