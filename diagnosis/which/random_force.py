@@ -7,7 +7,7 @@ frequency, a bandwidth and a level, and what it gains is the likelihood's, of wh
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,11 +16,11 @@ import scipy
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from diagnosis.model.fit import Fit
+from diagnosis.model.fit import Fit, fit
 from diagnosis.model.kalman import STARTING, Resonance
 from diagnosis.model.residual import Candidate, evaluate
 from diagnosis.model.units import contact_length, loop_time, usual_force, white_force
-from diagnosis.which.scan import NuisanceProjection, adjoints
+from diagnosis.which.scan import NuisanceProjection, adjoints, linear_columns
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
 from models.effects.priors import REFERENCE, Priors
@@ -36,6 +36,9 @@ ASIDE: Final = (0.7, 1.4)
 WHITER: Final = (2.0, 4.0, 8.0)  # times the white force, which must gain less as well: it has all frequencies
 BETWEEN: Final = (10**-0.25, 10**0.25)  # of the levels that are tried, which are half a decade apart
 LEAST: Final = 0.125  # of the white force: the smallest level that is tried
+NARROWEST: Final = 1e-3  # Hz: a force that is narrower keeps its phase for longer than records last
+CYCLES: Final = 10.0  # of a force over which a sine is fitted to it
+SURE: Final = 100.0  # of -2 log likelihood: what gains more is found more finely than the grid is
 MOST: Final = 0.02  # of the friction: the largest, unless FEWEST reach further
 FEWEST: Final = 4  # levels, half a decade apart
 NEAR: Final = (0.8, 1.25)  # frequencies, relative, between which a force counts as being about one
@@ -84,6 +87,8 @@ def strongest_random_force(
     beside = _aside(best.resonance, fitted, records)
     if best.gain > max(map(_whole, beside)):
         best = _finer(best, fitted, records)
+        if best.gain > SURE:
+            best = _climbed(best, fitted, records)
         beside = [*_aside(best.resonance, fitted, records), *_of_whiter_forces(fitted, records)]
     line = best.resonance
     aside = max(beside, key=_whole)
@@ -107,6 +112,80 @@ def _finer(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> Random
     between = [replace(best.resonance, level=factor * best.resonance.level) for factor in BETWEEN]
     tried = [RandomForce(one, _whole(_reductions(fitted, records, one))) for one in between]
     return max(best, *tried, key=lambda one: one.gain)
+
+
+def _climbed(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> RandomForce:
+    """The random force at the frequency, and with the bandwidth, at which it gains the most, and as large as it is seen
+    to be: the grid's frequencies are those of the records' spectra. The likelihood tells how fast its amplitude may
+    change, and hardly how large it is: a force of half the size and four times the bandwidth is followed as well."""
+
+    def higher(line: Resonance, hertz: float) -> Resonance:
+        return replace(line, frequency=line.frequency + hertz)
+
+    def narrower(line: Resonance, decades: float) -> Resonance:
+        return replace(line, bandwidth=max(line.bandwidth * 10**-decades, NARROWEST))
+
+    width = 1 / max(record.position.size * record.sample_time for record in records)  # Hz: of the longest record's line
+    best = _uphill(found, higher, (width / 4, width / 40), fitted, records)
+    level = _level(best.resonance.frequency, fitted, records) or best.resonance.level
+    line = replace(best.resonance, level=level)
+    best = RandomForce(line, _whole(_reductions(fitted, records, line)))
+    return _uphill(best, narrower, (1.0, 0.25), fitted, records)
+
+
+def _level(frequency: float, fitted: Fit, records: Sequence[Record]) -> float:
+    """The deviation [N] of a force about a frequency [Hz]: of the sines that fit what is left best, by least squares,
+    each over some of its cycles. What chance alone makes of them is taken off; 0 where that is all."""
+    columns = linear_columns([FloorVibration(1.0, frequency, 0.0)], fitted, records)[0]
+    power, count, begin = 0.0, 0, 0
+    for record in records:
+        inside = slice(begin + STARTING, begin + record.position.size)
+        begin = inside.stop
+        parts = max(int((inside.stop - inside.start) * record.sample_time * frequency / CYCLES), 1)
+        pieces = (np.array_split(one[inside], parts) for one in (columns, fitted.innovations))
+        for shape, left in zip(*pieces, strict=True):
+            gram = shape.T @ shape
+            size = -np.linalg.solve(gram, shape.T @ left)
+            rest = float(np.var(left + shape @ size))
+            power += left.size * 0.5 * float(size @ size - rest * np.trace(np.linalg.inv(gram)))
+            count += left.size
+    return math.sqrt(max(power / max(count, 1), 0.0))
+
+
+def as_seen(fitted: Fit, records: Sequence[Record]) -> Fit:
+    """A fit whose last random force is as large as it is seen to be beside the fitted values: without it, these had
+    made up for a part of it."""
+    candidate = fitted.candidate
+    *others, line = candidate.random_forces
+    without = replace(candidate, random_forces=tuple(others))
+    alone = fit(without, records, paths=fitted.paths, iterations=0, walk=fitted.walk)
+    level = _level(line.frequency, alone, records)
+    if level <= 0:
+        return fitted
+    larger = replace(candidate, random_forces=(*others, replace(line, level=level)))
+    return fit(larger, records, paths=fitted.paths, iterations=0, walk=fitted.walk)
+
+
+def _uphill(
+    found: RandomForce,
+    moved: Callable[[Resonance, float], Resonance],
+    steps: tuple[float, float],
+    fitted: Fit,
+    records: Sequence[Record],
+) -> RandomForce:
+    """The random force moved, in steps from the first size down to the last [the unit of what is moved], for as long as
+    it gains more."""
+    step, least = steps
+    while step >= least:
+        for size in (step, -step):
+            line = moved(found.resonance, size)
+            other = RandomForce(line, _whole(_reductions(fitted, records, line)))
+            if other.gain > found.gain:
+                found = other
+                break
+        else:
+            step /= 2
+    return found
 
 
 def _aside(line: Resonance, fitted: Fit, records: Sequence[Record]) -> list[list[Array]]:

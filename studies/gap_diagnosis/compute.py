@@ -125,6 +125,7 @@ def answered(
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
     told = {"verdict": verdict, "asked": looks, "stated_effects": stated_effects(given.machine, better)}
+    told["at_random"] = bool(found.how_far.handover.adopted.judged.candidate.random_forces)
     rated = given.machine.drive.rated_thrust
     taken = {one.name: one.at_rating(rated) for one in found.final.candidate.added_effects}
     told["at_rating"] = [{"effect": name, "part": part, "rated_N": rated} for name, part in taken.items() if part]

@@ -136,6 +136,11 @@ def _handed_over(results: Results) -> list[str]:
         told.append(f"{' '.join(harms)} {_file_told(results)}")
     elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:
         told.append(f"The re-fit is not believed. {FILES[Content.DELIVERED]}")
+    if results.get("at_random"):
+        told.append(
+            "What shakes at random is in improved.toml as sines as strong as it is, with an arbitrary phase: they are "
+            "for simulations, and a record that the file is to explain shows the vibration again."
+        )
     told += _slower(far)
     if far["at_bounds"]:
         values = bounds_told(far["at_bounds"])

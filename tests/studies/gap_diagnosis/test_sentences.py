@@ -322,6 +322,12 @@ def test_a_file_with_some_of_the_effects_says_which(results: dict[str, Any]) -> 
     assert "So improved.toml has cogging, without cable spring: so it does no harm." in told
 
 
+def test_a_sine_that_stands_for_a_random_force_is_told(results: dict[str, Any]) -> None:
+    said = "What shakes at random is in improved.toml as sines as strong as it is, with an arbitrary phase"
+    assert said not in sentences(results)["how_far"]
+    assert said in sentences({**results, "at_random": True})["how_far"]
+
+
 def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[str, Any]) -> None:
     bound = {"part": "cogging", "name": "period", "value": 0.1, "unit": "m"}
     verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cogging"]}
