@@ -29,6 +29,8 @@ Integers = NDArray[np.int64]
 
 KNOTS: Final = 12
 FINE: Final = 36  # knots over position, where a law may be narrow, and over time
+NARROW: Final = ("position",)  # coordinates over which knots are closer where the force bends
+BINS: Final = 4  # to a knot, in which the force is averaged for that
 TURN: Final = (6.0, 0.05)  # deviations of the reading, and contacts' lengths: the way back that makes a reversal
 FIRST: Final = 0.1  # of the friction, of the contacts' length: where knots over the command and the path begin
 SHORTLIST: Final = 4  # curves that are fitted to the innovations
@@ -75,18 +77,26 @@ class Curve:
 
     def own_part(self, used: NDArray[np.bool_]) -> Array:
         """The matrix (K, K) [1] that leaves of forces at the knots what no nominal value does: without the straight
-        line through 0 nearest to them over the samples used (n,), where that is a mass or a thrust constant."""
+        line through 0 nearest to them over the samples used (n,), where that is a mass or a thrust constant, and of a
+        law that turns with the direction without its mean, which is the friction's level."""
         knots = np.array(self.law.knots[-self.hats.shape[1] :])
-        if self.law.coordinate not in NOMINAL or self.law.symmetry == "directional":
-            return np.eye(knots.size)
         hats = self.hats[used]
+        if self.law.symmetry == "directional":
+            return np.asarray(np.eye(knots.size) - np.mean(hats, axis=0))
+        if self.law.coordinate not in NOMINAL:
+            return np.eye(knots.size)
         line = hats @ knots
         return np.asarray(np.eye(knots.size) - np.outer(knots, line @ hats) / (line @ line))
 
     def bends(self) -> Array:
-        """The second differences of the forces: (K' - 2, K) [1]."""
+        """The second differences of the forces: (K' - 2, K) [1]; over knots that are closer in places those of a
+        straight line are none there, too."""
         count = len(self.law.knots)
         whole = np.diff(np.eye(count), 2, axis=0)
+        if self.law.coordinate in NARROW:
+            apart = np.diff(self.law.knots)
+            slopes = np.diff(np.eye(count), axis=0) / apart[:, None]
+            whole = np.diff(slopes, axis=0) * 0.5 * (apart[1:] + apart[:-1])[:, None]
         return np.asarray(whole[:, count - self.hats.shape[1] :])
 
 
@@ -106,9 +116,13 @@ def curves_over(coordinate: str, symmetries: Sequence[str], fitted: Fit, records
     slow, turn = slow_and_turn(known)
     sizes = {"rest": {"slow": slow}, "path": {"turn": turn}}.get(coordinate, {})
     values = coordinate_values(coordinate, fitted, records, known)
+    force = unknown_less_mean(fitted, records)[0] if coordinate in NARROW else np.zeros(values.size)
     for symmetry in symmetries if np.ptp(values[used]) > 0 else ():
         size = np.abs(values) if symmetry in {"even", "odd"} else values
         knots = _knots(coordinate, symmetry, size[used], known)
+        if coordinate in NARROW:
+            turns = directions(fitted) if symmetry == "directional" else np.ones(values.size)
+            knots = _where_it_bends(knots, size[used], (force * turns)[used])
         if len(knots) > 2:
             hats = np.column_stack([np.interp(size, knots, row) for row in np.eye(len(knots))])
             hats = hats[:, 1:] * np.sign(values)[:, None] if symmetry == "odd" else hats
@@ -157,6 +171,23 @@ def _knots(coordinate: str, symmetry: str, values: Array, known: Units) -> list[
         return [float(knot) for knot in np.linspace(low, high, count)]
     even = np.linspace(np.arcsinh(low / size), np.arcsinh(high / size), count)
     return [float(knot) for knot in np.unique(size * np.sinh(even))]
+
+
+def _where_it_bends(knots: Sequence[float], values: Array, force: Array) -> list[float]:
+    """As many knots as these even ones, half of them closer where the mean force (n,) [N] bends over the values (n,)
+    [SI]: a rail's joint is narrow, and may be anywhere on a long way. For straight lines between knots, their density
+    goes best with the curvature to the power of 2/5 (C. de Boor, A Practical Guide to Splines, 1978, chapter XII)."""
+    ends = np.linspace(knots[0], knots[-1], BINS * len(knots) + 1)
+    bins = np.clip(np.searchsorted(ends, values, side="right") - 1, 0, ends.size - 2)
+    counts, sums = (np.bincount(bins, of, ends.size - 1) for of in (None, force))
+    seen = np.flatnonzero(counts)
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    mean = np.interp(middle, middle[seen], sums[seen] / counts[seen])
+    smooth = np.convolve(np.pad(mean, BINS, mode="edge"), np.ones(BINS) / BINS, "same")[BINS:-BINS]
+    bent = np.abs(np.gradient(np.gradient(smooth))) ** 0.4
+    density = bent / max(float(bent.mean()), 1e-300) + 1.0
+    share = np.concatenate([[0.0], np.cumsum(density)]) / float(np.sum(density))
+    return [float(knot) for knot in np.interp(np.linspace(0.0, 1.0, len(knots)), share, ends)]
 
 
 def shortlisted(fitted: Fit, records: Sequence[Record], motion: Integers, kind: Integers) -> list[Curve]:

@@ -186,11 +186,14 @@ def _whitened(floor: NoiseFloor, fitted: Fit, baseline: Baseline) -> Array:
 
 
 def _in_the_model(choice: Choice, begin: Fit, baseline: Baseline) -> tuple[Fit, Measured]:
-    """The model with the law in it, both fitted in turn, as nominal values had taken up a part of the law."""
+    """The model with the law in it, both fitted in turn, as nominal values had taken up a part of the law. What nominal
+    values do is as it was without the law: beside one that turns with the friction, a change of the friction's level
+    takes the law with it and a change of all elements does not, so that together they would do what the law does."""
     curve = choice.test.curve
     force = _of_all(choice)
     fitted = _with_law(curve, force, begin, baseline)
-    projection = partial_out(fitted, baseline.segment)
+    plain = replace(fitted, slopes=begin.slopes, effect_jacobian=begin.effect_jacobian)
+    projection = partial_out(plain, baseline.segment)
     columns = columns_of(curve, fitted, baseline, projection)
     gram = columns.T @ columns
     force = solved(curve, gram, columns.T @ projection.e - gram @ force, choice.smoothness)
@@ -211,10 +214,10 @@ def _with_law(curve: Curve, force: Array, begin: Fit, baseline: Baseline) -> Fit
 
 def _law(curve: Curve, force: Array, baseline: Baseline) -> Measured:
     """The table of these forces (K,) [N] without what a mass or a thrust constant would be, which the innovations do
-    not tell from it; a plain one less its median over the samples, which is the offset's."""
+    not tell from it; a plain one, or one that turns, less its median over the samples: the offset, the friction."""
     used = weights(baseline.records) > 0
     force = curve.own_part(used) @ force
-    if curve.law.symmetry == "plain":
+    if curve.law.symmetry in {"plain", "directional"}:
         force = force - float(np.median((curve.hats @ force)[used]))
     return curve.with_force(force)
 

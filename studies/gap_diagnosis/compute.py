@@ -124,12 +124,13 @@ def answered(
     if options.record and better != given.machine:
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
-    told = {"verdict": verdict, "asked": looks, "stated_effects": stated_effects(given.machine, better)}
+    told: dict[str, Any] = {"verdict": verdict, "asked": looks, "stated_effects": stated_effects(given.machine, better)}
+    told["adopted"] = adopted
     told["at_random"] = bool(found.how_far.handover.adopted.judged.candidate.random_forces)
     rated = given.machine.drive.rated_thrust
     taken = {one.name: one.at_rating(rated) for one in found.final.candidate.added_effects}
     told["at_rating"] = [{"effect": name, "part": part, "rated_N": rated} for name, part in taken.items() if part]
-    results = {**_results(found, beside, given, _elsewhere(found, apart), options, told), "adopted": adopted}
+    results = _results(found, beside, given, _elsewhere(found, apart), options, told)
     handover = found.how_far.handover
     files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)
     results["settling"] = settling_told(files, found.baseline.records, found.baseline.driving, options.seed)

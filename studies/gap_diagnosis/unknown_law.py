@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+
 from diagnosis.handover.files import Content
 from models.quantity import show
 
 Results = Mapping[str, Any]
 
+HALF: Final = 0.5  # of a curve's largest force: where it ends
+NARROW: Final = 0.3  # of the way or the time that the records show, up to which a law has a place there
 OVER: Final = {
     "time": "the time",
     "position": "the position",
@@ -42,7 +46,7 @@ def told(learned: Results | None) -> list[str]:
     low, high = learned["closure_interval"]
     law = (
         f"Learned from the records, it is a force over {OVER[learned['coordinate']]}, "
-        f"{TURNING[learned['symmetry']]}, of up to {show(largest, 'N', 3)}"
+        f"{TURNING[learned['symmetry']]}, of up to {show(largest, 'N', 3)}{_place(learned)}"
     )
     if learned["adopted"]:
         return [
@@ -51,6 +55,30 @@ def told(learned: Results | None) -> list[str]:
             f"({100 * low:.0f} to {100 * high:.0f} %) of the gap, and improved.toml has it as [effects.measured].",
         ]
     return [f"{law}; but {learned['reason']}, so that improved.toml does not have it."]
+
+
+def _place(learned: Results) -> str:
+    """Where a law over position or time lies that is narrow beside the way or the time that the records show; nothing
+    elsewhere. It ends where it is half as large, on the straight lines between its knots [m or s]."""
+    knots, size = np.array(learned["knots"]), np.abs(learned["values"])
+    top = int(np.argmax(size))
+    if learned["coordinate"] not in {"position", "time"} or not 0 < top < size.size - 1:
+        return ""
+    ends = []
+    for side in (slice(top, None, -1), slice(top, None)):
+        least = np.flatnonzero(size[side] < HALF * size[top])
+        if not least.size:
+            return ""
+        low, high = (knots[side][least[0] - i] for i in (0, 1))
+        under, over = (size[side][least[0] - i] for i in (0, 1))
+        ends.append(float(low + (high - low) * (HALF * size[top] - under) / (over - under)))
+    begin, end = ends
+    again = np.any(size[(knots < begin) | (knots > end)] >= HALF * size[top])
+    if again or end - begin > NARROW * float(np.ptp(knots)):
+        return ""
+    unit = learned["unit"]
+    place, first, last = (show(where, unit, 3) for where in (float(knots[top]), begin, end))
+    return f" at {place}, and more than half of that from {first} to {last}"
 
 
 def left(far: Results) -> list[str]:

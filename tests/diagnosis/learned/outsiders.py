@@ -57,3 +57,26 @@ class OneSided(Effect):
     def force(self, x: float) -> float:
         """The force on the table [N] at a position [m]."""
         return -self.stiffness * self.width * math.log1p(math.exp((x - self.place) / self.width))
+
+
+@hook
+def _rubbing(value: float, p: Numbers, now: Numbers, _: Numbers, __: Numbers) -> float:
+    return value * (1.0 + p[0] * math.exp(-(((now[X] - p[1]) / p[2]) ** 2)))
+
+
+@dataclass(frozen=True)
+class Joint(Effect):
+    """More friction at one place of the guide, where two rails meet."""
+
+    name: ClassVar = "joint"
+    family: ClassVar = "friction"
+    equation: ClassVar = r"F(1 + a e^{-((x-x_0)/w)^2})"
+    source: ClassVar = "assumed: for a test"
+    hooks: ClassVar = {Place.FRICTION: _rubbing}
+    part: float = parameter("1", "part a", 0.1, 1.0, "amplitude")
+    place: float = parameter("m", "place x_0", 1e-3, 1e-1, "shape")
+    width: float = parameter("m", "width w", 1e-4, 1e-2, "shape")
+
+    def force(self, x: float, coulomb: float) -> float:
+        """The force on the table [N] at a position [m] in motion forwards; coulomb: the friction elsewhere [N]."""
+        return -coulomb * self.part * math.exp(-(((x - self.place) / self.width) ** 2))

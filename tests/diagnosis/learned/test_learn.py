@@ -33,7 +33,7 @@ from models.effects.catalogue import looked_for
 from models.effects.measured import Measured
 from models.machine import from_table
 from models.machine_file import to_toml
-from tests.diagnosis.learned.outsiders import Bump, OneSided
+from tests.diagnosis.learned.outsiders import Bump, Joint, OneSided
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.units import Change
 
@@ -139,6 +139,27 @@ def test_the_same_machine_in_other_units_learns_the_same_law(
     assert there.judgement is not None
     assert here.judgement is not None
     assert there.judgement.closure == pytest.approx(here.judgement.closure, abs=0.01)
+
+
+def test_a_joint_of_the_rail_is_learned_where_it_is() -> None:
+    """Narrower than even knots over the way, and it turns with the direction: an axis of a user had 0.17 N over 42 mm
+    in place of 4.5 N, as what a nominal value does was taken off the law."""
+    joint = Joint(0.4, 9e-3, 6e-4)
+    records = recorded(MACHINE, (PLAN,), [joint], seed=5)
+    machine = with_units(MACHINE, records)
+    base = Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), NULL)
+    rail = diagnosed(base, disabled=list(looked_for()))
+    law, coulomb = rail.learned, MACHINE.friction.coulomb_force
+    assert law is not None
+    assert law.law is not None
+    assert (law.law.coordinate, law.law.symmetry, law.reason) == ("position", "directional", "")
+    truth = np.array([joint.force(knot, coulomb) for knot in law.law.knots])
+    assert np.array(law.law.force) == pytest.approx(truth, abs=0.15 * joint.part * coulomb)
+    assert min(law.law.force) < -0.75 * joint.part * coulomb
+    assert np.min(np.diff(law.law.knots)) < 0.5 * np.max(np.diff(law.law.knots))
+    files = {file.name: file.held_out.gap() for file in rail.how_far.handover.files}
+    assert rail.how_far.handover.adopted.name == "measured law"
+    assert files["measured law"].force < 0.3 * files["re-fitted"].force
 
 
 def test_a_law_that_one_type_of_motion_alone_shows_is_refused(baseline: Baseline, floor: NoiseFloor) -> None:

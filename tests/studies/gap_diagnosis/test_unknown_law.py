@@ -30,6 +30,23 @@ def test_an_adopted_law_is_told_with_its_judgement() -> None:
     ]
 
 
+def test_a_law_at_one_place_is_told_with_the_place() -> None:
+    """As of a rail's joint: 4.2 N at 41.5 mm, on an axis of 150 mm."""
+    knots, values = [0.0, 0.038, 0.0397, 0.0415, 0.0428, 0.044, 0.0458, 0.15], [0, 0, -1.3, -4.2, -4.1, -1.7, 0, 0]
+    rail = {**LEARNED, "symmetry": "directional", "knots": knots, "values": values}
+    assert unknown_law.told(rail)[0].endswith(
+        "turning with the direction of motion, of up to 4.2 N at 41.5 mm, and more than half of that from 40.2 mm to "
+        "43.8 mm."
+    )
+    for other in (
+        {**rail, "values": [-2.5, 0, -1.3, -4.2, -4.1, -1.7, 0, 0]},  # elsewhere, too
+        {**rail, "values": [0, 0, 0, 0, 0, 0, 0, -4.2]},  # at the end of the way, beyond which it may grow
+        {**rail, "knots": [0.0, 0.01, 0.02, 0.05, 0.09, 0.1, 0.11, 0.15]},  # over much of it
+        {**rail, "coordinate": "speed"},
+    ):
+        assert unknown_law.told(other)[0].endswith("of up to 4.2 N.")
+
+
 def test_a_refused_law_is_told_with_the_reason() -> None:
     refused = {**LEARNED, "adopted": False, "reason": "on types of motion that were not used it closes 40 %"}
     (told,) = unknown_law.told(refused)
