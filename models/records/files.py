@@ -35,6 +35,7 @@ from models.records.tables.table import Table
 Array = NDArray[np.float64]
 NEEDED: Final = ("time", "command", "position")
 OPTIONAL: Final = ("target", "reference", "error", "feedforward")
+ROUNDING: Final = 8 * float(np.finfo(float).eps)  # of a path: differences up to which are arithmetic's
 
 
 @dataclass(frozen=True)
@@ -172,8 +173,8 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
     reference = reference if reference is not None else target
     record = Record(
         sampled.sample_time,
-        target,
-        reference,
+        _standing(target),
+        _standing(reference),
         signals.get("feedforward", zero),
         signals["command"],
         signals["position"],
@@ -182,6 +183,18 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
         else (),
     )
     return record, {signal: names[signal] for signal in signals}, (*said, *sampled.said)
+
+
+def _standing(path: Array) -> Array:
+    """A target or a reference (n,) [m] that stands still where all that it moves by, from one halt to the next, is
+    rounding: a profile that is summed up in floating point had a motion of a hundred-millionth of a nanometre."""
+    size = np.abs(np.diff(path, prepend=path[:1]))
+    edges, still = np.flatnonzero(np.diff(size > 0, prepend=False, append=False)), path.copy()
+    begins, ends = edges[::2], edges[1::2]
+    for start, stop, begin in zip(begins, ends, [*begins[1:], path.size], strict=False):
+        if np.max(size[start:stop]) <= ROUNDING * float(np.max(np.abs(path))):
+            still[start:begin] = still[start - 1]
+    return still
 
 
 def with_columns(loaded: Loaded, path: Path, columns: Columns, limits: Limits = LIMITS) -> Loaded:

@@ -51,6 +51,21 @@ def table(record: Record) -> Table:
     return {"time_s": np.arange(record.position.size) * record.sample_time, **columns}
 
 
+def test_a_reference_that_moves_by_rounding_alone_stands_still(tmp_path: Path, record: Record, table: Table) -> None:
+    """A profile that was summed up in floating point: a motion of 1e-17 m was one of a type of its own."""
+    moves, halts = cut(record), record.reference.copy()
+    rests = np.flatnonzero((np.diff(halts, prepend=np.nan) == 0) & (np.diff(halts, append=np.nan) == 0) & (halts != 0))
+    assert rests.size > 100
+    halts[rests[50]] = np.nextafter(halts[rests[50]], 1.0)  # and back
+    end = int(np.flatnonzero(np.diff(halts[rests[90] :]))[0])
+    halts[rests[90] :][: end + 1] = np.nextafter(halts[rests[90]], 1.0)  # and on from there
+    assert np.count_nonzero(np.diff(halts)) > np.count_nonzero(np.diff(record.reference))
+    read_ = load(csv(tmp_path / "r.csv", {**table, Columns().reference: halts})).content
+    assert isinstance(read_, Record)
+    np.testing.assert_array_equal(read_.reference, record.reference)
+    assert cut(read_) == moves
+
+
 def csv(path: Path, table: Table, delimiter: str = ",") -> Path:
     rows = np.column_stack(list(table.values()))
     text = delimiter.join(table) + "\n" + "\n".join(delimiter.join(map(repr, row)) for row in rows.tolist()) + "\n"
