@@ -95,7 +95,7 @@ def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) ->
         )
     if found.outcome is Outcome.NONE and found.noise is None:
         best = lies.coordinate
-        return along(best.name if best.is_stated(criteria) else None, machine)
+        return along(best.name if best.is_stated(criteria) else None, machine, found.baseline.records)
     if found.outcome is Outcome.ATTRIBUTED:
         near = [other for name in named for other in apart.mistaken.get(name, ()) if other not in named]
         return (

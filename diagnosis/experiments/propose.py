@@ -18,8 +18,10 @@ from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
 from diagnosis.model.fit import Fit, weights
+from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import WALK, Candidate, evaluate, nominal_slopes, smooth
+from diagnosis.model.units import loop_time
 from diagnosis.where.sentences import words
 from models.machine import Machine
 from models.quantity import listed
@@ -103,22 +105,38 @@ def _named(names: Sequence[str]) -> str:
     return listed(name.replace("_", " ") for name in names)
 
 
-def along(coordinate: str | None, machine: Machine) -> Proposal:
+def along(coordinate: str | None, machine: Machine, records: Sequence[Record] = ()) -> Proposal:
     """The experiment that varies the coordinate the most, so that the force's curve over it can be read off whatever
-    the effect is; without a coordinate, one that shows whether the force repeats. Settings in the sentence [SI]."""
+    the effect is; without a coordinate, or where the records have all motions of those, one that shows whether the
+    force repeats. Settings in the sentence [SI]."""
     for one in menu(machine):
-        if coordinate in one.coordinates:
+        if coordinate in one.coordinates and not _is_there(one.schedule, machine, records):
             sentence = (
                 f"No effect of the catalogue explains the residual, which depends most on {words(coordinate)}. "
                 f"Run, two times over, {one.words}, and read off the curve of the unknown force over it."
             )
             return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
     one = menu(machine)[-1]
+    why = (
+        "no single coordinate explains the residual"
+        if coordinate is None
+        else f"the records have the motions that vary {words(coordinate)}, on which the residual depends most"
+    )
     sentence = (
-        "No effect of the catalogue and no single coordinate explains the residual. "
+        f"No effect of the catalogue explains the residual, and {why}. "
         f"Run {one.words}: it shows whether the force is the same every time."
     )
     return Proposal(sentence, one.schedule, float("nan"))
+
+
+def _is_there(planned: Schedule, machine: Machine, records: Sequence[Record]) -> bool:
+    """Whether the records have motions of every kind that a schedule has: it was run, or what is as good."""
+    still, loop = np.zeros(planned.target.size), loop_time(machine)
+    made = Record(
+        machine.sample_time, planned.target, planned.given.position, planned.given.feedforward, still, planned.target
+    )
+    kinds, there = ({one.kind for one in pieces(some, loop) if not one.kind.rests} for some in ([made], records))
+    return kinds <= there
 
 
 def showing(

@@ -95,10 +95,10 @@ def summary(results: dict[str, Any]) -> list[tuple[str, str]]:
 
     def line(row: dict[str, Any]) -> str:
         said = f"Ms {row['ms']:.3g} at worst ({row['worst_plant']}), ki {row['ki_N_per_ms']:.3g} N/(m s)"
-        said += f", reversal in {show(row['settling_s'], 's')}"
+        said += f", a reversal settles in {show(row['settling_s'], 's')}"
         margin = row["settling"]["reversal"]
-        change = "less" if margin["nearest_m"] == margin["less_m"] else "more"
-        near = f"{show(margin['nearest_m'], 'm', 2)} {change} error: {show(margin['otherwise_s'], 's')}"
+        change = "smaller" if margin["nearest_m"] == margin["less_m"] else "larger"
+        near = f"in {show(margin['otherwise_s'], 's')} if its error is {show(margin['nearest_m'], 'm', 2)} {change}"
         return f"{said} ({near})" if math.isfinite(margin["nearest_m"]) else said
 
     stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"
