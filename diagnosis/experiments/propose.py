@@ -30,6 +30,7 @@ from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 
+BY_MOTION: Final = ("position", "pitch", "velocity", "velocity_sign")  # coordinates that a kind of motion tells
 MOST: Final = 4  # effects that are compared: the first ones
 
 
@@ -105,28 +106,28 @@ def _named(names: Sequence[str]) -> str:
     return listed(name.replace("_", " ") for name in names)
 
 
-def along(coordinate: str | None, machine: Machine, records: Sequence[Record] = ()) -> Proposal:
+def along(coordinate: str | None, machine: Machine, records: Sequence[Record] = ()) -> Proposal | None:
     """The experiment that varies the coordinate the most, so that the force's curve over it can be read off whatever
-    the effect is; without a coordinate, or where the records have all motions of those, one that shows whether the
-    force repeats. Settings in the sentence [SI]."""
-    for one in menu(machine):
-        if coordinate in one.coordinates and not _is_there(one.schedule, machine, records):
+    the effect is; without a coordinate, or where the records have its motions, one that shows whether the force
+    repeats, or None where they have those, too. Settings in the sentence [SI]."""
+    *others, last = menu(machine)
+    varying = [one for one in others if coordinate is not None and coordinate in one.coordinates]
+    told = coordinate in BY_MOTION
+    for one in varying:
+        if not (told and _is_there(one.schedule, machine, records)):
             sentence = (
-                f"No effect of the catalogue explains the residual, which depends most on {words(coordinate)}. "
+                f"No effect of the catalogue explains the residual, which depends most on {words(coordinate or '')}. "
                 f"Run, two times over, {one.words}, and read off the curve of the unknown force over it."
             )
             return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
-    one = menu(machine)[-1]
-    why = (
-        "no single coordinate explains the residual"
-        if coordinate is None
-        else f"the records have the motions that vary {words(coordinate)}, on which the residual depends most"
-    )
-    sentence = (
-        f"No effect of the catalogue explains the residual, and {why}. "
-        f"Run {one.words}: it shows whether the force is the same every time."
-    )
-    return Proposal(sentence, one.schedule, float("nan"))
+    if _is_there(last.schedule, machine, records):
+        return None
+    why = "and no single coordinate explains the residual"
+    if coordinate is not None:
+        why = f"explains the residual, which depends most on {words(coordinate)}"
+        why += ", and the records have the motions that vary it" if varying else ""
+    sentence = f"No effect of the catalogue {why}. Run {last.words}: it shows whether the force is the same every time."
+    return Proposal(sentence, last.schedule, float("nan"))
 
 
 def _is_there(planned: Schedule, machine: Machine, records: Sequence[Record]) -> bool:
@@ -135,8 +136,8 @@ def _is_there(planned: Schedule, machine: Machine, records: Sequence[Record]) ->
     made = Record(
         machine.sample_time, planned.target, planned.given.position, planned.given.feedforward, still, planned.target
     )
-    kinds, there = ({one.kind for one in pieces(some, loop) if not one.kind.rests} for some in ([made], records))
-    return kinds <= there
+    kinds, there = ({one.kind for one in pieces(some, loop) if one.kind.stroke > 0} for some in ([made], records))
+    return bool(kinds) and kinds <= there
 
 
 def showing(

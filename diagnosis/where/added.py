@@ -127,6 +127,8 @@ def _columns(record: Record, made: Array, begin: int, noise: float) -> Iterator[
         large = SMALL * max(abs(gain), column.mapped) * float(np.ptp(values))
         if leaves > SURELY * float(np.std(difference[inside])):
             large = max(noise, large)
+        if large <= 0:
+            continue
         size, stretches = _departures(values if column.mapped and abs(gain) < OMITTED else acts, large)
         if stretches:
             yield Added(column.name, column.mapped, gain, delay, size, stretches, leaves, noise, missing)

@@ -118,7 +118,8 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
         there = float(np.std((record.command - made)[judged(record, begin)]))
         if other is None or other.leaves >= criteria.replay_remedy * there:
             return replace(plain, tolerance=most, departs=None)
-    by_law = remains <= signal.noise and remains < mended if signal else True  # another law does as well
+    # What is mapped to the feedforward and acts otherwise accuses no controller, though another law may do as well.
+    by_law = signal is not None and not signal.mapped and remains <= signal.noise and remains < mended
     if signal is not None and not by_law and signal.leaves < min(mended, remains / AS_GOOD):
         other = None if signal.is_all else other or structure(record, begin)
         return replace(

@@ -36,7 +36,10 @@ ASIDE: Final = (0.7, 1.4)
 WHITER: Final = (2.0, 4.0, 8.0)  # times the white force, which must gain less as well: it has all frequencies
 BETWEEN: Final = (10**-0.25, 10**0.25)  # of the levels that are tried, which are half a decade apart
 LEAST: Final = 0.125  # of the white force: the smallest level that is tried
-NARROWEST: Final = 1e-3  # Hz: a force that is narrower keeps its phase for longer than records last
+NARROWEST: Final = 0.01  # of the longest record's line: a narrower force keeps its phase for as long as records last
+WIDEST: Final = 0.1  # of a force's frequency: a wider one is no line
+OFF: Final = 3.0  # lines of a record by which a smoothed spectrum may put a force beside its frequency
+FEW: Final = 20  # samples to which no sine is fitted
 CYCLES: Final = 10.0  # of a force over which a sine is fitted to it
 SURE: Final = 100.0  # of -2 log likelihood: what gains more is found more finely than the grid is
 MOST: Final = 0.02  # of the friction: the largest, unless FEWEST reach further
@@ -87,7 +90,7 @@ def strongest_random_force(
     beside = _aside(best.resonance, fitted, records)
     if best.gain > max(map(_whole, beside)):
         best = _finer(best, fitted, records)
-        if best.gain > SURE:
+        if best.gain - max(map(_whole, beside)) > SURE:
             best = _climbed(best, fitted, records)
         beside = [*_aside(best.resonance, fitted, records), *_of_whiter_forces(fitted, records)]
     line = best.resonance
@@ -119,28 +122,35 @@ def _climbed(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> Rand
     to be: the grid's frequencies are those of the records' spectra. The likelihood tells how fast its amplitude may
     change, and hardly how large it is: a force of half the size and four times the bandwidth is followed as well."""
 
+    width = 1 / max(record.position.size * record.sample_time for record in records)  # Hz: of the longest record's line
+    least, most = (found.resonance.frequency + side * OFF * width for side in (-1, 1))
+
     def higher(line: Resonance, hertz: float) -> Resonance:
-        return replace(line, frequency=line.frequency + hertz)
+        return replace(line, frequency=min(max(line.frequency + hertz, least), most))
 
     def narrower(line: Resonance, decades: float) -> Resonance:
-        return replace(line, bandwidth=max(line.bandwidth * 10**-decades, NARROWEST))
+        return replace(line, bandwidth=min(max(line.bandwidth * 10**-decades, NARROWEST * width), WIDEST * most))
 
-    width = 1 / max(record.position.size * record.sample_time for record in records)  # Hz: of the longest record's line
+    if least <= 0:
+        return found
     best = _uphill(found, higher, (width / 4, width / 40), fitted, records)
-    level = _level(best.resonance.frequency, fitted, records) or best.resonance.level
-    line = replace(best.resonance, level=level)
-    best = RandomForce(line, _whole(_reductions(fitted, records, line)))
-    return _uphill(best, narrower, (1.0, 0.25), fitted, records)
+    line = replace(best.resonance, level=_level(best.resonance.frequency, fitted, records) or best.resonance.level)
+    seen = RandomForce(line, _whole(_reductions(fitted, records, line)))
+    seen = _uphill(seen, narrower, (1.0, 0.25), fitted, records)
+    return seen if seen.gain > SURE else best
 
 
 def _level(frequency: float, fitted: Fit, records: Sequence[Record]) -> float:
     """The deviation [N] of a force about a frequency [Hz]: of the sines that fit what is left best, by least squares,
-    each over some of its cycles. What chance alone makes of them is taken off; 0 where that is all."""
+    each over some of its cycles. What chance alone makes of them is taken off; 0 where that is all, or no record holds
+    a cycle."""
     columns = linear_columns([FloorVibration(1.0, frequency, 0.0)], fitted, records)[0]
     power, count, begin = 0.0, 0, 0
     for record in records:
         inside = slice(begin + STARTING, begin + record.position.size)
         begin = inside.stop
+        if inside.stop - inside.start < max(1 / (frequency * record.sample_time), FEW):
+            continue
         parts = max(int((inside.stop - inside.start) * record.sample_time * frequency / CYCLES), 1)
         pieces = (np.array_split(one[inside], parts) for one in (columns, fitted.innovations))
         for shape, left in zip(*pieces, strict=True):

@@ -194,15 +194,19 @@ def test_what_no_experiment_shows_asks_for_a_gauge() -> None:
 
 def test_nothing_to_tell_apart_needs_no_experiment_and_none_of_these_follows_the_coordinate() -> None:
     assert next_experiment([], load()) is None
-    assert "nested loops" in along("since_reversal", load()).sentence
-    assert "the same every time" in along(None, load()).sentence
+    for coordinate, says in (("since_reversal", "nested loops"), (None, "the same every time")):
+        found = along(coordinate, load())
+        assert found is not None
+        assert says in found.sentence
 
 
 def test_every_coordinate_has_its_experiment() -> None:
     records, fit = case("cogging")
     known = pieces(records)
     for one in locate(fit, records, known).dependence.coordinates:
-        assert f"depends most on {words(one.name)}." in along(one.name, load()).sentence
+        found = along(one.name, load())
+        assert found is not None
+        assert f"depends most on {words(one.name)}." in found.sentence
 
 
 def test_what_records_could_not_show_gets_the_experiment_that_shows_most_of_it(short: Confusability) -> None:
