@@ -2,11 +2,11 @@
 
 The candidates are the machine as delivered, with its offset fitted, re-fitted, and with effects; where those do harm
 together, with all of them but one. Each is fitted without a part of the motions in turn and judged on that part, in
-force, position and settling. One that is worse than the
-machine as delivered, or than a simpler candidate that passed, by more than chance in any of the three is not adopted,
-unless it is no worse than as delivered and surely better than the simpler one in both force and position (settling is
-when a few motions cross a threshold, the others are of all samples), or surely leaves less than half of one of the two
-and hardly more of the other: a mode that is missing makes the position, while the force is mostly the scale's noise.
+force, position and settling. One that is worse than the machine as delivered, or than a simpler candidate that passed,
+by more than chance in any of the three is not adopted, unless it is no worse than as delivered and surely better than
+the simpler one in both force and position (settling is when a few motions cross a threshold, the others are of all
+samples), or surely leaves less than half of one of the two and hardly more of the other: a mode that is missing makes
+the position, while the force is mostly the scale's noise.
 A law that was learned, for which nothing speaks but that it fits, has to be surely better in force or position.
 Chance is told by drawing motions, the same for both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to
 the Bootstrap, 1993, section 8.3).
@@ -105,11 +105,13 @@ class Harm:
 
 @dataclass(frozen=True)
 class Handover:
-    """The file that is handed over, all that were judged, the simplest first, and why the others were not adopted."""
+    """The file that is handed over, all that were judged, the simplest first, and why the others were not adopted.
+    without: the effects that it lacks where it has some of them."""
 
     adopted: File
     files: tuple[File, ...]
     harms: tuple[Harm, ...] = ()
+    without: tuple[str, ...] = ()
 
     def named(self, name: str) -> File | None:
         """The candidate of this name."""

@@ -32,6 +32,7 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.motions import rms
 from diagnosis.model.residual import Candidate
 from diagnosis.verdict import Outcome
+from diagnosis.which.random_force import NAME
 from diagnosis.which.stage import Stage
 
 Array = NDArray[np.float64]
@@ -135,6 +136,7 @@ class HowFar:
             "drive_rms_N": self.drive,
             "stages": [{"added": name, **gap.to_json()} for name, gap in self.stages],
             "adopted_file": adopted.name,
+            "without": list(self.handover.without),
             "files": [_file(file) for file in self.handover.files],
             "harms": [_harm(harm) for harm in self.handover.harms],
             "widened": [_bound(one) for one in self.widened],
@@ -190,7 +192,8 @@ def how_far(
         (first, then, last), floor.gap(), floor.random_force(), rough=stages[-1].fitted.candidate.rough
     )
     drive = rms([record.command * baseline.machine.plant.thrust_constant for record in records])
-    at = fits[-1].widened, fits[-1].at_bound
+    some = handover.adopted.finished if handover.without else None  # bounds of a law that is in no file tell nothing
+    at = (some or fits[-1]).widened, (some or fits[-1]).at_bound
     return HowFar(tuple(named), floor.gap(), floor.source, terms, interval, handover, drive, *at, transfer)
 
 
@@ -213,32 +216,32 @@ def _gated(
 def _with_some(handover: Handover, with_effects: File, baseline: Baseline) -> Handover:
     """The handover where the file may have all of the effects but one: one law may do harm, and the others be right.
     Of those that pass, the one that leaves the least force; the same handover where none does."""
-    passed = list[Handover]()
+    passed = list[tuple[File, str]]()
     simpler = handover.files[: [one.name for one in handover.files].index(handover.adopted.name) + 1]
-    for fewer in all_but_one(with_effects.fitted.candidate):
+    for name, fewer in all_but_one(with_effects.fitted.candidate):
         made = finished(replace(with_effects.fitted, candidate=fewer), baseline.records)
         file = with_fit(Content.SOME, made, baseline)
-        if is_believed(file, baseline) and (found := chosen([*simpler, file])).adopted is file:
-            passed.append(found)
+        if is_believed(file, baseline) and chosen([*simpler, file]).adopted is file:
+            passed.append((file, name))
     if not passed:
         return handover
-    best = min(passed, key=lambda one: float(one.adopted.held_out.mean("force")))
+    best, name = min(passed, key=lambda one: float(one[0].held_out.mean("force")))
     before = [one for one in handover.files if one is not with_effects]
     after = [one for one in handover.files if one is with_effects]
-    return Handover(best.adopted, (*before, best.adopted, *after), handover.harms)
+    return Handover(best, (*before, best, *after), handover.harms, (name,))
 
 
-def all_but_one(candidate: Candidate) -> Iterator[Candidate]:
-    """The candidate without one of the laws that it adds, each in turn, where it adds several; the random forces count
-    as one law."""
+def all_but_one(candidate: Candidate) -> Iterator[tuple[str, Candidate]]:
+    """The name of one of the laws that a candidate adds, and the candidate without it, each in turn, where it adds
+    several; the random forces count as one law."""
     names = dict.fromkeys(effect.name for effect in candidate.added_effects)
     if len(names) + bool(candidate.random_forces) < 2:
         return
     added = {id(effect): effect.name for effect in candidate.added_effects}
     for name in names:
-        yield replace(candidate, effects=tuple(one for one in candidate.effects if added.get(id(one)) != name))
+        yield name, replace(candidate, effects=tuple(one for one in candidate.effects if added.get(id(one)) != name))
     if candidate.random_forces:
-        yield replace(candidate, random_forces=())
+        yield NAME, replace(candidate, random_forces=())
 
 
 def _between(stages: Sequence[Stage], baseline: Baseline) -> list[tuple[str, Gap]]:

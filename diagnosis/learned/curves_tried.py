@@ -1,8 +1,8 @@
 """The curves that a law without a name may be: a coordinate, how the force turns with it, and knots.
 
 The coordinates are those of `models.effects.measured`, and their values are what the effect itself sees along the
-smoothed path, so that what is learned is what a file then does. Knots are spaced evenly over time and position, and
-elsewhere by asinh, from a size of the machine's own upwards.
+smoothed path, so that what is learned is what a file then does. Knots are spaced evenly over time; over position
+closer where the force bends; and elsewhere by asinh, from a size of the machine's own upwards.
 """
 
 from __future__ import annotations
@@ -174,9 +174,10 @@ def _knots(coordinate: str, symmetry: str, values: Array, known: Units) -> list[
 
 
 def _where_it_bends(knots: Sequence[float], values: Array, force: Array) -> list[float]:
-    """As many knots as these even ones, half of them closer where the mean force (n,) [N] bends over the values (n,)
-    [SI]: a rail's joint is narrow, and may be anywhere on a long way. For straight lines between knots, their density
-    goes best with the curvature to the power of 2/5 (C. de Boor, A Practical Guide to Splines, 1978, chapter XII)."""
+    """As many knots as these even ones, up to half of them closer where the mean force (n,) [N] bends over the values
+    (n,) [SI]: a rail's joint is narrow, and may be anywhere on a long way. For straight lines between knots, their
+    density goes best with the curvature to the power of 2/5 (C. de Boor, A Practical Guide to Splines, 1978, chapter
+    XII)."""
     ends = np.linspace(knots[0], knots[-1], BINS * len(knots) + 1)
     bins = np.clip(np.searchsorted(ends, values, side="right") - 1, 0, ends.size - 2)
     counts, sums = (np.bincount(bins, of, ends.size - 1) for of in (None, force))

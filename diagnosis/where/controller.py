@@ -261,7 +261,7 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
             yield words, _rms(record, np.roll(made, shift), begin)
         if delay + shift >= 0 and shift:
             yield (
-                f"a reference delay of {delay + shift} samples instead of {delay}",
+                f"a reference delay of {_samples(delay + shift)} instead of {delay}",
                 _rms(record, replay(record, feedback, delay + shift), begin),
             )
         elif delay + shift < 0:
@@ -282,6 +282,11 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
             yield _scaled(record, made, words, columns, begin)
 
 
+def _samples(count: int) -> str:
+    """So many samples, in words [-]."""
+    return f"{count} sample{'s' * (count != 1)}"
+
+
 def _other_acceleration(record: Record, machine: Machine, begin: int) -> Iterator[tuple[str, float]]:
     """A cascade whose acceleration feedforward comes sooner or later than the difference of its last three references:
     a profile generator has the acceleration of the sample itself. In words, each with the rms difference [N] left."""
@@ -292,10 +297,10 @@ def _other_acceleration(record: Record, machine: Machine, begin: int) -> Iterato
     for delay in dict.fromkeys((control.reference_delay, *range(DELAYED))):
         alone = replay(record, bare.feedback, delay)
         part = replay(record, control.feedback, delay) - alone
-        other = f"a reference delay of {delay} samples instead of {control.reference_delay} and "
+        other = f"a reference delay of {_samples(delay)} instead of {control.reference_delay} and "
         for shift in range(-LONGEST, LONGEST + 1):
             if shift:
-                late = f"{abs(shift)} sample{'s' * (abs(shift) > 1)} {'later' if shift > 0 else 'sooner'}"
+                late = f"{_samples(abs(shift))} {'later' if shift > 0 else 'sooner'}"
                 words = f"{other if delay != control.reference_delay else ''}the acceleration feedforward {late}"
                 yield words, _rms(record, alone + np.roll(part, shift), begin)
 

@@ -30,6 +30,7 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
+NAME: Final = FloorVibration.name  # by which random forces are told
 BANDWIDTHS: Final = (0.1, 0.01)  # Hz; the first is that of the search, the others are tried at the line found
 # At these relative frequencies the same force must gain less, or it only follows a slow force.
 ASIDE: Final = (0.7, 1.4)

@@ -186,8 +186,9 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
 
 
 def _standing(path: Array) -> Array:
-    """A target or a reference (n,) [m] that stands still where all that it moves by, from one halt to the next, is
-    rounding: a profile that is summed up in floating point had a motion of a hundred-millionth of a nanometre."""
+    """A target or a reference (n,) [m] that stands still where it moves, from one halt to the next, by no more than
+    rounding in any sample: a profile that is summed up in floating point had a motion of a hundred-millionth of a
+    nanometre."""
     size = np.abs(np.diff(path, prepend=path[:1]))
     edges, still = np.flatnonzero(np.diff(size > 0, prepend=False, append=False)), path.copy()
     begins, ends = edges[::2], edges[1::2]

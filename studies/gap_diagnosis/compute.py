@@ -16,7 +16,7 @@ import numpy as np
 
 from design.judging.known_range import with_covered
 from diagnosis.baseline import driven, refit_and_null
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnose import NAMED, Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.active import Settings
@@ -275,9 +275,11 @@ def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -
 
 def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
     """By how many standard deviations of its tolerance each kind of nominal value was moved at most, without the
-    friction's initial state: by the re-fit alone, and in the file that is handed over; and the usual bound."""
+    friction's initial state: by the re-fit alone, in the file that is handed over, and beside effects where there are
+    some; and the usual bound."""
     usual = found.baseline.nominal.candidate.layout
     refitted, adopted = found.how_far.handover.named(Content.REFITTED), found.how_far.handover.adopted
+    beside = _beside_effects(found)
     fits = [file.finished.fitted.candidate for file in (refitted, adopted) if file is not None and file.finished]
     known = {one.name: one for one in priors(usual)}
     rows = []
@@ -290,14 +292,33 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
             row = {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
             prior = known[name]
             told = {"unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin}
-            of_all = {"in_all": _of_all_contacts(name, fits[0]), "in_all_of_file": _of_all_contacts(name, fits[-1])}
-            rows.append({**row, **told, **of_all})
+            row |= {"beside": _most_moved(name, beside), "in_all_beside": _of_all_contacts(name, beside)}
+            rows.append({**row, **told, "in_all": _of_all_contacts(name, fits[0])})
     return rows
 
 
-def _of_all_contacts(name: str, fitted: Candidate) -> float | None:
+def _beside_effects(found: Diagnosis) -> Candidate | None:
+    """The candidate with the effects that are named, or with the law that is handed over; None without either."""
+    handover = found.how_far.handover
+    if found.outcome in NAMED:
+        return found.told.candidate
+    fitted = handover.adopted.finished
+    return fitted.candidate if fitted is not None and handover.adopted.name == Content.MEASURED else None
+
+
+def _most_moved(name: str, fitted: Candidate | None) -> float | None:
+    """By how many standard deviations of its tolerance [1] the value of this kind that moved the most was moved."""
+    if fitted is None:
+        return None
+    away = moved(fitted.layout, fitted.theta)[fitted.layout.of(name)]
+    return float(away[abs(away).argmax()])
+
+
+def _of_all_contacts(name: str, fitted: Candidate | None) -> float | None:
     """By what part of itself [1] the stiffness of all contacts together, or their mean displacement at slip, was moved;
     None for other values. That of a single contact, which the others nearly make up for, is hardly known."""
+    if fitted is None:
+        return None
     layout = fitted.layout
     stiffness = np.array(layout.machine.friction.stiffness)
     of_each = {"presliding_stiffness": stiffness, "presliding_limit": stiffness * layout.machine.friction.limit}

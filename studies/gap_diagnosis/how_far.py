@@ -133,13 +133,15 @@ def _handed_over(results: Results) -> list[str]:
     richer = names[names.index(far["adopted_file"]) + 1 :]
     harms = [harm_told(harm) for harm in far["harms"] if harm["file"] in richer]
     if harms:
-        told.append(f"{' '.join(harms)} {_file_told(results)}")
+        told.append(f"{' '.join(harms)} {_file_told(far)}")
+    elif far["adopted_file"] == Content.SOME:
+        told.append(_file_told(far))
     elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:
         told.append(f"The re-fit is not believed. {FILES[Content.DELIVERED]}")
     if results.get("at_random"):
         told.append(
-            "What shakes at random is in improved.toml as sines as strong as it is, with an arbitrary phase: they are "
-            "for simulations, and a record that the file is to explain shows the vibration again."
+            "What shakes at random is in improved.toml as sines as strong as it is, with an arbitrary phase, for "
+            "simulations: a new record that is compared with this file will still show the vibration."
         )
     told += _slower(far)
     if far["at_bounds"]:
@@ -151,14 +153,11 @@ def _handed_over(results: Results) -> list[str]:
     return [*told, *_carried_over(far["transfer"], named=named), *elsewhere(far)]
 
 
-def _file_told(results: Results) -> str:
-    """What improved.toml has, and which of the effects it has not where one of them would do harm."""
-    file, has = results["how_far"]["adopted_file"], results["adopted"]
-    if file != Content.SOME:
-        return FILES[file]
-    lacks = [name for name in results["verdict"]["effects"] if name not in has]
-    kept = [name for name in results["verdict"]["effects"] if name in has]
-    return f"So improved.toml has {effects_listed(kept)}, without {effects_listed(lacks)}: so it does no harm."
+def _file_told(far: Results) -> str:
+    """What improved.toml has, and which of the effects it has not, where one of them would do harm."""
+    if far["adopted_file"] != Content.SOME:
+        return FILES[far["adopted_file"]]
+    return f"So improved.toml has the effects but {effects_listed(far['without'])}, without which it does no harm."
 
 
 def _slower(far: Results) -> list[str]:

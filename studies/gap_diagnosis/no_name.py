@@ -13,6 +13,7 @@ from studies.wording import effect
 Results = Mapping[str, Any]
 
 HARDLY: Final = 1.5  # times the noise floor, up to which noise that is a little larger may be all that is left
+EVEN: Final = 0.02  # above the noise floor, up to which what is left is no more than that
 AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a floor far above it is of something else
 
 
@@ -22,8 +23,8 @@ def without_a_name_in_short(results: Results) -> str:
     if noise := _noise_of(results):
         names = f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what" if off else "What"
         return f"{names} is left is noise of {noise}"
-    if not off and (times := _hardly_more(results)):
-        return f"What is left is {times:.2g} times the noise floor, and has no name"
+    if not off and (more := _hardly_more(results)):
+        return f"What is left is {more}, and has no name"
     if not off:
         return "No effect of the catalogue explains it"
     return f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what is left has no name"
@@ -85,8 +86,8 @@ def never_the_same(results: Results) -> list[str]:
 def _beyond_the_catalogue(results: Results) -> str:
     """What else the cause may be, where no effect explains the gap."""
     told = "the cause is not in the catalogue"
-    if times := _hardly_more(results):
-        told = f"it may be noise of the drive or the scale, {times:.2g} times as large as the machine file's, or {told}"
+    if more := _hardly_more(results):
+        told = f"it is {more}, and may be noise of the drive or the scale that the machine file has smaller, or {told}"
     if results.get("friction_elements"):
         told += ", or is what so few elements leave of the friction's curve"
     if ends := [effect(one["name"]) for one in results["how_far"]["at_bounds"] if one["part"] == "nominal"]:
@@ -98,15 +99,18 @@ def _beyond_the_catalogue(results: Results) -> str:
     return told
 
 
-def _hardly_more(results: Results) -> float:
-    """How many times the noise floor what is left is, in force or in position, where neither is much more [1]; 0 where
-    one is, where the floor is that of motions that repeat, which has all noise in it, or where it resembles an effect.
-    Enough samples tell a tenth more noise from what the file states, and no law from it."""
-    far = results["how_far"]
-    if results["verdict"]["partly"] or far["floor_source"] == "repeats":
-        return 0.0
+def _hardly_more(results: Results) -> str:
+    """How far what is left is beyond the noise floor, in force or in position, where neither is far beyond; nothing
+    where one is, where the floor is that of motions that repeat, which has all noise in it, or where it resembles an
+    effect or a law. Enough samples tell a tenth more noise from what the file states, and no law from it."""
+    far, learned = results["how_far"], results.get("learned")
+    if results["verdict"]["partly"] or far["floor_source"] == "repeats" or (learned and learned["adopted"]):
+        return ""
     ratios = [far["gap_refitted"][key] / far["floor"][key] for key in ("force_N", "position_m") if far["floor"][key]]
-    return max(ratios) if ratios and 1 < max(ratios) < HARDLY else 0.0
+    if not ratios or max(ratios) >= HARDLY:
+        return ""
+    more = max(ratios) - 1
+    return f"{in_percent(more)} above the noise floor" if more > EVEN else "no more than the noise floor"
 
 
 def _not_seen(results: Results) -> list[str]:

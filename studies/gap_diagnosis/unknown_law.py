@@ -60,8 +60,9 @@ def told(learned: Results | None) -> list[str]:
 def _place(learned: Results) -> str:
     """Where a law over position or time lies that is narrow beside the way or the time that the records show; nothing
     elsewhere. It ends where it is half as large, on the straight lines between its knots [m or s]."""
-    knots, size = np.array(learned["knots"]), np.abs(learned["values"])
-    top = int(np.argmax(size))
+    knots, values = np.array(learned["knots"]), np.array(learned["values"])
+    top = int(np.argmax(np.abs(values)))
+    size = values * np.sign(values[top])
     if learned["coordinate"] not in {"position", "time"} or not 0 < top < size.size - 1:
         return ""
     ends = []
@@ -73,7 +74,7 @@ def _place(learned: Results) -> str:
         under, over = (size[side][least[0] - i] for i in (0, 1))
         ends.append(float(low + (high - low) * (HALF * size[top] - under) / (over - under)))
     begin, end = ends
-    again = np.any(size[(knots < begin) | (knots > end)] >= HALF * size[top])
+    again = np.any(np.abs(values[(knots < begin) | (knots > end)]) >= HALF * size[top])
     if again or end - begin > NARROW * float(np.ptp(knots)):
         return ""
     unit = learned["unit"]

@@ -13,7 +13,6 @@ Results = Mapping[str, Any]
 
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 MOSTLY: Final = 0.9  # of the gap to the noise floor, which the re-fit takes off where values are most of it
-WITH_EFFECTS: Final = ("with some of the effects", "with effects", "measured law")  # files as results.json names them
 SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
 
@@ -35,18 +34,22 @@ def in_percent(ratio: float) -> str:
 def mostly(results: Results) -> list[Results]:
     """The values that are off, where they and nothing else are most of the gap to the noise floor, in force; else none.
 
-    Contacts stand in for each other, so that they count by what all of them come to. A re-fit without the effects of
-    the file bends values to make up for them, so that those are told that are off beside the effects.
+    Contacts stand in for each other, so that they count by what all of them come to. A re-fit without effects bends
+    values to make up for them, so that where some are named, or a law is learned, those are told that are off beside.
     """
     before, after, floor = (
         results["how_far"][name]["force_N"] for name in ("gap_as_delivered", "gap_refitted", "floor")
     )
     if before - after < MOSTLY * (before - floor) or before <= floor:
         return []
-    rows = results["shifts"]
-    if results["how_far"]["adopted_file"] in WITH_EFFECTS:
-        rows = [{**row, "moved": row["in_file"], "in_all": row["in_all_of_file"]} for row in rows]
-    return [row for row in rows if _is_off(row)]
+    return [row for row in map(_beside_effects, results["shifts"]) if _is_off(row)]
+
+
+def _beside_effects(row: Results) -> Results:
+    """The row by the fit with effects, where there is one that counts."""
+    if row.get("beside") is None:
+        return row
+    return {**row, "moved": row["beside"], "in_all": row["in_all_beside"]}
 
 
 def _is_off(row: Results) -> bool:
@@ -61,6 +64,8 @@ def told_off(rows: Sequence[Results], results: Results) -> str:
     before, after, floor = (
         show(far[name]["force_N"], "N", 3) for name in ("gap_as_delivered", "gap_refitted", "floor")
     )
+    if any(row.get("beside") is not None for row in rows):
+        return f"Nominal values are off, too, {listed([off_by(row) for row in rows])}."
     none_left = far["gap_refitted"]["force_N"] < far["floor"]["force_N"]
     beside = f"no more than the noise floor of {floor}" if none_left else f"beside a noise floor of {floor}"
     return (

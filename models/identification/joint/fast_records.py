@@ -48,7 +48,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     """Inverse dynamics of a fast record, fitted to its first half; what no other record gave goes into the machine.
 
     Of several fast records mass, delay, drag, asymmetry and offset are the means by their deviations, and the elements
-    those of the record that knows the slip force best. Friction that grows with speed and the offset go together: where
+    those of the record that knows the slip force best. The drag is also the mean with a frequency response's, if a slow
+    record gave the elements. Friction that grows with speed and the offset go together: where
     records show different forms of it, both are that record's.
     """
     record = record_of(loaded)
@@ -81,10 +82,13 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     held, joint = joint_force(helds, best)
     if not joint:
         source = Found(steps[best].loaded, "dynamics")
-    drag, by_response = _with_the_response(found, held.drag)
-    remarks += by_response
+    if found.has("hysteresis") or held.drag is None:  # else these records' elements go with their own drag
+        drag, by_response = _with_the_response(found, held.drag)
+        remarks += by_response
+    else:
+        drag = held.drag
     if drag is not None or held.asymmetry is not None:
-        machine = with_drag(machine, drag, held.asymmetry, source)
+        machine = with_drag(machine, drag, held.asymmetry, _source_of(drag, held.drag, found, source))
     machine = with_offset(machine, *held.offset, source)
     step = ForceStep(fit, holdable(fit))
     return with_step(
@@ -110,6 +114,16 @@ def _on_plant(found: Identified, fit: ForceFit) -> Iterator[str]:
                 f"{show(known[0], unit)}, by {apart:.1f} standard deviations ({CAUSES[name]}); the machine file has "
                 "the latter."
             )
+
+
+def _source_of(
+    drag: tuple[float, float] | None, held: tuple[float, float] | None, found: Identified, dynamics: Found
+) -> Found:
+    """Where the viscous friction is from: the fast records, or the frequency response that it was kept of."""
+    response = [step for step in found.steps if step.result == "response"]
+    if drag is None or held is not None or not response:
+        return dynamics
+    return Found(response[-1].loaded, "response")
 
 
 def _with_the_response(

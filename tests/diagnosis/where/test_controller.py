@@ -90,7 +90,8 @@ def test_an_acceleration_that_comes_at_another_sample_is_told(shift: int, said: 
     found = replayed(replace(stated, control=replace(stated.control, reference_delay=delay)), logged)
     assert not found.replays
     wait = machine.control.reference_delay
-    other = f"a reference delay of {wait} samples instead of {delay} and " if delay != wait else ""
+    words = {0: "0 samples", 1: "1 sample"}[wait]
+    other = f"a reference delay of {words} instead of {delay} and " if delay != wait else ""
     assert found.remedy == f"{other}the acceleration feedforward {said}"
     assert found.remains < 0.02 * found.rms
     assert found.other is None

@@ -17,7 +17,7 @@ def test_values_that_are_most_of_the_gap_come_before_what_has_no_name(results: d
         name: {**results["how_far"][name], "force_N": force}
         for name, force in (("gap_as_delivered", 0.231), ("gap_refitted", 0.002), ("floor", 0.0018))
     }
-    shifts = [{**row, "moved": 0.1} for row in results["shifts"]]
+    shifts = [{**row, "moved": 0.1, "beside": None} for row in results["shifts"]]
     mass, contacts = ({**row, "std": [0.015]} for row in shifts[:2])
     mass |= {"name": "payload_mass", "moved": -3.25, "unit": "1", "values": 1, "in_all": None}
     contacts |= {"name": "presliding_stiffness", "moved": 6.0, "unit": "1", "values": 18, "in_all": -0.01}
@@ -117,9 +117,14 @@ def test_what_hardly_exceeds_the_floor_may_be_noise(results: dict[str, Any]) -> 
         return sentences({**results, "verdict": verdict, "how_far": far, "shifts": []})
 
     noisy = told(0.0179, 26.3e-9)
-    said = "it may be noise of the drive or the scale, 1.3 times as large as the machine file's, or the cause is not in"
+    said = (
+        "it is 25 % above the noise floor, and may be noise of the drive or the scale that the machine file has smaller"
+    )
     assert said in noisy["which"]
-    assert noisy["outcome"] == "What is left is 1.3 times the noise floor, and has no name"
+    assert noisy["outcome"] == "What is left is 25 % above the noise floor, and has no name"
+    assert "What is left is 4 % above" in told(0.01664, 20e-9)["outcome"]
+    for even in (told(0.0159, 20e-9), told(0.01608, 21e-9)):
+        assert even["outcome"] == "What is left is no more than the noise floor, and has no name"
     for other in (told(0.05, 26.3e-9), told(0.0179, 90e-9), told(0.0179, 26.3e-9, floor_source="repeats")):
         assert "may be noise of the drive" not in other["which"]
         assert "the cause is not in the catalogue" in other["which"]
@@ -132,11 +137,11 @@ def test_values_that_a_re_fit_bends_to_a_missing_effect_are_not_off(results: dic
         name: {**results["how_far"][name], "force_N": force}
         for name, force in (("gap_as_delivered", 8.3), ("gap_refitted", 0.2), ("floor", 0.02))
     }
-    far = {**results["how_far"], **gaps, "adopted_file": "with effects"}
+    far = {**results["how_far"], **gaps}
     row = {**results["shifts"][0], "name": "dead_time", "unit": "s", "std": [5e-6], "values": 1}
-    row |= {"moved": -8.0, "in_file": -0.4, "in_all": None, "in_all_of_file": None}
+    row |= {"moved": -8.0, "beside": -0.4, "in_all": None, "in_all_beside": None}
     assert "Nominal values are off" not in sentences({**results, "how_far": far, "shifts": [row]})["which"]
-    alone = sentences({**results, "how_far": {**far, "adopted_file": "re-fitted"}, "shifts": [row]})["which"]
-    assert "Nominal values are off, dead time by -40 µs" in alone
-    both = sentences({**results, "how_far": far, "shifts": [{**row, "in_file": -8.4}]})["which"]
-    assert "Nominal values are off, dead time by -42 µs" in both
+    alone = sentences({**results, "how_far": far, "shifts": [{**row, "beside": None}]})["which"]
+    assert "Nominal values are off, dead time by -40 µs; re-fitted, they reduce the unknown force from 8.3 N" in alone
+    both = sentences({**results, "how_far": far, "shifts": [{**row, "beside": -8.4}]})["which"]
+    assert "Nominal values are off, too, dead time by -42 µs." in both

@@ -310,6 +310,7 @@ def test_a_file_with_some_of_the_effects_says_which(results: dict[str, Any]) -> 
     far = {
         **results["how_far"],
         "adopted_file": "with some of the effects",
+        "without": ["cable_spring"],
         "harms": [{**harm, "after": 3e-3}],
         "files": [
             {**results["how_far"]["files"][0], "file": name}
@@ -319,7 +320,9 @@ def test_a_file_with_some_of_the_effects_says_which(results: dict[str, Any]) -> 
     verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cable_spring", "cogging"]}
     told = sentences({**results, "how_far": far, "verdict": verdict, "adopted": ["cogging"]})["how_far"]
     assert "the machine with effects leaves an error of the settling times of 3 ms" in told
-    assert "So improved.toml has cogging, without cable spring: so it does no harm." in told
+    assert "So improved.toml has the effects but cable spring, without which it does no harm." in told
+    doubted = {**results, "how_far": {**far, "harms": []}, "verdict": verdict, "adopted": ["cogging"]}
+    assert "So improved.toml has the effects but cable spring" in sentences(doubted)["how_far"]
 
 
 def test_a_sine_that_stands_for_a_random_force_is_told(results: dict[str, Any]) -> None:

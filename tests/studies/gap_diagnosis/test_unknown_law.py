@@ -42,6 +42,7 @@ def test_a_law_at_one_place_is_told_with_the_place() -> None:
         {**rail, "values": [-2.5, 0, -1.3, -4.2, -4.1, -1.7, 0, 0]},  # elsewhere, too
         {**rail, "values": [0, 0, 0, 0, 0, 0, 0, -4.2]},  # at the end of the way, beyond which it may grow
         {**rail, "knots": [0.0, 0.01, 0.02, 0.05, 0.09, 0.1, 0.11, 0.15]},  # over much of it
+        {**rail, "values": [0, 0, 3.0, -4.2, -4.1, 0, 0, 0]},  # the other way beside it
         {**rail, "coordinate": "speed"},
     ):
         assert unknown_law.told(other)[0].endswith("of up to 4.2 N.")
