@@ -30,6 +30,7 @@ Integers = NDArray[np.int64]
 KNOTS: Final = 12
 FINE: Final = 36  # knots over position, where a law may be narrow, and over time
 NARROW: Final = ("position",)  # coordinates over which knots are closer where the force bends
+PLACES: Final = 10  # parts of the way, of which those that bend most make half of all bending where a law is narrow
 BINS: Final = 4  # to a knot, in which the force is averaged for that
 TURN: Final = (6.0, 0.05)  # deviations of the reading, and contacts' lengths: the way back that makes a reversal
 FIRST: Final = 0.1  # of the friction, of the contacts' length: where knots over the command and the path begin
@@ -177,7 +178,7 @@ def _where_it_bends(knots: Sequence[float], values: Array, force: Array) -> list
     """As many knots as these even ones, up to half of them closer where the mean force (n,) [N] bends over the values
     (n,) [SI]: a rail's joint is narrow, and may be anywhere on a long way. For straight lines between knots, their
     density goes best with the curvature to the power of 2/5 (C. de Boor, A Practical Guide to Splines, 1978, chapter
-    XII)."""
+    XII). The even ones where it bends all over, as a spring does."""
     ends = np.linspace(knots[0], knots[-1], BINS * len(knots) + 1)
     bins = np.clip(np.searchsorted(ends, values, side="right") - 1, 0, ends.size - 2)
     counts, sums = (np.bincount(bins, of, ends.size - 1) for of in (None, force))
@@ -185,7 +186,10 @@ def _where_it_bends(knots: Sequence[float], values: Array, force: Array) -> list
     middle = 0.5 * (ends[1:] + ends[:-1])
     mean = np.interp(middle, middle[seen], sums[seen] / counts[seen])
     smooth = np.convolve(np.pad(mean, BINS, mode="edge"), np.ones(BINS) / BINS, "same")[BINS:-BINS]
-    bent = np.abs(np.gradient(np.gradient(smooth))) ** 0.4
+    curved = np.abs(np.gradient(np.gradient(smooth)))
+    if np.sum(np.sort(curved)[-curved.size // PLACES :]) < 0.5 * np.sum(curved):
+        return list(knots)
+    bent = curved**0.4
     density = bent / max(float(bent.mean()), 1e-300) + 1.0
     share = np.concatenate([[0.0], np.cumsum(density)]) / float(np.sum(density))
     return [float(knot) for knot in np.interp(np.linspace(0.0, 1.0, len(knots)), share, ends)]
