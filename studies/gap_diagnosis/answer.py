@@ -35,7 +35,7 @@ def front(results: Results) -> dict[str, str | list[str]]:
     """The same for the first page, beside a figure of the gap: where, which and how far in short, and the rest as
     remarks, a sentence or two each."""
     which, remarks = _which(results), how_far.remarks(results)
-    leads = 2 if resembles(results["verdict"]) else 1
+    leads = 2 if resembles(results["verdict"]) or unknown_law.is_the_answer(results) else 1
     return {
         "where": _where(results["where"]),
         "which": " ".join(which[:leads]),
@@ -49,6 +49,8 @@ def _outcome(results: Results) -> str:
     if is_unsure(verdict):
         return f"No name is sure; it looks like {effects_listed(verdict['partly'])}"
     alike = f"; in part it resembles {effects_listed(verdict['partly'])}" if verdict["partly"] else ""
+    if unknown_law.is_the_answer(results):
+        return f"{unknown_law.in_short(results['learned'])} explains it, which has no name in the catalogue"
     return {
         "attributed": f"Attributed to {effects_listed(verdict['effects'])}{marked(verdict)}",
         "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
@@ -120,6 +122,8 @@ def _nameless(results: Results) -> list[str]:
     """What is said where what is left has no name: what it resembles, and what else it may be."""
     verdict, repeats_never = results["verdict"], never_the_same(results) or noise_alone(results)
     told = _unsure(results) or repeats_never or without_a_name(results)
+    if unknown_law.is_the_answer(results):
+        return [*unknown_law.told(results["learned"]), *told, *roughness(results)]
     if resembles(verdict):
         before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
         rows = {row["effect"]: row for row in results["which"]}

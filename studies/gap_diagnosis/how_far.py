@@ -37,7 +37,8 @@ def in_short(results: Results) -> list[str]:
 
 def remarks(results: Results) -> list[str]:
     """What to know of the file that is handed over: what it leaves, and why it is not another one."""
-    return [*unknown_law.left(results["how_far"]), *_handed_over(results), *_overrun(results)]
+    law = [] if unknown_law.is_the_answer(results) else unknown_law.left(results["how_far"])
+    return [*law, *_handed_over(results), *_overrun(results)]
 
 
 def _overrun(results: Results) -> list[str]:
@@ -88,9 +89,16 @@ def _gap_closed(results: Results) -> list[str]:
             "No effect reduces the gap by enough to go into the model; re-fitting the nominal values takes it "
             f"{_from_to(far['gap_as_delivered'], far['gap_refitted'])}, and the noise floor is {floor}."
         ]
+    if unknown_law.is_the_answer(results):
+        (file,) = (one["on_records"] for one in far["files"] if one["file"] == Content.MEASURED)
+        return [
+            _parameters_share(far, file, "with the measured law"),
+            *unknown_law.left(far),
+            f"Over all motions the gap goes {_from_to(far['gap_refitted'], file)}; the noise floor is {floor}.",
+        ]
     moved = _from_to(far["gap_refitted"], far["gap_after"])
     return [
-        _parameters_share(far),
+        _parameters_share(far, far["gap_after"], "with effects"),
         f"On held-out motions {_closure(results)}{_unexplained(results)}.",
         f"Over all motions the gap goes {moved}; the noise floor is {floor}.",
     ]
@@ -110,14 +118,16 @@ def _closure(results: Results) -> str:
     )
 
 
-def _parameters_share(far: Results) -> str:
-    """What nominal values take off the force, and what effects do, beside the drive's own force."""
-    delivered, refitted, after = (far[name]["force_N"] for name in ("gap_as_delivered", "gap_refitted", "gap_after"))
+def _parameters_share(far: Results, last: Results, named: str) -> str:
+    """What nominal values take off the force, and what effects or a law do, of which a gap is left, beside the drive's
+    own force."""
+    delivered, refitted = (far[name]["force_N"] for name in ("gap_as_delivered", "gap_refitted"))
+    after = last["force_N"]
     drive = far["drive_rms_N"]
     return (
         f"Of the drive's force of {show(drive, 'N', 3)} (rms), the machine as delivered leaves "
         f"{show(delivered, 'N', 3)} ({_percent(delivered, drive)}), its nominal values re-fitted "
-        f"{show(refitted, 'N', 3)} ({_percent(refitted, drive)}), and with effects {show(after, 'N', 3)} "
+        f"{show(refitted, 'N', 3)} ({_percent(refitted, drive)}), and {named} {show(after, 'N', 3)} "
         f"({_percent(after, drive)})."
     )
 

@@ -21,7 +21,12 @@ def tell(whole: Results) -> Report:
     """The report on the content of results.json."""
     results = whole["results"]
     shown = [
-        Figure("waterfall", _waterfall_caption(results), ("results.how_far", "results.where"), figures.waterfall),
+        Figure(
+            "waterfall",
+            _waterfall_caption(results),
+            ("results.how_far", "results.where", "results.verdict", "results.learned"),
+            figures.waterfall,
+        ),
         Figure("force", FORCE, ("results.pictures", "results.records"), figures.force),
         Figure("courses", COURSES, ("results.pictures",), figures.courses),
         Figure("maps", MAPS, ("results.where",), figures.maps),

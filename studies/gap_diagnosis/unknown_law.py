@@ -36,6 +36,17 @@ def has_curve(learned: Results | None) -> bool:
     return learned is not None and "knots" in learned
 
 
+def is_the_answer(results: Results) -> bool:
+    """Whether nothing has a name, and the law that was learned is in the file that is handed over."""
+    given = results["how_far"]["adopted_file"] == Content.MEASURED
+    return bool(given and results["verdict"]["outcome"] == "none_of_these" and has_curve(results.get("learned")))
+
+
+def in_short(learned: Results) -> str:
+    """What the law is, at the beginning of a sentence."""
+    return f"A force over {OVER[learned['coordinate']]}, {TURNING[learned['symmetry']]},"
+
+
 def told(learned: Results | None) -> list[str]:
     """The law, how it was judged, and whether improved.toml has it, in a sentence or two; none without one."""
     if learned is None:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from studies.gap_diagnosis import figures, unknown_law
+from studies.gap_diagnosis.answer import front, sentences
 
 LEARNED: dict[str, Any] = {
     "adopted": True,
@@ -46,6 +47,26 @@ def test_a_law_at_one_place_is_told_with_the_place() -> None:
         {**rail, "coordinate": "speed"},
     ):
         assert unknown_law.told(other)[0].endswith("of up to 4.2 N.")
+
+
+def test_a_law_that_is_handed_over_comes_before_what_it_resembles(results: dict[str, Any]) -> None:
+    """The page of a rail's joint had begun with the friction that it resembles in part, and had the law in a remark."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
+    gap = {"force_N": 0.0208, "position_m": 28e-9, "settling_s": None}
+    files = [*results["how_far"]["files"][:2], {"file": "measured law", "on_records": gap, "held_out": gap}]
+    far = {**results["how_far"], "adopted_file": "measured law", "files": files, "harms": []}
+    whole = {**results, "verdict": verdict, "how_far": far, "learned": LEARNED}
+    told, page = sentences(whole), front(whole)
+    assert told["outcome"] == (
+        "A force over the position, the same in both directions, explains it, which has no name in the catalogue"
+    )
+    assert page["which"] == " ".join(unknown_law.told(LEARNED))
+    assert "and with the measured law 0.0208 N" in told["how_far"]
+    assert "With the measured law 0.021 N and 28 nm of position are left on motions held out." in page["how_far"]
+    assert told["how_far"].count("With the measured law") == 1
+    figures.waterfall({"results": whole})
+    refused = {**whole, "how_far": {**results["how_far"], "adopted_file": "re-fitted"}}
+    assert sentences(refused)["outcome"].endswith("in part it resembles cogging")
 
 
 def test_a_refused_law_is_told_with_the_reason() -> None:
