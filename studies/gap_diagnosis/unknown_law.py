@@ -38,8 +38,9 @@ def has_curve(learned: Results | None) -> bool:
 
 def is_the_answer(results: Results) -> bool:
     """Whether nothing has a name, and the law that was learned is in the file that is handed over."""
-    given = results["how_far"]["adopted_file"] == Content.MEASURED
-    return bool(given and results["verdict"]["outcome"] == "none_of_these" and has_curve(results.get("learned")))
+    if results["verdict"]["outcome"] != "none_of_these" or not has_curve(results.get("learned")):
+        return False
+    return bool(results["how_far"]["adopted_file"] == Content.MEASURED)
 
 
 def in_short(learned: Results) -> str:
