@@ -14,7 +14,7 @@ from models.effects.motor import Cogging, ThrustSaturation
 from reports import text
 from studies.gap_diagnosis import report
 from studies.gap_diagnosis.answer import front, sentences
-from studies.gap_diagnosis.how_far import _carried_over, elsewhere
+from studies.gap_diagnosis.how_far import _carried_over
 
 
 def test_the_answer_is_made_of_the_results(results: dict[str, Any]) -> None:
@@ -274,73 +274,6 @@ def test_what_stands_in_for_a_floor_is_said_where_nothing_repeats(results: dict[
     text = results["where"]["statements"][-1]
     assert text.startswith("No motion is repeated, so repeats give no noise floor; the innovations put it at ")
     assert results["where"]["details"]["floor"]["repeats"] is None
-
-
-def test_what_is_told_of_a_record_that_was_held_out(results: dict[str, Any]) -> None:
-    def file(name: str, force: float, position: float) -> dict[str, Any]:
-        return {"file": name, "force_N": [force], "position_m": [position], "settling_s": [None]}
-
-    far = results["how_far"]
-    for position, says in ((1e-6, "the gap shrinks there"), (3e-6, "the gap is larger there in position error")):
-        files = [file("as delivered", 2.0, 2e-6), file(far["adopted_file"], 1.5, position)]
-        (told,) = elsewhere({**far, "hold_out": {"records": ["b.csv"], "files": files}})
-        assert says in told
-    assert elsewhere({**far, "hold_out": None}) == []
-
-
-def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> None:
-    harm = {"file": "with effects", "measure": "position", "unit": "m", "than": "as delivered"}
-    bound = {"part": "nominal", "name": "payload_mass", "value": 40.0, "unit": "deviations of its tolerance"}
-    far = {
-        **results["how_far"],
-        "adopted_file": "as delivered",
-        "harms": [{**harm, "before": 2.3e-6, "after": 8.2e-6}],
-        "at_bounds": [bound],
-    }
-    told = sentences({**results, "how_far": far})["how_far"]
-    assert (
-        "the machine with effects leaves a position error of 8.2 µm, and the machine as delivered one of 2.3 µm" in told
-    )
-    assert "improved.toml is the machine as delivered." in told
-    assert "Payload mass is at the limit of twice the usual range: the model is incomplete." in told
-
-
-def test_a_file_with_some_of_the_effects_says_which(results: dict[str, Any]) -> None:
-    harm = {"file": "with effects", "measure": "settling", "unit": "s", "than": "re-fitted", "before": 2e-3}
-    far = {
-        **results["how_far"],
-        "adopted_file": "with some of the effects",
-        "without": ["cable_spring"],
-        "harms": [{**harm, "after": 3e-3}],
-        "files": [
-            {**results["how_far"]["files"][0], "file": name}
-            for name in ("as delivered", "re-fitted", "with some of the effects", "with effects")
-        ],
-    }
-    verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cable_spring", "cogging"]}
-    told = sentences({**results, "how_far": far, "verdict": verdict, "adopted": ["cogging"]})["how_far"]
-    assert "the machine with effects leaves an error of the settling times of 3 ms" in told
-    assert "So improved.toml has the effects but cable spring, without which it does no harm." in told
-    doubted = {**results, "how_far": {**far, "harms": []}, "verdict": verdict, "adopted": ["cogging"]}
-    assert "So improved.toml has the effects but cable spring" in sentences(doubted)["how_far"]
-
-
-def test_a_sine_that_stands_for_a_random_force_is_told(results: dict[str, Any]) -> None:
-    said = "What shakes at random is in improved.toml as sines as strong as it is, with an arbitrary phase"
-    assert said not in sentences(results)["how_far"]
-    assert said in sentences({**results, "at_random": True})["how_far"]
-
-
-def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[str, Any]) -> None:
-    bound = {"part": "cogging", "name": "period", "value": 0.1, "unit": "m"}
-    verdict = {**results["verdict"], "outcome": "attributed", "effects": ["cogging"]}
-    far = {**results["how_far"], "at_bounds": [bound]}
-    named = sentences({**results, "verdict": verdict, "how_far": far})["how_far"]
-    assert "The period of cogging is at the limit of twice the usual range: these records do not determine" in named
-    beside = {**far, "at_bounds": [bound, {**bound, "part": "nominal", "name": "payload_mass"}]}
-    assert "the model is incomplete" in sentences({**results, "verdict": verdict, "how_far": beside})["how_far"]
-    unnamed = {**verdict, "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
-    assert "the model is incomplete" in sentences({**results, "verdict": unnamed, "how_far": far})["how_far"]
 
 
 def test_a_bound_where_no_effect_is_missing_does_not_make_the_model_incomplete(results: dict[str, Any]) -> None:
