@@ -111,20 +111,20 @@ def along(coordinate: str | None, machine: Machine, records: Sequence[Record] = 
     the effect is; without a coordinate, or where the records have its motions, one that shows whether the force
     repeats, or None where they have those, too. Settings in the sentence [SI]."""
     *others, last = menu(machine)
-    varying = [one for one in others if coordinate is not None and coordinate in one.coordinates]
+    varying, on = [one for one in others if coordinate in one.coordinates], words(coordinate) if coordinate else ""
     told = coordinate in BY_MOTION
     for one in varying:
         if not (told and _is_there(one.schedule, machine, records)):
             sentence = (
-                f"No effect of the catalogue explains the residual, which depends most on {words(coordinate or '')}. "
+                f"No effect of the catalogue explains the residual, which depends most on {on}. "
                 f"Run, two times over, {one.words}, and read off the curve of the unknown force over it."
             )
             return Proposal(sentence, together(one.schedule.name, [one.schedule] * 2), float("nan"))
     if _is_there(last.schedule, machine, records):
         return None
     why = "and no single coordinate explains the residual"
-    if coordinate is not None:
-        why = f"explains the residual, which depends most on {words(coordinate)}"
+    if on:
+        why = f"explains the residual, which depends most on {on}"
         why += ", and the records have the motions that vary it" if varying else ""
     sentence = f"No effect of the catalogue {why}. Run {last.words}: it shows whether the force is the same every time."
     return Proposal(sentence, last.schedule, float("nan"))

@@ -190,11 +190,13 @@ def _standing(path: Array) -> Array:
     rounding in any sample: a profile that is summed up in floating point had a motion of a hundred-millionth of a
     nanometre."""
     size = np.abs(np.diff(path, prepend=path[:1]))
-    edges, still = np.flatnonzero(np.diff(size > 0, prepend=False, append=False)), path.copy()
-    begins, ends = edges[::2], edges[1::2]
-    for start, stop, begin in zip(begins, ends, [*begins[1:], path.size], strict=False):
-        if np.max(size[start:stop]) <= ROUNDING * float(np.max(np.abs(path))):
-            still[start:begin] = still[start - 1]
+    begins = np.flatnonzero((size > 0) & (np.concatenate([[0.0], size[:-1]]) == 0))
+    if begins.size == 0:
+        return path
+    least, still = ROUNDING * float(np.max(np.abs(path))), path.copy()
+    ends = np.append(begins[1:], path.size)
+    for i in np.flatnonzero(np.maximum.reduceat(size, begins) <= least):  # of many steps, as of a held one, few are
+        still[begins[i] : ends[i]] = still[begins[i] - 1]
     return still
 
 
