@@ -186,17 +186,18 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
 
 
 def _standing(path: Array) -> Array:
-    """A target or a reference (n,) [m] that stands still where it moves, from one halt to the next, by no more than
-    rounding in any sample: a profile that is summed up in floating point had a motion of a hundred-millionth of a
-    nanometre."""
+    """A target or a reference (n,) [m] that stands still from the end of a motion on, up to the last halt before the
+    next, where rounding alone moves it: a profile that is summed up in floating point had a motion of a
+    hundred-millionth of a nanometre."""
     size = np.abs(np.diff(path, prepend=path[:1]))
-    begins = np.flatnonzero((size > 0) & (np.concatenate([[0.0], size[:-1]]) == 0))
-    if begins.size == 0:
-        return path
-    least, still = ROUNDING * float(np.max(np.abs(path))), path.copy()
-    ends = np.append(begins[1:], path.size)
-    for i in np.flatnonzero(np.maximum.reduceat(size, begins) <= least):  # of many steps, as of a held one, few are
-        still[begins[i] : ends[i]] = still[begins[i] - 1]
+    slight = size <= ROUNDING * float(np.max(np.abs(path), initial=0.0))
+    begins = np.flatnonzero(slight & ~np.concatenate([[False], slight[:-1]]))
+    ends = np.flatnonzero(slight & ~np.concatenate([slight[1:], [False]])) + 1
+    still = path.copy()
+    for i in np.flatnonzero(np.add.reduceat(slight & (size > 0), begins)) if begins.size else ():
+        halts = np.flatnonzero(size[begins[i] : ends[i]] == 0)
+        if halts.size:
+            still[begins[i] : begins[i] + halts[-1] + 1] = path[max(begins[i] - 1, 0)]
     return still
 
 

@@ -49,8 +49,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
 
     Of several fast records mass, delay, drag, asymmetry and offset are the means by their deviations, and the elements
     those of the record that knows the slip force best. The drag is also the mean with a frequency response's, if a slow
-    record gave the elements. Friction that grows with speed and the offset go together: where
-    records show different forms of it, both are that record's.
+    record gave the elements. Friction that grows with speed and the offset go together: where records show different
+    forms of it, both are that record's.
     """
     record = record_of(loaded)
     if reversals(record.position).size == 0:

@@ -57,6 +57,8 @@ def test_a_reference_that_moves_by_rounding_alone_stands_still(tmp_path: Path, r
     rests = np.flatnonzero((np.diff(halts, prepend=np.nan) == 0) & (np.diff(halts, append=np.nan) == 0) & (halts != 0))
     assert rests.size > 100
     halts[rests[50]] = np.nextafter(halts[rests[50]], 1.0)  # and back
+    stops = np.flatnonzero((np.diff(halts, prepend=halts[0]) != 0) & (np.diff(halts, append=halts[-1]) == 0))
+    halts[stops[2] + 1] = np.nextafter(halts[stops[2]], -1.0)  # right behind a motion, and back
     end = int(np.flatnonzero(np.diff(halts[rests[90] :]))[0])
     halts[rests[90] :][: end + 1] = np.nextafter(halts[rests[90]], 1.0)  # and on from there
     assert np.count_nonzero(np.diff(halts)) > np.count_nonzero(np.diff(record.reference))
