@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
 from models.compiled import inlined
@@ -61,14 +62,7 @@ def pack(effects: Sequence[Effect], elements: int) -> Hooks:
 def act(place: int, value: float, hooks: Hooks, now: Array, contact: Array) -> float:
     """What the hooks at a place make of a value, one after another; units: Place, SI."""
     for j in range(hooks.first[place], hooks.first[place + 1]):
-        value = call(
-            hooks.law[j],
-            value,
-            hooks.parameters[hooks.span[j, 0] : hooks.span[j, 1]],
-            now,
-            hooks.memory[hooks.span[j, 2] : hooks.span[j, 3]],
-            contact,
-        )
+        value = call(hooks.law[j], value, hooks.span[j], hooks.parameters, now, hooks.memory, contact)
     return value
 
 
@@ -87,21 +81,53 @@ def _address(law: Any) -> Any:
 
 
 @intrinsic
-def _call_address(typing: Any, law: Any, value: Any, p: Any, now: Any, memory: Any, contact: Any) -> Any:  # noqa: ARG001
-    """A call of the compiled function at the address `law`, as numba itself calls one of its functions."""
+def _call_address(
+    typing: Any,  # noqa: ARG001
+    law: Any,  # noqa: ARG001
+    value: Any,  # noqa: ARG001
+    span: Any,
+    parameters: Any,
+    now: Any,
+    memory: Any,
+    contact: Any,
+) -> Any:
+    """A call of the compiled function at the address `law`, as numba itself calls one of its functions.
+
+    The arrays are lent: to count their holders, as the slices of a compiled function do, takes longer than a short law.
+    """
 
     def build(context: Any, builder: Any, _: Any, given: Any) -> Any:
+        address, before, spans, *arrays = given
+        ends = make_array(span)(context, builder, spans).data
+        ends = [builder.load(builder.gep(ends, [context.get_constant(types.intp, i)])) for i in range(4)]
+
+        def lent(array: Any, kind: Any, part: Any) -> Any:
+            whole, view = make_array(kind)(context, builder, array), make_array(kind)(context, builder)
+            data, shape = whole.data, whole.shape
+            if part:
+                data, shape = builder.gep(data, part[:1]), [builder.sub(part[1], part[0])]
+            populate_array(view, data, shape, whole.strides, whole.itemsize, meminfo=None)
+            return view._getvalue()
+
+        kinds, parts = (parameters, now, memory, contact), (ends[:2], None, ends[2:], None)
         convention = context.call_conv
         kind = convention.get_function_type(_SIGNATURE.return_type, _SIGNATURE.args)
-        function = builder.inttoptr(given[0], kind.as_pointer())
-        _, result = convention.call_function(builder, function, _SIGNATURE.return_type, _SIGNATURE.args, given[1:])
+        _, result = convention.call_function(
+            builder,
+            builder.inttoptr(address, kind.as_pointer()),
+            _SIGNATURE.return_type,
+            _SIGNATURE.args,
+            [before, *map(lent, arrays, kinds, parts)],
+        )
         return result
 
-    return types.float64(types.int64, *_SIGNATURE.args), build
+    return types.float64(types.int64, types.float64, span, parameters, now, memory, contact), build
 
 
-def _call_python(law: Any, *given: Any) -> Any:
-    return law(*given)
+def _call_python(
+    law: Any, value: float, span: Integers, parameters: Array, now: Array, memory: Array, contact: Array
+) -> Any:
+    return law(value, parameters[span[0] : span[1]], now, memory[span[2] : span[3]], contact)
 
 
 call: Any = _call_address if _COMPILED else _call_python
