@@ -100,10 +100,10 @@ def tested(before: Look, now: Baseline, process: EProcess) -> EProcess:
     random = _of_random_forces(before, now, fresh)
     forces = {name: [one for one in before.effects if one.name == name] for name in named}
     forces = {name: effects for name, effects in forces.items() if effects}
-    every = max(record.every for record in now.records)
-    ratios = {name: one / every for name, one in _ratios(now, forces, fresh).items()} if forces else {}
+    ratios = _ratios(now, forces, fresh) if forces else {}
     each = {**logged, **{name: random for name in named if name not in logged and name not in forces}, **ratios}
-    parts = [ratios[""]] * bool(ratios) + list(logged.values()) + [random] * bool(before.fitted.candidate.random_forces)
+    parts = [*logged.values(), *([random] if before.fitted.candidate.random_forces else [])]
+    parts += [ratios[""]] if ratios else []
     if not parts:
         return process
     whole = float(np.logaddexp.reduce(parts) - np.log(len(parts)))  # a mean of e-values is one, their product is not
@@ -128,7 +128,12 @@ def _ratios(now: Baseline, forces: Mapping[str, list[Effect]], fresh: int) -> di
     ratios = {"": whole - predicted(~every)}
     for i, name in enumerate(forces):
         ratios[name] = whole - predicted(np.arange(len(trials)) != i)
-    return ratios
+    return {name: ratio / _interpolation(now) for name, ratio in ratios.items()}
+
+
+def _interpolation(now: Baseline) -> int:
+    """How many samples the records have to one that was logged; the others tell nothing new."""
+    return max(record.every for record in now.records)
 
 
 def at_the_priors(fitted: Fit) -> tuple[Array, Array]:
@@ -166,7 +171,7 @@ def _in_the_log(name: str, before: Look, now: Baseline, fresh: int) -> float:
     if not np.isfinite(seen.scatter) or seen.scatter <= 0:
         return 0.0
     expected, found = known.size**2 / seen.scatter / LATE, np.sqrt(seen.gain) / LATE
-    return float(expected * (found - 0.5 * expected))
+    return float(expected * (found - 0.5 * expected)) / _interpolation(now)
 
 
 def _of_random_forces(before: Look, now: Baseline, fresh: int) -> float:
@@ -178,7 +183,7 @@ def _of_random_forces(before: Look, now: Baseline, fresh: int) -> float:
     other = replace(fitted.candidate, random_forces=forces)
     after = evaluate(other, now.records, fitted.paths, fitted.walk)
     pairs = zip(fitted.residuals[-fresh:], after[-fresh:], strict=True)
-    return 0.5 * sum(_cost(without) - _cost(within) for without, within in pairs)
+    return 0.5 * sum(_cost(without) - _cost(within) for without, within in pairs) / _interpolation(now)
 
 
 def _cost(left: Residual) -> float:

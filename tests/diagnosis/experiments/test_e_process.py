@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from diagnosis.baseline import Baseline, refit_and_null
 from diagnosis.experiments import e_process
 from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, predictive, staked
-from diagnosis.experiments.schedules import Experiment
+from diagnosis.experiments.look import Found, Look
+from diagnosis.experiments.schedules import Experiment, strokes
 from diagnosis.experiments.within_limits import Bounds, experiments
 from diagnosis.model.fit import one_step, weights
+from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import Parameters, bounded, parameters
 from diagnosis.model.residual import Candidate, columns
 from diagnosis.model.units import slow_walk, with_units
 from diagnosis.null import simulated
+from diagnosis.verdict import Outcome
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.effects.friction_laws import ViscousFriction
 from models.machine import Machine, load
 from models.records.record import Record
+from tests.diagnosis.tables import recorded, table
 
 CHANCE = 0.05
 AMPLE = Bounds(0.05, 0.3, 100.0)
@@ -96,22 +103,54 @@ def test_a_wrong_choice_costs_half_and_names_are_kept_apart() -> None:
     assert not process.sure("stribeck", 1e-6)
 
 
-def test_interpolated_samples_are_no_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module")
+def dragged(null_cache: Path) -> tuple[Baseline, Baseline]:
+    """A table with a drag that its file lacks: of its first record, and of both."""
+    moves = (strokes(table(), 5e-3, (0.1,), passes=2),)
+    records = [recorded(table(), moves, [ViscousFriction(40.0)], seed=seed, wrong=0.0)[0] for seed in (1, 2)]
+    one, two = (refit_and_null(table(), records[:count], cache=null_cache) for count in (1, 2))
+    return one, two
+
+
+def _look(baseline: Baseline, tried: tuple[str, ...], effects: tuple[Effect, ...], *forces: Resonance) -> Look:
+    fitted = baseline.nominal
+    fitted = replace(fitted, candidate=replace(fitted.candidate, random_forces=forces))
+    return Look(Found(Outcome.NOTHING, (), (), {}), fitted, baseline, tried, effects)
+
+
+DRAG = ("viscous_friction",), (ViscousFriction(40.0),)
+VIBRATION = ("floor_vibration",), (), Resonance(20.0, 0.1, 1.0)
+
+
+@pytest.mark.parametrize("tried", [DRAG, VIBRATION], ids=["a law of force", "a random force"])
+def test_interpolated_samples_are_no_evidence(dragged: tuple[Baseline, Baseline], tried: Any) -> None:
     """Of a log with one of four samples, the ratio counts by a quarter; and without a new record nothing does."""
-    law, machine = ViscousFriction(20.0), load()
-    no_forces = SimpleNamespace(candidate=SimpleNamespace(random_forces=()))
-    before = SimpleNamespace(
-        tried=(law.name,),
-        effects=(law,),
-        fitted=no_forces,
-        baseline=SimpleNamespace(machine=machine, records=[SimpleNamespace(every=4)]),
+    before, now = _look(dragged[0], *tried), dragged[1]
+    filled = replace(now, records=tuple(replace(record, every=4) for record in now.records))
+    whole, quarter = (e_process.tested(before, one, EProcess()) for one in (now, filled))
+    assert abs(_ratio(whole.any)) > 1.0
+    assert _ratio(quarter.any) == pytest.approx(_ratio(whole.any) / 4, rel=1e-6)
+    assert _ratio(quarter.of(tried[0][0])) == pytest.approx(_ratio(whole.of(tried[0][0])) / 4, rel=1e-6)
+    assert e_process.tested(before, dragged[0], EProcess()) == EProcess()
+
+
+def _ratio(staked: float) -> float:
+    """The logarithm of the likelihood ratio that `staked` made this of."""
+    return float((staked + np.log(2 - np.exp(-staked))) / TEMPER)
+
+
+@pytest.mark.parametrize("replays", [False, True])
+def test_a_controller_alone_is_tested_by_its_replays_of_the_new_records(
+    dragged: tuple[Baseline, Baseline], replays: bool
+) -> None:
+    """No law of force stands beside it, by which anything would be weighed."""
+    now = replace(
+        dragged[1],
+        known_replays=tuple(replace(one, checked=True, departs=None if replays else 5) for one in dragged[1].replays),
     )
-    monkeypatch.setattr(e_process, "_ratios", lambda _now, _forces, fresh: {"": 20.0 * fresh, law.name: 16.0 * fresh})
-    now = SimpleNamespace(machine=machine, records=[SimpleNamespace(every=4)] * 3, nominal=no_forces)
-    process = e_process.tested(before, now, EProcess())  # type: ignore[arg-type]
-    assert process == EProcess().after(10.0, {law.name: 8.0})
-    now.records = now.records[:1]
-    assert e_process.tested(before, now, EProcess()) == EProcess()  # type: ignore[arg-type]
+    process = e_process.tested(_look(dragged[0], ("controller_mismatch",), ()), now, EProcess())
+    assert process.sure("controller_mismatch", 1e-6) is not replays
+    assert (process.any > 0) is not replays
 
 
 def test_on_simulated_tables_without_an_effect_the_mean_e_value_is_one_at_most() -> None:
