@@ -38,7 +38,8 @@ class Variation:
     contacts, one number for all or one for each. payload: the rigid body's mass alone. mass: the mass that every mode
     moves. modal_gain: the flexible modes' gains; with one number for each mode the rigid body's as well. frequency,
     damping: of the flexible modes, one number for all or one for each mode, whose number for the rigid body is without
-    effect. dead_time [s] and offset [N] are added to the file's.
+    effect. dead_time [s] and offset [N] are added to the file's. thrust_constant: of the thrust that a command makes;
+    what the file knows in newtons of thrust, friction and offset, takes so much less of the thrust reference.
 
     >>> pos.Variation(mass=0.03, dead_time=50e-6).mass
     0.03
@@ -55,6 +56,7 @@ class Variation:
     damping: Each = 0.0
     dead_time: float = 0.0
     offset: float = 0.0
+    thrust_constant: float = 0.0
 
     def __post_init__(self) -> None:
         """Takes lists and arrays for tuples. Raises ValueError for an error of -1 or below, which leaves nothing, and
@@ -83,7 +85,9 @@ def varied(machine: Machine, variation: Variation) -> Machine:
     """
     return replace(
         machine,
-        drive=replace(machine.drive, offset=machine.drive.offset + variation.offset),
+        drive=replace(
+            machine.drive, offset=machine.drive.offset / (1 + variation.thrust_constant) + variation.offset
+        ),
         plant=varied_plant(machine.plant, variation),
         friction=varied_friction(machine.friction, variation),
     )
@@ -110,20 +114,23 @@ def varied_plant(plant: Plant, variation: Variation) -> Plant:
         )
 
     modes = tuple(moved(*one) for one in zip(plant.modes, gains, frequencies, dampings, strict=True))
-    return replace(plant, modes=modes, dead_time=max(plant.dead_time + variation.dead_time, 0.0))
+    constant, dead_time = 1 + variation.thrust_constant, max(plant.dead_time + variation.dead_time, 0.0)
+    return replace(plant, thrust_constant=plant.thrust_constant * constant, modes=modes, dead_time=dead_time)
 
 
 def varied_friction(friction: Friction, variation: Variation) -> Friction:
-    """The friction with the variation's errors of force, lengths, stiffnesses and limits; its damping [N s/m] stays.
+    """The friction with the variation's errors of force, lengths, stiffnesses and limits, and of the thrust constant;
+    its damping [N s/m] stays but for the latter.
 
     Raises ValueError for a list that is not as long as the friction has contacts.
     """
     count, length = len(friction.limit), 1 + variation.friction_length
+    constant = 1 + variation.thrust_constant
     stiffness, limit = (np.array(_each(error, count, "contact")) for error in (variation.stiffness, variation.limit))
     return elements(
-        np.array(friction.stiffness) * (1 + variation.friction_force) / length * (1 + stiffness),
+        np.array(friction.stiffness) / constant * (1 + variation.friction_force) / length * (1 + stiffness),
         np.array(friction.limit) * length * (1 + limit),
-        friction.damping,
+        tuple(one / constant for one in friction.damping),
     )
 
 
@@ -251,6 +258,8 @@ def _nominal(machine: Machine) -> Iterator[Known]:
         if not rigid:
             yield entry(f"plant.modes.{i}.frequency", "Hz", (mode.frequency,), "frequency")
             yield entry(f"plant.modes.{i}.damping", "1", (mode.damping,), "damping")
+    if tolerance.thrust_constant > 0 or _stated(machine, "plant.thrust_constant", 1):
+        yield entry("plant.thrust_constant", "1", (plant.thrust_constant,), "thrust_constant")
     yield entry("plant.dead_time", "s", (plant.dead_time,), "dead_time", share=False)
     yield entry("drive.offset", "N", (machine.drive.offset,), "offset", share=False)
     stiffness = entry("friction.stiffness", "N/m", friction.stiffness, "stiffness")

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 MOST: Final = 3.0  # deviations that a draw is off at most
 SMALLEST: Final = 0.05  # of a value that keeps its sign: the least that is drawn
+THRUST: Final = "plant.thrust_constant"  # drawn as an error of the whole machine: it moves more than its own value
 
 
 def machines_as_stated(machine: Machine, count: int, seed: int = 0) -> tuple[Machine, ...]:
@@ -34,7 +35,8 @@ def machines_as_stated(machine: Machine, count: int, seed: int = 0) -> tuple[Mac
     """
     rng = np.random.default_rng([seed, 31])
     stated = [one for one in known(machine) if one.origin == "value" and one.name in machine.sources]
-    alone, shared = [one for one in stated if not one.shares], [one for one in stated if one.shares]
+    alone = [one for one in stated if not one.shares and one.name != THRUST]
+    shared = [one for one in stated if one.shares]
     together = _together(machine, shared, count, np.random.default_rng([seed, 37]))
     return tuple(_drawn(machine, alone, shared, moved, rng) for moved in together)
 
@@ -111,6 +113,7 @@ def _tolerated(machine: Machine, stated: set[str], rng: np.random.Generator) -> 
     rigid = machine.plant.rigid
     gain[rigid] = of(tolerance.mass, [f"{numbers[rigid]}.gain"])[0]
     together = of(tolerance.friction_level, ["friction.stiffness"])[0]
+    thrust = next((one.relative[0] for one in known(machine) if one.name == THRUST), 0.0)
     return Variation(
         friction_force=together,
         stiffness=of(tolerance.stiffness, ["friction.stiffness"] * contacts),
@@ -120,6 +123,7 @@ def _tolerated(machine: Machine, stated: set[str], rng: np.random.Generator) -> 
         damping=of(tolerance.damping, [f"{name}.damping" for name in numbers]),
         dead_time=0.0 if "plant.dead_time" in stated else tolerance.dead_time * float(_normal(rng, ())),
         offset=0.0 if "drive.offset" in stated else tolerance.offset * float(_normal(rng, ())),
+        thrust_constant=of(thrust, [THRUST])[0] if thrust else 0.0,
     )
 
 

@@ -12,14 +12,13 @@ that is too narrow would make a change that needs no new physics look like an ef
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.friction import elements
 from models.machine import Machine
 from models.variation import Origin, Variation, known_apart, varied
 
@@ -198,20 +197,9 @@ def applied(layout: Parameters, theta: Array) -> Machine:
         damping=tuple(damping),
         dead_time=float(theta[layout.of("dead_time")][0]),
         offset=float(theta[layout.of("amplifier_offset")][0]),
+        thrust_constant=_relative(np.sum(theta[layout.of("thrust_constant")])),
     )
-    stronger = float(np.exp(np.sum(theta[layout.of("thrust_constant")])))
-    return varied(_with_thrust(machine, stronger), variation) if stronger != 1 else varied(machine, variation)
-
-
-def _with_thrust(machine: Machine, stronger: float) -> Machine:
-    """The machine whose thrust constant is so many times the file's [1]."""
-    friction, drive = machine.friction, machine.drive
-    return replace(
-        machine,
-        plant=replace(machine.plant, thrust_constant=machine.plant.thrust_constant * stronger),
-        friction=elements(np.array(friction.stiffness) / stronger, np.array(friction.limit), friction.damping),
-        drive=replace(drive, offset=drive.offset / stronger),
-    )
+    return varied(machine, variation)
 
 
 def _relative(logarithm: float) -> float:

@@ -51,6 +51,25 @@ def test_force_and_length_of_the_friction_scale_its_curve(force: float, length: 
     assert friction.damping == MACHINE.friction.damping
 
 
+def test_a_stronger_drive_moves_the_axis_more_and_needs_less_reference_for_what_is_known_in_newtons() -> None:
+    offset = replace(MACHINE, drive=replace(MACHINE.drive, offset=3.0))
+    stronger = varied(offset, Variation(thrust_constant=0.25))
+    ratio = frequency_response(stronger.plant, OMEGA) / frequency_response(PLANT, OMEGA)
+    assert ratio == pytest.approx(np.full(OMEGA.size, 1.25))
+    assert 1.25 * stronger.friction.coulomb_force == pytest.approx(MACHINE.friction.coulomb_force)
+    assert stronger.friction.limit == MACHINE.friction.limit
+    assert 1.25 * stronger.drive.offset == pytest.approx(3.0)
+    damped = replace(MACHINE.friction, damping=(2.0,) * len(MACHINE.friction.limit))
+    assert 1.25 * varied_friction(damped, Variation(thrust_constant=0.25)).damping[0] == pytest.approx(2.0)
+
+
+def test_a_thrust_constant_is_among_what_is_known_where_the_file_tells_its_tolerance() -> None:
+    name = "plant.thrust_constant"
+    assert name not in {one.name for one in known(MACHINE)}  # only its ratio to the mass is
+    machine = replace(MACHINE, tolerance=replace(MACHINE.tolerance, thrust_constant=0.1))
+    assert next(one for one in known(machine) if one.name == name).relative == pytest.approx([0.1])
+
+
 def test_contacts_and_modes_have_errors_of_their_own() -> None:
     count = len(MACHINE.friction.limit)
     wide = tuple(0.01 * i for i in range(count))

@@ -61,6 +61,18 @@ def test_draws_have_the_stated_deviations() -> None:
     assert np.std(mass) / np.mean(mass) == pytest.approx(machine.tolerance.mass, rel=0.15)
 
 
+def test_a_thrust_constant_that_is_known_by_its_tolerance_is_drawn_with_all_that_it_moves() -> None:
+    """Where the mass is sure, response and friction in the reference's newtons scatter by it, together."""
+    machine = replace(KNOWN, tolerance=replace(KNOWN.tolerance, thrust_constant=0.05, mass=1e-6, friction_level=1e-6))
+    drawn = machines_as_stated(machine, 400, seed=2)
+    response = np.log([1 / one.plant.mass for one in drawn])
+    assert np.std(response) == pytest.approx(0.05, rel=0.15)
+    constant = np.log([one.plant.thrust_constant for one in drawn])
+    np.testing.assert_allclose(response - np.mean(response), constant - np.mean(constant), atol=1e-4)
+    stiff = np.log([one.friction.stiffness[0] for one in drawn])
+    assert np.corrcoef(constant, stiff)[0, 1] < -0.2  # beside the tolerance of each element's own
+
+
 def wind(size: float, seconds: float, seed: int) -> NDArray[np.float64]:
     """A force of `size` [N] rms that forgets itself within 50 ms."""
     keep = np.exp(-KNOWN.sample_time / 0.05)
