@@ -90,7 +90,8 @@ class Controller:
     reference waits for the dead time (Smith's method); friction_compensation: the RFM, or None for u_rf = 0; path_ff:
     N_ff [m/m] of the path that its elements follow, or None for x_T* itself, as in the paper; effect_compensation:
     effects that u_rf meets along x_T*, too, or None. law: what runs in place of the PID, where the feedback has another
-    structure; the PID then tells no more than the size of its gains.
+    structure; the PID then tells no more than the size of its gains. Raises ValueError for a PID with set-point weights
+    without the law that they make of it (`models.feedback.forms.law_of`).
 
     >>> controller
     Controller(T_s = 500 µs, reference 2 samples late, feedforward of 41 samples, with friction compensation)
@@ -107,6 +108,11 @@ class Controller:
     effect_compensation: EffectFeedforward | None = None
     law: Law | None = None
     path_ff: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """A PID runs as a law of the error alone, so that weights without their law would be left out unseen."""
+        if self.law is None and not self.pid.plain:
+            raise ValueError("pid: set-point weights other than 1 make another law of it; state that as `law`, too")
 
     @property
     def feedback(self) -> Feedback:

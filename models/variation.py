@@ -85,9 +85,7 @@ def varied(machine: Machine, variation: Variation) -> Machine:
     """
     return replace(
         machine,
-        drive=replace(
-            machine.drive, offset=machine.drive.offset / (1 + variation.thrust_constant) + variation.offset
-        ),
+        drive=replace(machine.drive, offset=machine.drive.offset / (1 + variation.thrust_constant) + variation.offset),
         plant=varied_plant(machine.plant, variation),
         friction=varied_friction(machine.friction, variation),
     )

@@ -111,10 +111,6 @@ def coefficients(
     Raises ValueError, a sentence, for a controller that no drive can run as it stands.
     """
     law, pid, rfm = controller.law, controller.pid, controller.friction_compensation
-    if law is None and not pid.plain:
-        raise ValueError(
-            "with set-point weights other than 1 the law is not of the error alone; give a controller.json from a study"
-        )
     if law is not None and (
         any(row[REFERENCE] != -row[POSITION] for row in law.b) or law.d[REFERENCE] != -law.d[POSITION]
     ):

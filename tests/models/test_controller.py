@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 from models.controller import PID, Controller, ControllerError, load, references, to_json
+from models.feedback.forms import NO_FILTERS, law_of
 from models.friction import elements, follow
 from models.simulation.kernel import pid_step
 
@@ -74,3 +76,19 @@ def test_a_wrong_controller_file_is_said(tmp_path: Path, old: str, new: str, say
         load(path)
     with pytest.raises(ControllerError, match="can't be read"):
         load(tmp_path / "nowhere.json")
+
+
+def test_weights_run_with_their_law_or_not_at_all(tmp_path: Path) -> None:
+    """Of a PID alone the error is all that the simulator, a file and a drive's code look at."""
+    weighted = replace(GAINS, proportional_weight=0.5)
+    with pytest.raises(ValueError, match="set-point weights other than 1 make another law"):
+        Controller(TS, weighted, 2, (0.0, 1.0), (3.0, -3.0))
+    law = law_of(weighted, NO_FILTERS, 0.0, TS)
+    content = to_json(Controller(TS, weighted, 2, (0.0, 1.0), (3.0, -3.0), law=law), 20e-6, 20e-3)
+    path = tmp_path / "controller.json"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    assert load(path).feedback == law
+    del content["law"]
+    path.write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(ControllerError, match="set-point weights other than 1 make another law"):
+        load(path)
