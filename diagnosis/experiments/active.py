@@ -103,11 +103,11 @@ def ask(
     say(0.0, "what each experiment would tell, by simulation")
     names = names_of(machine, settings.disabled)
     menu = told(machine, experiments(machine, budget.bounds), names, settings.seed)
-    known = Knowledge(names, menu, (0,) * len(menu), (), EProcess(), budget.seconds, budget.records)
+    known = Knowledge(names, menu, (0,) * len(menu), (), EProcess(), budget.seconds, budget.records, settings.criteria)
     course = _Course(known, records=tuple(have))
     if have:
         course = _looked(course, machine, settings, Choice((), "records that there were"), known)
-    choice = _next(course.known, choose, settings.criteria)
+    choice = _next(course.known, choose)
     while choice is not None and policy.ending(course.known, budget.chance) is None:
         parts = [course.known.experiments[i] for i in choice.places]
         share = 1 - course.known.seconds / budget.seconds
@@ -115,16 +115,16 @@ def ask(
         result = run(_joined(parts))
         begun = course.known
         if not isinstance(result, NotRun) or result.spent:
-            course = replace(course, known=_taken(begun, parts, choice))
+            course = replace(course, known=_spent(begun, parts))
         if isinstance(result, NotRun):
             say(share, f"the machine did not: {result.why}")
             steps = (*course.steps, _step(parts, choice, begun, None, result))
             course = replace(course, known=_without(course.known, choice), steps=steps)
         else:
-            course = replace(course, records=(*course.records, result))
+            course = replace(course, known=_seen(course.known, choice), records=(*course.records, result))
             say(1 - course.known.seconds / budget.seconds, f"a diagnosis of {len(course.records)} records")
             course = _looked(course, machine, settings, choice, begun)
-        choice = _next(course.known, choose, settings.criteria)
+        choice = _next(course.known, choose)
     return _asked(course, budget)
 
 
@@ -153,29 +153,26 @@ def _looked(course: _Course, machine: Machine, settings: Settings, choice: Choic
     return _Course(known, course.records, (*course.steps, step), now)
 
 
-def _next(known: Knowledge, choose: Choose, criteria: Criteria) -> Choice | None:
-    fits = [i for i, one in enumerate(known.experiments) if one.seconds <= known.seconds]
+def _next(known: Knowledge, choose: Choose) -> Choice | None:
+    fits = known.within(known.seconds)
     if not fits or known.records < 1:
         return None
     if known.found:
-        return choose(known, criteria)
-    return Choice((fits[0],), "to begin with what the axis runs anyway")
+        return choose(known)
+    return Choice((min(fits),), "to begin with what the axis runs anyway")
 
 
-def _taken(known: Knowledge, parts: list[Told], choice: Choice) -> Knowledge:
-    runs = tuple(n + choice.places.count(i) for i, n in enumerate(known.runs))
-    seconds = sum(one.seconds for one in parts)
-    return replace(known, runs=runs, seconds=known.seconds - seconds, records=known.records - 1)
+def _spent(known: Knowledge, parts: list[Told]) -> Knowledge:
+    return replace(known, seconds=known.seconds - sum(one.seconds for one in parts), records=known.records - 1)
+
+
+def _seen(known: Knowledge, choice: Choice) -> Knowledge:
+    return replace(known, runs=tuple(n + choice.places.count(i) for i, n in enumerate(known.runs)))
 
 
 def _without(known: Knowledge, choice: Choice) -> Knowledge:
-    """Without the experiments that the machine did not run."""
-    kept = [i for i in range(len(known.experiments)) if i not in choice.places]
-    return replace(
-        known,
-        experiments=tuple(known.experiments[i] for i in kept),
-        runs=tuple(known.runs[i] for i in kept),
-    )
+    """Without the experiments that the machine did not run as what may be asked for; what was run tells what it did."""
+    return replace(known, barred=known.barred.union(choice.places))
 
 
 def _joined(parts: list[Told]) -> Schedule:
@@ -209,7 +206,7 @@ def _asked(course: _Course, budget: Budget) -> Asked:
         return Asked(Stop.CANNOT_TELL, reason, (), course.steps, (), None, known.effects)
     end = policy.ending(known, budget.chance)
     if end is None:
-        fits = any(one.seconds <= known.seconds for one in known.experiments) and known.records > 0
+        fits = known.within(known.seconds) and known.records > 0
         left = "its records are spent" if known.records < 1 else f"no experiment fits into {known.seconds:.2g} s"
         reason = "nothing within the limits would tell more" if fits else f"of the budget, {left}"
         end = policy.spent(known, budget.chance, reason)

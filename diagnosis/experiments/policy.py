@@ -52,7 +52,8 @@ class Knowledge:
     """What is known when the next record is chosen.
 
     effects: by their place in the tables of the experiments; runs (M,): how often each experiment was run; found: by
-    look; process: of all looks; seconds [s] and records that are left of the budget.
+    look; process: of all looks; seconds [s] and records that are left of the budget; barred: the places of experiments
+    that the machine did not run.
     """
 
     effects: tuple[str, ...]
@@ -62,6 +63,13 @@ class Knowledge:
     process: EProcess
     seconds: float
     records: int
+    criteria: Criteria = Criteria()
+    barred: frozenset[int] = frozenset()
+
+    def within(self, seconds: float) -> dict[int, Told]:
+        """By place, the experiments that may be asked for and take no longer [s]."""
+        places = enumerate(self.experiments)
+        return {i: one for i, one in places if i not in self.barred and one.seconds <= seconds}
 
     @property
     def distance(self) -> Array:
@@ -79,10 +87,10 @@ class Choice:
     why: str
 
 
-Choose = Callable[[Knowledge, Criteria], Choice | None]
+Choose = Callable[[Knowledge], Choice | None]
 
 
-def questions(known: Knowledge, criteria: Criteria = Criteria()) -> tuple[Array, Array]:
+def questions(known: Knowledge) -> tuple[Array, Array]:
     """What is open (E, E): the weight of each effect's presence (diagonal) and of each pair [1], the sum being 1; and
     the ratio of squared sizes, found over usual, by which the rows' distances are multiplied [1]."""
     last, count = known.found[-1], len(known.effects)
@@ -99,27 +107,27 @@ def questions(known: Knowledge, criteria: Criteria = Criteria()) -> tuple[Array,
     for i in named:
         size[i] = max(last.gains.get(known.effects[i], 0.0), 1.0) / max(have[i, i], 1e-9)
         weight[i, i] = 1.0
-        weight[i] += (size[i] * have[i] < criteria.distinguishable) & (np.arange(count) != i)
+        weight[i] += (size[i] * have[i] < known.criteria.distinguishable) & (np.arange(count) != i)
     for group in groups:
         for i in group:
             weight[i, [j for j in group if j != i]] += 1.0
     return weight / max(weight.sum(), 1e-12), size
 
 
-def worth(known: Knowledge, more: Array, open_: tuple[Array, Array], criteria: Criteria = Criteria()) -> float:
+def worth(known: Knowledge, more: Array, open_: tuple[Array, Array]) -> float:
     """Nats [1] that squared distances (E, E) beside those so far add to the open questions."""
     weight, size = open_
-    before = np.log1p(size * known.distance / criteria.distinguishable)
-    after = np.log1p(size * (known.distance + more) / criteria.distinguishable)
+    before = np.log1p(size * known.distance / known.criteria.distinguishable)
+    after = np.log1p(size * (known.distance + more) / known.criteria.distinguishable)
     return float(0.5 * np.sum(weight * np.where(weight > 0, after - before, 0.0)))
 
 
-def active(known: Knowledge, criteria: Criteria = Criteria()) -> Choice | None:
+def active(known: Knowledge) -> Choice | None:
     """What tells most about the open questions in a second; None where nothing that still fits tells anything."""
-    open_ = questions(known, criteria)
+    open_ = questions(known)
 
     def value(places: Sequence[int]) -> float:
-        return worth(known, _total(known, places), open_, criteria)
+        return worth(known, _total(known, places), open_)
 
     places = filled(known, value)
     return Choice(places, _why(known)) if places and value(places) > LEAST else None
@@ -137,8 +145,8 @@ def filled(known: Knowledge, value: Callable[[Sequence[int]], float]) -> tuple[i
     while True:
         rates = {
             i: (value([*chosen, i]) - here) / one.seconds
-            for i, one in enumerate(known.experiments)
-            if one.seconds <= room and (chosen.count(i) < 2)
+            for i, one in known.within(room).items()
+            if chosen.count(i) < 2
         }
         if not rates or max(rates.values()) <= 0:
             return tuple(chosen)
@@ -151,7 +159,7 @@ def filled(known: Knowledge, value: Callable[[Sequence[int]], float]) -> tuple[i
 def share(known: Knowledge) -> float:
     """The time [s] of the next record: as much as of each that is left, but no less than the shortest experiment takes
     if there is that much."""
-    shortest = min(one.seconds for one in known.experiments)
+    shortest = min((one.seconds for one in known.within(np.inf).values()), default=np.inf)
     return min(max(known.seconds / max(known.records, 1), shortest), known.seconds)
 
 
@@ -190,13 +198,15 @@ def confirmed(known: Knowledge, chance: float = CHANCE) -> bool:
     return named and all(known.process.sure(name, chance) for name in last.names)
 
 
-def alike(known: Knowledge, criteria: Criteria = Criteria()) -> dict[str, tuple[str, ...]]:
+def alike(known: Knowledge) -> dict[str, tuple[str, ...]]:
     """By name that was given last, other effects that the records cannot tell from it at the size that was found, and
     that some experiment which still fits would."""
-    weight, size = questions(known, criteria)
-    have, fits = known.distance, [one for one in known.experiments if one.seconds <= known.seconds]
-    best = np.max([one.distance for one in fits], axis=0) if fits and known.records > 0 else np.zeros_like(have)
-    near = (weight > 0) & (size * (have + best) >= criteria.distinguishable) & ~np.eye(len(have), dtype=bool)
+    weight, size = questions(known)
+    have, fits = known.distance, known.within(known.seconds)
+    best = (
+        np.max([one.distance for one in fits.values()], axis=0) if fits and known.records > 0 else np.zeros_like(have)
+    )
+    near = (weight > 0) & (size * (have + best) >= known.criteria.distinguishable) & ~np.eye(len(have), dtype=bool)
     names = np.array(known.effects)
     return {
         name: tuple(names[near[known.effects.index(name)]]) for name in known.found[-1].names if name in known.effects
@@ -220,15 +230,14 @@ def spent(known: Knowledge, chance: float = CHANCE, reason: str = "the machine's
     return Stop.CANNOT_TELL, f"{reason}, and {_words(last.names)} has an e-value of {e:.2g}, {1 / chance:.0f} needed"
 
 
-def hidden(known: Knowledge, criteria: Criteria = Criteria()) -> tuple[str, ...]:
+def hidden(known: Knowledge) -> tuple[str, ...]:
     """Effects that at their usual size none of the records could show."""
-    seen = np.diag(known.distance) >= criteria.distinguishable
+    seen = np.diag(known.distance) >= known.criteria.distinguishable
     return tuple(name for name, there in zip(known.effects, seen, strict=True) if not there)
 
 
-def in_turn(known: Knowledge, criteria: Criteria = Criteria()) -> Choice | None:
+def in_turn(known: Knowledge) -> Choice | None:
     """The experiments in the menu's order, as a fixed suite has them; those that were run least come first."""
-    del criteria
     rank = sorted(range(len(known.experiments)), key=lambda i: (known.runs[i], i))
     places = filled(known, lambda chosen: _ranked(chosen, rank, known))
     return Choice(places, "next in the suite") if places else None
@@ -242,8 +251,7 @@ def _ranked(chosen: Sequence[int], rank: Sequence[int], known: Knowledge) -> flo
 def at_random(seed: int) -> Choose:
     """Experiments in an order drawn anew for each record."""
 
-    def choose(known: Knowledge, criteria: Criteria = Criteria()) -> Choice | None:
-        del criteria
+    def choose(known: Knowledge) -> Choice | None:
         rank = np.random.default_rng([seed, len(known.found)]).permutation(len(known.experiments)).tolist()
         places = filled(known, lambda chosen: _ranked(chosen, rank, known))
         return Choice(places, "drawn at random") if places else None
@@ -251,10 +259,9 @@ def at_random(seed: int) -> Choose:
     return choose
 
 
-def d_optimal(known: Knowledge, criteria: Criteria = Criteria()) -> Choice | None:
+def d_optimal(known: Knowledge) -> Choice | None:
     """What makes the determinant of the nominal parameters' information, their priors included, grow most in a second
     (H. Wynn, Annals of Mathematical Statistics 41, 1970)."""
-    del criteria
     have = np.sum([n * one.parameters for n, one in zip(known.runs, known.experiments, strict=True)], axis=0)
     have = have + np.eye(have.shape[0])
 

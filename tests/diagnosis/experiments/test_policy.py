@@ -140,7 +140,7 @@ def test_a_record_takes_its_share_of_the_time_and_no_more() -> None:
     for choose in (policy.active, policy.in_turn, policy.at_random(3), policy.d_optimal):
         for seconds, records in ((60.0, 5), (12.0, 1), (5.5, 2), (2.5, 2)):
             state = known(NOTHING, seconds=seconds, records=records)
-            choice = choose(state, Criteria())
+            choice = choose(state)
             if choice is not None:
                 taken = sum(state.experiments[i].seconds for i in choice.places)
                 assert taken <= max(seconds / records, 2.0) + 1e-9
@@ -155,7 +155,7 @@ def test_the_other_policies_do_as_they_say() -> None:
     best = policy.d_optimal(state)
     assert best is not None
     assert best.places[0] == 3
-    drawn = {(policy.at_random(seed)(state, Criteria()) or policy.Choice((), "")).places for seed in range(20)}
+    drawn = {(policy.at_random(seed)(state) or policy.Choice((), "")).places for seed in range(20)}
     assert len(drawn) > 3
 
 
@@ -168,3 +168,20 @@ def test_where_limits_leave_no_experiment_nothing_is_shown_and_nothing_asked() -
     assert policy.hidden(left) == EFFECTS
     weight, _ = policy.questions(left)
     assert weight.shape == (3, 3)
+
+
+def test_what_the_machine_did_not_run_is_asked_no_more_and_what_was_seen_of_it_stays_known() -> None:
+    state = replace(known(NOTHING), barred=frozenset({0, 2}))
+    assert policy.hidden(state) == policy.hidden(known(NOTHING))
+    assert set(chosen(state)) == {"long strokes", "reversals"}
+    for choose in (policy.in_turn, policy.at_random(1), policy.d_optimal):
+        choice = choose(state)
+        assert choice is not None
+        assert not state.barred.intersection(choice.places)
+    assert policy.active(replace(state, barred=frozenset(range(4)))) is None
+
+
+def test_the_callers_criteria_decide_what_counts_as_shown() -> None:
+    state = known(NOTHING)
+    strict = replace(state, criteria=replace(Criteria(), distinguishable=2 * float(state.distance[0, 0])))
+    assert policy.hidden(strict) == EFFECTS
