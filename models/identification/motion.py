@@ -217,14 +217,15 @@ def _phases(record: Record) -> NDArray[np.int64]:
     """
     moves = cut(record)
     longest = max((abs(one.target - one.origin) for one in moves), default=0.0) or 1.0
-    kinds: dict[tuple[int, bool], int] = {}
-    phase = np.arange(record.position.size)  # before the first motion, and where none is found
-    end = phase.size
-    for one in moves:
-        kind = (round(ALIKE * (one.target - one.origin) / longest), one.reversal)
-        begin = kinds.setdefault(kind, end)
-        end = max(end, begin + one.stop - one.start)
-        phase[one.start : one.stop] = begin + np.arange(one.stop - one.start)
+    kinds = [(round(ALIKE * (one.target - one.origin) / longest), one.reversal) for one in moves]
+    room: dict[tuple[int, bool], int] = {}  # for the longest of each kind
+    for one, kind in zip(moves, kinds, strict=True):
+        room[kind] = max(room.get(kind, 0), one.stop - one.start)
+    n = record.position.size  # before the first motion, and where none is found, a sample is its own place
+    begin = dict(zip(room, np.cumsum([n, *room.values()]), strict=False))
+    phase = np.arange(n)
+    for one, kind in zip(moves, kinds, strict=True):
+        phase[one.start : one.stop] = begin[kind] + np.arange(one.stop - one.start)
     return phase
 
 

@@ -15,6 +15,7 @@ from models.identification.pipeline import identify
 from models.identification.unusable import UnusableError
 from models.machine import Tolerance, load
 from models.records.files import Loaded
+from models.records.record import Record, cut
 from models.simulation.simulator import simulate
 from studies.identify_machine import own_records
 from studies.identify_machine.round_trip import errors_of_file
@@ -111,3 +112,17 @@ def test_a_loop_that_makes_nothing_of_the_command_gives_no_values() -> None:
     loop = replace(MACHINE, control=replace(MACHINE.control, pid=wild))
     with pytest.raises(UnusableError, match=r"the simulated loop leaves .* of a command of "):
         motion.identify(record, loop)
+
+
+def test_places_of_unequal_motions_stay_apart_where_a_later_one_dwells_longer() -> None:
+    """The tail of the longest motion of a kind has numbers of its own, so that equal motions alone share a part."""
+    target = np.repeat([0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0], [100, 100, 100, 100, 100, 100, 300, 100, 100])
+    record = Record(1e-3, target, target, np.zeros_like(target), np.zeros_like(target), target)
+    place = motion._phases(record)
+    moves = {move.start: place[move.start : move.stop] for move in cut(record)}
+    equal = [{100, 500}, {200, 600}, {300, 900}, {400, 1000}]
+    for i, one in enumerate(equal):
+        first, again = (moves[start] for start in sorted(one))
+        np.testing.assert_array_equal(first, again[: first.size])
+        others = [moves[start] for j, other in enumerate(equal) if j != i for start in other]
+        assert not set(again) & set(np.concatenate(others))
