@@ -85,7 +85,7 @@ def branch(friction: Friction, distance: ArrayLike) -> Array:
 
     This is Masing's rule: the virgin curve sum K_i min(s, X_i), doubled in both directions.
 
-    >>> float(pos.friction_branch(pos.friction_elements([2e6], [1e-6]), 5e-6))  # [N]: from -2 N to 2 N
+    >>> float(branch(elements([2e6], [1e-6]), 5e-6))  # [N]: from -2 N to 2 N
     4.0
     """
     s = np.asarray(distance, float)[..., None]

@@ -143,7 +143,7 @@ def drawn(machine: Machine, within: Variation, count: int, seed: int) -> list[Ma
     A mode's gain, frequency and damping and a contact's stiffness and limit have an error of their own each. Errors
     that are 0 in `within` stay 0. The same seed gives the same machines.
 
-    >>> tables = pos.drawn(machine, pos.Variation(mass=0.03, frequency=0.03), count=100, seed=1)
+    >>> tables = drawn(machine, Variation(mass=0.03, frequency=0.03), count=100, seed=1)
     >>> len(tables), all(abs(table.plant.mass / machine.plant.mass - 1) < 0.031 for table in tables)
     (100, True)
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import contextlib
 import doctest
+import importlib
 import inspect
 import json
 import os
@@ -24,7 +25,7 @@ from models.controller import to_json
 from models.effects.friction_laws import ViscousFriction
 
 ROOT = Path(__file__).parents[1]
-
+PACKAGES = ("models", "design", "diagnosis", "studies", "reports")
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXAMPLES = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -80,6 +81,36 @@ def test_every_name_has_an_example_that_runs(name: str, notebook: dict[str, Any]
     text = inspect.getdoc(item) or ""
     examples = doctest.DocTestParser().get_doctest(text, _names(name, notebook, folder), name, None, 0)
     assert examples.examples
+    said: list[str] = []
+    with contextlib.chdir(folder):
+        doctest.DocTestRunner(optionflags=EXAMPLES).run(examples, out=said.append)
+    assert not said, "".join(said)
+
+
+def _inside() -> list[tuple[str, str]]:
+    """Module and name of all with an example that the public API does not lead to."""
+    public = {
+        (getattr(pos, name).__module__, getattr(getattr(pos, name), "__name__", "Studies")) for name in pos.__all__
+    }
+    files = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+    modules = {".".join(path.relative_to(ROOT).with_suffix("").parts): path.read_text("utf-8") for path in files}
+    nodes = [(module, node) for module, text in modules.items() if ">>>" in text for node in ast.walk(ast.parse(text))]
+    found = [
+        (module, node.name)
+        for module, node in nodes
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and ">>>" in (ast.get_docstring(node) or "")
+    ]
+    return [one for one in found if one not in public]
+
+
+@pytest.mark.parametrize(("module", "name"), _inside())
+def test_an_example_elsewhere_runs_beside_what_its_module_has(
+    module: str, name: str, notebook: dict[str, Any], folder: Path
+) -> None:
+    """So no example calls what was renamed, or is not in the public API."""
+    around = vars(importlib.import_module(module))
+    text = inspect.getdoc(around[name]) or ""
+    examples = doctest.DocTestParser().get_doctest(text, {"pos": pos, **notebook, **around, "folder": folder}, name, None, 0)
     said: list[str] = []
     with contextlib.chdir(folder):
         doctest.DocTestRunner(optionflags=EXAMPLES).run(examples, out=said.append)
@@ -142,7 +173,7 @@ def test_an_installed_project_has_every_file_that_its_code_reads() -> None:
     setuptools = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     patterns = setuptools["package-data"]["*"]
     kept = {ROOT / "reports" / name for name in ("out", "baseline", "trial", "withheld")}
-    for package in ("models", "design", "diagnosis", "studies", "reports"):
+    for package in PACKAGES:
         assert (ROOT / package / "py.typed").is_file()
         for file in (ROOT / package).rglob("*"):
             if file.is_file() and not kept & set(file.parents) and file.suffix not in {".py", ".pyc", ".nbi", ".nbc"}:

@@ -77,7 +77,7 @@ def plan(machine: Machine, controller: Controller, stroke: float) -> LongMove:
     >>> from models.machine import load
     >>> from design.controller import default_controller
     >>> round(plan(load(), default_controller(load()), 1e-3).duration, 6)
-    0.0345
+    0.033
     """
     ts, drive, mass = machine.sample_time, machine.drive, machine.plant.mass
     limit = RESERVE * usable_thrust(machine)

@@ -47,11 +47,11 @@ OBJECTIVES: Final[dict[Objective, str]] = {
 # Each solve starts from the one before, with the friction's corners rounded over this share of each element's limit:
 # from a coarse smoothing, which converges easily, to one that is close to the exact law.
 CONTINUATION: Final = (0.3, 0.1, 0.03)
-# Weight of the thrust's differences beside the peak or the sensitivity: these leave some of the thrust undetermined.
-SMOOTH: Final = 1e-4
+# Weight of the thrust's squared differences beside the peak: that leaves some of the thrust undetermined.
+BESIDE_PEAK: Final = 1e-8
 # The same beside the sensitivity. With less the thrust oscillates from sample to sample, which the friction as it is
 # modelled here, once a sample and smoothed, does not penalise: the nonsmooth table would lose more than is gained.
-STEADY: Final = 1e-5
+BESIDE_SENSITIVITY: Final = 1e-5
 
 
 @dataclass(frozen=True)
@@ -302,7 +302,7 @@ def _minimise(program: Program, task: Task, position: Any, net: Any, forces: lis
         peak = program.variable("peak", unit, lower=0) / unit
         for thrust in applied:
             program.subject_to(ca.vertcat(peak - thrust[1:], peak + thrust[1:]), 0, np.inf)
-        program.minimise(peak + SMOOTH * SMOOTH * rough)
+        program.minimise(peak + BESIDE_PEAK * rough)
     elif task.objective == "energy":
         program.minimise(sum(ca.sumsqr(thrust[1:-1]) for thrust in applied) / (n * task.histories))
     elif task.objective == "thrust_difference":
@@ -325,7 +325,7 @@ def _minimise_sensitivity(program: Program, task: Task, position: Any, net: Any,
         thrust = ca.vertcat(change[:n], ca.repmat(change[n], last - n, 1))
         error, _ = follow_loop(program, str(i), scenario, task.feedback, task.stroke, thrust, reference, ratio)
         program.minimise(scenario.weight * 100 * ca.sumsqr(error / task.stroke) / error.shape[0] / task.histories)
-    program.minimise(STEADY * ca.sumsqr(ca.diff(ca.vertcat(0, net, 0) / unit)))
+    program.minimise(BESIDE_SENSITIVITY * ca.sumsqr(ca.diff(ca.vertcat(0, net, 0) / unit)))
 
 
 def _states(task: Task, states: ArrayLike | None) -> Array:

@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 from design.deadbeat import DesignError
 from design.trajectory.history_aware import (
     CONTINUATION,
-    SMOOTH,
     Limits,
     Task,
     require_rest,
@@ -41,6 +40,9 @@ Objective = Literal["worst_error", "dispersion"]
 """What is least after the settling time: the largest error over every history, or the sum over them of its squares."""
 
 WORST: Final = 0.1  # The largest error is measured in this share of a stroke, which makes it of order 1.
+BESIDE_ERROR: Final = (
+    1e-4  # Weight of the squared differences of thrust and assistance, which the error leaves undetermined.
+)
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ def build_robust(task: RobustTask) -> RobustProblem:
             program.minimise(share * 100 * ca.sumsqr(error / task.stroke))
     program.minimise(worst / (WORST * task.stroke))
     for part in (ca.vertcat(net, 0), assist):
-        program.minimise(SMOOTH * ca.sumsqr(ca.diff(ca.vertcat(0, part))) / unit**2)
+        program.minimise(BESIDE_ERROR * ca.sumsqr(ca.diff(ca.vertcat(0, part))) / unit**2)
     return RobustProblem(task, lifted, program.build(), _condensed(task, plain, lifted))
 
 
@@ -142,7 +144,7 @@ def _condensed(task: RobustTask, plain: Task, lifted: Lifted) -> Condensed | Non
     weight = np.zeros((count, count))
     for part in (net, assist):
         rough = np.diff(part, axis=0, prepend=0.0)
-        weight += 2 * SMOOTH * rough.T @ rough
+        weight += 2 * BESIDE_ERROR * rough.T @ rough
     decisions = Decisions(
         rest=rows @ net[:n],
         goal=aim / unit,

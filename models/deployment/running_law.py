@@ -276,9 +276,10 @@ class Learned(NamedTuple):
 class RunningLaw:
     """The law with its memory, reset at position 0 with the file's own start.
 
-    >>> law = RunningLaw(known)
+    >>> from models.deployment.coefficients import coefficients
+    >>> law = RunningLaw(coefficients(controller, stroke=20e-6, thrust_limit=machine.drive.rated_thrust))
     >>> law.step(target=20e-6, position=0.0)  # [N]
-    100.1...
+    100.44...
     """
 
     def __init__(self, known: Coefficients) -> None:
