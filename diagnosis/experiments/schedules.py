@@ -6,8 +6,9 @@ rest where the experiment has one.
 
 What an axis is asked to do is in its own sizes: lengths in the specified stroke or in the friction's presliding
 distance, speeds in the rated one, forces in the friction, frequencies in the sample rate, times in the specified
-settling time or in samples where that is less; but for a hold of 15 s, which is for what goes on by itself. The rated
-thrust and speed are kept to, and the travel where the machine file states it.
+settling time or in samples where that is less; but for what is watched as long as an engineer would: a hold of 15 s,
+for what goes on by itself, and a stroke over most of the travel, of 3 s at the most. The rated thrust and speed are
+kept to, and the travel where the machine file states it.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ Array = NDArray[np.float64]
 PEAK_SPEED = 35 / 16  # peak speed of a move over its mean speed
 PEAK_ACCELERATION = 7.5131884  # peak acceleration of a move, in units of distance / duration^2
 SUITE_SAMPLES: Final = 90_000  # of the 120,000 that a diagnosis takes by default: other records are beside the suite
+RAMP: Final = 0.2  # periods of the lowest frequency in which a multisine begins, and in which it ends
 SHORTER: Final = (1.0, 0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # of the usual rests
 SHORTEST: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain
 MOST: Final = 0.6  # of the rated thrust, for what need not be fast
@@ -134,7 +136,7 @@ def _multisine(excitation: Excitation, sample_time: float) -> Array:
     phase = np.random.default_rng(excitation.seed).uniform(0, 2 * np.pi, chosen.size)
     spectrum[chosen] = np.exp(1j * phase)
     signal = np.fft.irfft(spectrum, n)
-    ramp = np.clip(np.minimum(np.arange(n), np.arange(n)[::-1]) * sample_time / 0.05, 0.0, 1.0)
+    ramp = np.clip(np.minimum(np.arange(n), np.arange(n)[::-1]) * sample_time * excitation.band[0] / RAMP, 0.0, 1.0)
     return np.asarray(signal / np.std(signal) * excitation.amplitude * ramp)
 
 

@@ -7,6 +7,7 @@ the total. Confidence intervals come from a bootstrap over whole motions, becaus
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -30,8 +31,8 @@ STEADY: Final = 0.5  # deviations of the reading
 DRAWS: Final = 400  # bootstrap samples
 INTERVAL: Final = (0.025, 0.975)
 # Bands and wavelengths are round numbers for a reader; nothing is decided by them.
+DECADES: Final = 4  # edges between wavelengths: powers of ten, the longest of which fits into the way once at least
 BANDS: Final = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # Hz; the last one ends at half the sampling frequency
-WAVELENGTHS: Final = (1e-5, 1e-4, 1e-3, 1e-2)  # m, between wavelengths
 
 
 @dataclass(frozen=True)
@@ -54,13 +55,14 @@ class Shares:
 @dataclass(frozen=True)
 class EnergyShares:
     """The energy's shares by kind of motion, by phase, by both (named "kind | phase"), by frequency band, and by
-    wavelength over position."""
+    wavelength over position, between `wavelengths` (K - 1,) [m]."""
 
     motion: Shares
     phase: Shares
     motion_and_phase: Shares
     band: Shares
     wavelength: Shares
+    wavelengths: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -210,13 +212,23 @@ def _band(signal: Array, low: float, high: float, sample_time: float) -> Array:
     return np.asarray(np.fft.irfft(spectrum, signal.size))
 
 
-def by_wavelength(force: Array, position: Array, noise: float, samples: Samples, seed: int = 0) -> Shares:
-    """Shares by wavelength over position, between WAVELENGTHS [m], of the force (n,) [N] while the table moves, at its
+def wavelengths(position: Array) -> tuple[float, ...]:
+    """Wavelengths [m] that tell waves apart on the way of these positions (n,) [m]; none where there is no way."""
+    way = float(np.ptp(position))
+    last = math.floor(math.log10(way)) if way > 0 else 0
+    return tuple(float(f"1e{last - i}") for i in reversed(range(DECADES))) if way > 0 else ()
+
+
+def by_wavelength(
+    force: Array, position: Array, between: Sequence[float], noise: float, samples: Samples, seed: int = 0
+) -> Shares:
+    """Shares by wavelength over position, `between` these [m], of the force (n,) [N] while the table moves, at its
     position (n,) [m]; noise [N]: standard deviation of one sample. A wave longer than the motion counts as being as
     long as the motion."""
-    edges = [0.0, *WAVELENGTHS, np.inf]
-    spans = [f"of {show(low, 'm')} to {show(high, 'm')}" for low, high in itertools.pairwise(WAVELENGTHS)]
-    names = [f"shorter than {show(WAVELENGTHS[0], 'm')}", *spans, f"longer than {show(WAVELENGTHS[-1], 'm')}"]
+    edges = [0.0, *between, np.inf]
+    spans = [f"of {show(low, 'm')} to {show(high, 'm')}" for low, high in itertools.pairwise(between)]
+    ends = (f"shorter than {show(between[0], 'm')}", f"longer than {show(between[-1], 'm')}") if between else ()
+    names = [ends[0], *spans, ends[1]] if ends else ["of any length"]
     moving = samples.counts & (samples.phase < PHASES.index("settle"))
     energy = np.zeros((int(samples.motion.max()) + 1, len(names)))
     for i in range(len(energy)):

@@ -33,7 +33,16 @@ from diagnosis.where.coordinates import (
     parity,
 )
 from diagnosis.where.dependence import explained_by, of_innovations
-from diagnosis.where.energy import PHASES, EnergyShares, Samples, by_band, by_wavelength, label_samples, shares
+from diagnosis.where.energy import (
+    PHASES,
+    EnergyShares,
+    Samples,
+    by_band,
+    by_wavelength,
+    label_samples,
+    shares,
+    wavelengths,
+)
 from diagnosis.where.force import FAST, UnknownForce, borne_out, own_course, smoother_response, unknown_force
 from diagnosis.where.side import Side, sides
 from diagnosis.which.scan import NuisanceProjection, partial_out
@@ -164,12 +173,14 @@ def _energy(fitted: Fit, records: Sequence[Record], unknown: UnknownForce, sampl
     pairs = [f"{kind} | {phase}" for kind in kinds for phase in PHASES]
     response = smoother_response(fitted.candidate, ts, FAST)[0]
     position = np.concatenate([path.path.at_samples for path in fitted.paths])
+    between = wavelengths(position)
     return EnergyShares(
         motion=shares(force**2, variance, samples.kind, kinds, samples, seed),
         phase=shares(force**2, variance, samples.phase, PHASES, samples, seed),
         motion_and_phase=shares(force**2, variance, both, pairs, samples, seed),
         band=by_band(unknown.fast.values, response, noise(fitted.candidate.machine), ts, samples, seed),
-        wavelength=by_wavelength(force, position, unknown.noise, samples, seed),
+        wavelength=by_wavelength(force, position, between, unknown.noise, samples, seed),
+        wavelengths=between,
     )
 
 

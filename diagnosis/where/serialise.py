@@ -14,7 +14,7 @@ from diagnosis.model.residual import Candidate
 from diagnosis.model.units import noise
 from diagnosis.where.controller import Replayed
 from diagnosis.where.coordinates import Explained, periodogram, pitches
-from diagnosis.where.energy import PHASES, WAVELENGTHS, Shares, bands
+from diagnosis.where.energy import PHASES, Shares, bands
 from diagnosis.where.force import FAST, smoother_response
 from diagnosis.where.locate import Where
 from diagnosis.where.sentences import added_in_words, statements
@@ -32,7 +32,7 @@ COURSES: Final = 3  # kinds of motion whose force is kept
 
 def to_json(where: Where) -> dict[str, Any]:
     """Shares by name, the statements with their topics, and under "details" all shares with their intervals; SI."""
-    stated = statements(where)
+    stated, between = statements(where), where.energy.wavelengths
     return {
         "by_motion": {name: float(share) for name, share in _pairs(where.energy.motion)},
         "by_phase": {name: float(share) for name, share in _pairs(where.energy.phase)},
@@ -42,9 +42,7 @@ def to_json(where: Where) -> dict[str, Any]:
         ],
         "by_wavelength_m": [
             [low, high, float(share)]
-            for low, high, share in zip(
-                (0.0, *WAVELENGTHS), (*WAVELENGTHS, None), where.energy.wavelength.share, strict=True
-            )
+            for low, high, share in zip((0.0, *between), (*between, None), where.energy.wavelength.share, strict=True)
         ],
         "by_coordinate": where.by_coordinate,
         "statements": [one.text for one in stated],

@@ -14,7 +14,7 @@ from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
 from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
 from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches, since_turn
-from diagnosis.where.energy import PHASES, Samples, label_samples, shares
+from diagnosis.where.energy import PHASES, Samples, label_samples, shares, wavelengths
 from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import Topic, statements
@@ -413,3 +413,11 @@ def test_a_record_without_a_reference_can_not_be_replayed(record: Record) -> Non
     found = replayed(table(), replace(record, target=nothing, reference=nothing))
     assert not found.checked
     assert found.replays
+
+
+@pytest.mark.parametrize(("way", "longest"), [(70e-3, 1e-2), (70e-6, 1e-5), (6.0, 1.0)])
+def test_wavelengths_are_told_apart_in_decades_of_the_way(way: float, longest: float) -> None:
+    """Of a table, of a stage of a few microns and of a turn in rad alike; without a way nothing is told apart."""
+    edges = wavelengths(np.array([0.1, 0.1 + way, 0.1]))
+    assert edges == pytest.approx([longest / 1000, longest / 100, longest / 10, longest])
+    assert wavelengths(np.full(5, 0.1)) == ()
