@@ -110,7 +110,9 @@ def test_an_example_elsewhere_runs_beside_what_its_module_has(
     """So no example calls what was renamed, or is not in the public API."""
     around = vars(importlib.import_module(module))
     text = inspect.getdoc(around[name]) or ""
-    examples = doctest.DocTestParser().get_doctest(text, {"pos": pos, **notebook, **around, "folder": folder}, name, None, 0)
+    examples = doctest.DocTestParser().get_doctest(
+        text, {"pos": pos, **notebook, **around, "folder": folder}, name, None, 0
+    )
     said: list[str] = []
     with contextlib.chdir(folder):
         doctest.DocTestRunner(optionflags=EXAMPLES).run(examples, out=said.append)

@@ -22,8 +22,10 @@ SLIDE = np.linspace(0.0, 4e-4, 41)  # well beyond the presliding region
 MOVES = st.lists(st.floats(-4e-5, 4e-5), min_size=3, max_size=30)
 
 
-def test_the_time_of_a_rest_is_that_of_the_equation() -> None:
-    assert FORGOTTEN == 5e-3
+def test_the_equations_state_the_constants_that_the_laws_have() -> None:
+    directional, healing = (every()[name].equation for name in ("directional_friction", "dwell_breakaway"))
+    assert rf"\tau_0={1e3 * FORGOTTEN:g}\,\mathrm{{ms}}" in directional
+    assert rf"v_0={1e3 * REST_SPEED:g}\,\mathrm{{mm/s}}" in healing
 
 
 def rubbing(path: Path, *effects: Effect) -> Array:
@@ -113,7 +115,6 @@ def test_a_rest_lets_contacts_hold_more_until_they_have_moved(
 
 
 def test_contacts_do_not_heal_while_they_move() -> None:
-    assert REST_SPEED < 1e-3
     slid = rubbing(steady(0.02, 400), make("dwell_breakaway", 0.3, 0.1, 1e-6))
     assert slid[-1, -1] == pytest.approx(COULOMB, rel=1e-3)
 
