@@ -32,14 +32,22 @@ class Drive:
     """Motor and amplifier."""
 
     rated_thrust: float = value("N", "largest thrust reference the drive follows", above=0, at_most=1e9, because=FORCE)
-    rated_power: float = value("W", "rated power", above=0, at_most=1e9, because="no axis takes more")
     rated_speed: float = value("m/s", "rated speed", above=0, at_most=1e4, because="no axis is faster")
+    rated_power: float = value(
+        "W",
+        "rated power, for the reader; 0: not stated",
+        at_least=0,
+        at_most=1e9,
+        because="no axis takes more",
+        default=0.0,
+    )
     current_loop_bandwidth: float = value(
         "Hz",
-        "bandwidth of the current control (contained in L)",
-        above=0,
+        "bandwidth of the current control (contained in L), for the reader; 0: not stated",
+        at_least=0,
         at_most=1e7,
         because="no amplifier is faster",
+        default=0.0,
     )
     offset: float = value(
         "N",

@@ -26,7 +26,6 @@ from studies.new_machine.answers import ANSWERS, OPTIONAL
 from studies.options import BadInputError
 
 DEAD_TIME: Final = 1.5  # sample times: one until the command is out, half of one for the hold
-CURRENT_LOOP: Final = 0.25  # of the sample rate
 ELEMENTS: Final = 5
 AUTOMATIC: Final = "assumed: chosen by the study, the fewest with which the design meets its specification"
 OFFSET: Final = "assumed: 1/750 of the rated thrust, at most 5 % of the friction"
@@ -117,7 +116,7 @@ def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -
     pid = simc(plant, ts, CLOSED_LOOP * (plant.dead_time + ts / 2), 0.0)
     limits = np.geomspace(FINEST * numbers["presliding"], numbers["presliding"], ELEMENTS)
     stiffness = numbers["friction_force"] / ELEMENTS / limits
-    power, axis = numbers["rated_thrust"] * numbers["rated_speed"], _axis(answers)
+    axis = _axis(answers)
     kind = "" if axis == AXES[0] else f'axis = "{axis}"\n'
     angle, torque = (rotary(unit) if kind else unit for unit in ("m", "N"))
 
@@ -145,11 +144,9 @@ name = {_quoted(name)}
 {kind}
 [drive]
 rated_thrust = {given("rated_thrust")} # the commands are forces; see [record]
-rated_power = {number(power, "W", "assumed: rated thrust x rated speed")} # see the motor's datasheet
 rated_speed = {given("rated_speed")}
 offset = {given("offset") if "offset" in answers else number(0, "N", "assumed: none")} # of gravity: M g less a balance
 travel = {given("travel") if "travel" in answers else number(0, "m", "assumed: not known")} # for experiments; 0: open
-current_loop_bandwidth = {number(CURRENT_LOOP / ts, "Hz", "assumed: a quarter of the sample rate")} # see the drive
 
 [scale]
 resolution = {given("resolution")}

@@ -25,7 +25,7 @@ def leg(rate: float) -> Machine:
         plant=Plant(1.5 * ts, 1.0, (Mode(1 / mass, 0.0, 0.0),)),
         friction=elements([300.0, 40.0], [1e-3, 1e-2]),  # slips at 0.7 N
         control=replace(table.control, sample_time=ts, reference_delay=1, pid=pid),
-        drive=replace(table.drive, rated_thrust=60.0, offset=0.0, current_loop_bandwidth=rate / 4),
+        drive=replace(table.drive, rated_thrust=60.0, offset=0.0),
         scale=replace(table.scale, resolution=1e-3, noise=3e-4),
         presliding=FROM_ELEMENTS,
         published=None,

@@ -55,7 +55,7 @@ def machine() -> Machine:
         plant=Plant(LATE * TS, 1.0, modes),
         friction=elements(STIFFNESS, LIMITS),
         control=replace(table.control, sample_time=TS, reference_delay=LATE, pid=pid),
-        drive=replace(table.drive, rated_thrust=60.0, offset=0.0, current_loop_bandwidth=0.25 / TS),
+        drive=replace(table.drive, rated_thrust=60.0, offset=0.0),
         scale=replace(table.scale, resolution=0.0, noise=NOISE),
         presliding=FROM_ELEMENTS,
         published=None,

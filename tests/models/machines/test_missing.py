@@ -23,10 +23,10 @@ def refusal(change: Callable[[dict[str, Any]], Any]) -> str:
 
 def test_all_that_is_missing_is_said_in_one_message() -> None:
     def without_three(content: dict[str, Any]) -> None:
-        del content["drive"]["rated_power"], content["plant"]["modes"][1]["gain"], content["control"]["pid"]
+        del content["drive"]["rated_speed"], content["plant"]["modes"][1]["gain"], content["control"]["pid"]
 
     said = refusal(without_three)
-    assert "3 values are missing: drive.rated_power, plant.modes.2.gain and control.pid; " in said
+    assert "3 values are missing: drive.rated_speed, plant.modes.2.gain and control.pid; " in said
     assert "python -m studies.new_machine" in said
 
 
