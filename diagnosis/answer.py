@@ -15,7 +15,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.handover.final_fit import roomier
 from diagnosis.how_far import force_share
 from diagnosis.learned.learn import Learned
-from diagnosis.model.fit import Fit, at_bounds, largest
+from diagnosis.model.fit import Fit, largest, parameters_at_bounds
 from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import shifts
 from diagnosis.verdict import Explanation, Outcome, verdict
@@ -332,4 +332,4 @@ def strongest_at_bound(stages: Sequence[Stage]) -> bool:
     names = strongest_first(stages)
     first = [effect for effect in stages[-1].fitted.candidate.added_effects if names and effect.name == names[0]]
     priors = stages[-1].fitted.candidate.nominal.priors
-    return bool(first) and at_bounds(max(first, key=lambda effect: effect.strength()), priors)
+    return bool(first) and bool(parameters_at_bounds(max(first, key=lambda effect: effect.strength()), priors))

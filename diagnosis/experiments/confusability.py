@@ -27,6 +27,7 @@ from models.effects.base import Effect, Place, parameters
 from models.effects.catalogue import every, in_order
 from models.effects.parameter import POSITIVE, Parameter
 from models.effects.priors import USUAL, Priors
+from models.identification.estimate import connected
 from models.machine import Machine
 from models.records.record import Record
 
@@ -110,22 +111,10 @@ def _confusability(names: tuple[str, ...], distance: Array, machine: Machine, th
         for i, name in enumerate(names)
         if seen[i]
     }
-    groups = _groups(names, near & near.T & seen & seen[:, None])
+    alike = connected(near & near.T & seen & seen[:, None])
+    groups = tuple(sorted(tuple(names[i] for i in group) for group in alike))
     hidden = tuple(name for i, name in enumerate(names) if not seen[i])
     return Confusability(names, distance, threshold, tuple(limits), groups, mistaken, hidden)
-
-
-def _groups(names: Sequence[str], near: NDArray[np.bool_]) -> tuple[tuple[str, ...], ...]:
-    """Connected components of the graph whose edges are `near`, without single effects."""
-    left, found = set(range(len(names))), []
-    while left:
-        group, grows = {left.pop()}, True
-        while grows:
-            more = {int(j) for i in group for j in np.flatnonzero(near[i])} & left
-            group, left, grows = group | more, left - more, bool(more)
-        if len(group) > 1:
-            found.append(tuple(names[i] for i in sorted(group)))
-    return tuple(sorted(found))
 
 
 def products(fitted: Fit, records: Sequence[Record], names: Sequence[str], *, usual_only: bool = False) -> Columns:

@@ -16,12 +16,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.fit import Fit, bounds_of, fit
+from diagnosis.model.fit import Fit, fit, parameters_at_bounds
 from diagnosis.model.parameters import LOOSE, Parameters, below_nyquist, moved
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.unknown_force import unknown_force
 from models.effects.base import parameters as parameters_of
-from models.effects.parameter import POSITIVE
 from models.effects.priors import Priors
 from models.records.record import Record
 
@@ -124,12 +123,8 @@ def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
     for i in _hit(layout, candidate.theta):
         found.append(AtBound("nominal", layout.names[i], float(away[i]), "deviations of its tolerance", i))
     for number, effect in enumerate(candidate.effects):
-        for item in parameters_of(type(effect), candidate.nominal.priors):
-            if item.role in POSITIVE and not item.is_step:
-                low, high = bounds_of(item)
-                size = float(getattr(effect, item.name))
-                if not low * 1.02 < size < high / 1.02:
-                    found.append(AtBound(effect.name, item.name, size, item.unit, number))
+        for item in parameters_at_bounds(effect, candidate.nominal.priors):
+            found.append(AtBound(effect.name, item.name, float(getattr(effect, item.name)), item.unit, number))
     return tuple(found)
 
 

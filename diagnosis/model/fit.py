@@ -197,19 +197,16 @@ def slopes_of(
     return np.asarray(columns(candidate, trials, records, paths, residuals, walk) / np.array(steps))
 
 
-def at_bounds(effect: Effect, priors: Priors) -> bool:
-    """Whether a shape, a period or a width is where the fit may go no further in a machine of these priors: the law is
+def parameters_at_bounds(effect: Effect, priors: Priors) -> tuple[Parameter, ...]:
+    """The shapes, periods and widths that are where the fit may go no further in a machine of these priors: the law is
     then distorted to stand for another one.
 
     The step of a staircase does not count: the many steps in a record determine its width to a millionth, so a bound on
     it is not a sign of a wrong law.
     """
-    for item in parameters(type(effect), priors):
-        if item.role in POSITIVE and not item.is_step:
-            low, high = bounds_of(item)
-            if not low * 1.02 < getattr(effect, item.name) < high / 1.02:
-                return True
-    return False
+    scales = [item for item in parameters(type(effect), priors) if item.role in POSITIVE and not item.is_step]
+    ends = [(item, *bounds_of(item)) for item in scales]
+    return tuple(item for item, low, high in ends if not low * 1.02 < getattr(effect, item.name) < high / 1.02)
 
 
 def fine_step(item: Parameter, effect: Effect, records: Sequence[Record]) -> float:

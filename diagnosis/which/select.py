@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.how_far import force_share
-from diagnosis.model.fit import Fit, amplitudes, at_bounds, fit
+from diagnosis.model.fit import Fit, amplitudes, fit, parameters_at_bounds
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import started, weighed
@@ -360,7 +360,7 @@ def _is_of_rest(trial: Trial, before: Fit, search: Search) -> bool:
 def runs_to_bounds(fitted: Fit, name: str) -> bool:
     """Whether an effect of this class had to leave its prior range."""
     priors = fitted.candidate.nominal.priors
-    return any(at_bounds(effect, priors) for effect in fitted.candidate.added_effects if effect.name == name)
+    return any(parameters_at_bounds(effect, priors) for effect in fitted.candidate.added_effects if effect.name == name)
 
 
 def _too_fast(fitted: Fit) -> bool:

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from models.quantity import listed
 
@@ -58,7 +59,7 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
         if name not in may_be_zero and not std < LOOSE * abs(value):
             size = f"{100 * std / abs(value):.0f} % of it" if std < FAR * abs(value) else f"more than {FAR:g} times it"
             said.append(f"This record does not show the {name}: its standard deviation is {size}.")
-    for group in _alike(np.abs(estimate.correlation) > ALIKE):
+    for group in connected(np.abs(estimate.correlation) > ALIKE):
         names = [estimate.names[i] for i in group]
         said.append(
             f"This record hardly tells {listed(names)} from each other (correlations beyond "
@@ -83,18 +84,11 @@ def combined(found: Sequence[tuple[float, float]]) -> tuple[float, float, float]
     return mean, float(np.sqrt(max(1.0, chi_square) / np.sum(weights))), float(np.max(between))
 
 
-def _alike(near: NDArray[np.bool_]) -> list[list[int]]:
-    """Groups of two or more whose members hang together by pairs that are near."""
-    left, groups = set(range(len(near))), []
-    while left:
-        group, fresh = set(), {min(left)}
-        while fresh:
-            group |= fresh
-            fresh = {j for i in fresh for j in left if near[i, j]} - group
-        left -= group
-        if len(group) > 1:
-            groups.append(sorted(group))
-    return groups
+def connected(near: NDArray[np.bool_]) -> list[list[int]]:
+    """Groups of two or more whose members hang together by pairs that are near (N, N), the first members rising."""
+    _, label = connected_components(near, directed=False)
+    groups = (np.flatnonzero(label == number).tolist() for number in dict.fromkeys(label.tolist()))
+    return [group for group in groups if len(group) > 1]
 
 
 def newey_west(jacobian: Array, residual: Array, lags: int) -> Array:

@@ -16,7 +16,7 @@ from diagnosis.answer import (
     strongest_at_bound,
 )
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, at_bounds
+from diagnosis.model.fit import Fit, parameters_at_bounds
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
@@ -70,8 +70,8 @@ def test_an_effect_of_the_machine_files_own_neither_makes_a_series_nor_is_found_
     """At the end of its range, and of the same name as the one that was found."""
     own, found, another = (Cogging(size, pitch, 0.0) for size, pitch in ((9.0, 1.0), (1.0, 0.03), (1.0, 0.04)))
     first, second = _with(own, cost=9000.0), _with(own, found, cost=1000.0, promised=6000.0)
-    assert at_bounds(own, MACHINE.priors)
-    assert not at_bounds(found, MACHINE.priors)
+    assert parameters_at_bounds(own, MACHINE.priors)
+    assert not parameters_at_bounds(found, MACHINE.priors)
     assert not strongest_at_bound([first, second])
     assert overfitting_series([first, second], CRITERIA) == set()
     third = _with(own, found, another, cost=900.0, promised=6000.0)

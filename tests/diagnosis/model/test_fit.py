@@ -6,16 +6,16 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.model.fit import at_bounds, solve_box_constrained
+from diagnosis.model.fit import parameters_at_bounds, solve_box_constrained
 from models.effects.motor import Cogging, DacQuantisation
 from models.effects.priors import USUAL
 
 
 def test_a_step_beyond_its_prior_range_is_no_bent_law() -> None:
     """Many steps determine their size; a shape held only by its bound indicates another law."""
-    assert not at_bounds(DacQuantisation(0.15, 1), USUAL)
-    assert not at_bounds(Cogging(1.0, 0.05, 0.3), USUAL)
-    assert at_bounds(Cogging(1.0, 0.09, 0.3), USUAL)
+    assert not parameters_at_bounds(DacQuantisation(0.15, 1), USUAL)
+    assert not parameters_at_bounds(Cogging(1.0, 0.05, 0.3), USUAL)
+    assert parameters_at_bounds(Cogging(1.0, 0.09, 0.3), USUAL)
 
 
 @given(st.integers(0, 10_000), st.integers(1, 12))

@@ -10,7 +10,7 @@ import pytest
 
 import models.effects
 from diagnosis.diagnose import diagnose
-from diagnosis.model.fit import at_bounds
+from diagnosis.model.fit import parameters_at_bounds
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
@@ -98,7 +98,7 @@ def test_the_scan_finds_a_periodic_friction_that_is_no_sine() -> None:
     (fitted,) = tried["tight_spot"].candidate.effects
     assert vars(fitted)["lead"] == pytest.approx(2.345e-3, rel=1e-3)
     assert fitted.strength() == pytest.approx(effect.strength(), rel=0.15)
-    assert not at_bounds(fitted, MACHINE.priors)
+    assert not parameters_at_bounds(fitted, MACHINE.priors)
 
 
 def test_the_diagnosis_names_a_ripple_and_its_period() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import at_bounds, bounds_of
+from diagnosis.model.fit import bounds_of, parameters_at_bounds
 from diagnosis.model.motions import numbered, pieces
 from diagnosis.refit import refit_within
 from diagnosis.which.scan import partial_out, peaks, scan
@@ -48,7 +48,7 @@ def test_a_screw_s_lead_is_found_without_a_word_in_the_file() -> None:
     assert found[0].effect.name == law.name
     (adopted,) = fitted_with(nominal, found[0].effect, records).candidate.effects
     assert adopted.values()[:2] == pytest.approx(law.values()[:2], rel=0.1)
-    assert not at_bounds(adopted, MACHINE.priors)
+    assert not parameters_at_bounds(adopted, MACHINE.priors)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_a_period_far_below_the_usual_ones_is_found_where_a_machine_states_it(la
     (adopted,) = fitted.candidate.effects
     assert adopted.values()[:2] == pytest.approx(law.values()[:2], rel=0.1)
     assert adopted.values()[1] == pytest.approx(law.values()[1], rel=1e-3)
-    assert not at_bounds(adopted, stated.priors)
+    assert not parameters_at_bounds(adopted, stated.priors)
 
 
 @pytest.mark.parametrize("law", [AdditionalMode(-7e-3, 635.0, 0.01), AdditionalMode(7e-3, 590.0, 0.01)])
@@ -88,7 +88,7 @@ def test_a_mode_faster_than_the_usual_ones_is_found_with_the_sign_of_its_gain(la
     gain, frequency, _ = adopted.values()
     assert frequency == pytest.approx(law.frequency, rel=law.damping)
     assert np.sign(gain) == np.sign(law.gain)
-    assert not at_bounds(adopted, MACHINE.priors)
+    assert not parameters_at_bounds(adopted, MACHINE.priors)
 
 
 @pytest.mark.parametrize("law", [AdditionalMode(2e-3, 67.0, 0.01), AdditionalMode(2e-3, 18.0, 0.03)])

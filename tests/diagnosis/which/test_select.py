@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, at_bounds
+from diagnosis.model.fit import Fit, parameters_at_bounds
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
@@ -231,7 +231,7 @@ def test_the_first_effect_beside_the_machine_files_own_needs_no_more_than_any_fi
 @pytest.mark.parametrize("factor", [0.5, 1.5])
 def test_a_second_effect_at_its_bounds_counts_only_if_it_is_large(factor: float) -> None:
     gained, bent = START - 1000.0, Cogging(1.0, 9.0, 0.0)
-    assert at_bounds(bent, MACHINE.priors)
+    assert parameters_at_bounds(bent, MACHINE.priors)
     costs = {"play": 1000.0, "cogging": 1000.0 - gained * factor * CRITERIA.min_gain_at_bound}
     found = _searched({0: {"play": 900.0}, 1: {"cogging": 400.0}}, costs, effects={"cogging": bent})
     assert [set(stage) for stage in found] == [set(), {"play"}, *([{"play", "cogging"}] if factor > 1 else [])]
@@ -260,7 +260,7 @@ def test_a_law_of_the_rest_may_have_a_time_at_its_bound_where_it_takes_off_the_f
 ) -> None:
     """A friction that healed with two time constants, and a relaxation with five, were refused beside right names: the
     best single one was shorter than any usual one."""
-    assert at_bounds(second, MACHINE.priors)
+    assert parameters_at_bounds(second, MACHINE.priors)
     costs = {"play": 1000.0, second.name: 1000.0 - 0.5 * (START - 1000.0) * CRITERIA.min_gain_at_bound}
     promises = {0: {"play": 900.0}, 1: {second.name: 400.0}}
     stages = grown(_fit(START), Forced(promises, costs, {second.name: second}, {}, left=left))

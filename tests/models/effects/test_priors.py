@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.model.fit import OF_PERIOD, at_bounds, bounds_of, fine_step
+from diagnosis.model.fit import OF_PERIOD, bounds_of, fine_step, parameters_at_bounds
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import SIZES, every, looked_for, range_declarations
 from models.effects.friction_laws import DirectionalFriction, Stribeck, VelocityStrengthening
@@ -107,8 +107,8 @@ def test_a_stated_period_is_told_by_the_travel(tmp_path: Path) -> None:
 
 def test_a_stated_period_at_its_bound_is_bent(tmp_path: Path) -> None:
     priors = load(machine_file(tmp_path, SCREW)).priors
-    assert at_bounds(Cogging(1.0, 1.5e-2, 0.0), priors)
-    assert not at_bounds(Cogging(1.0, 5e-3, 0.0), priors)
+    assert [item.name for item in parameters_at_bounds(Cogging(1.0, 1.5e-2, 0.0), priors)] == ["pitch"]
+    assert not parameters_at_bounds(Cogging(1.0, 5e-3, 0.0), priors)
 
 
 def test_another_process_can_have_the_machine(tmp_path: Path) -> None:
