@@ -85,7 +85,7 @@ def combined(found: Sequence[tuple[float, float]]) -> tuple[float, float, float]
 
 
 def connected(near: NDArray[np.bool_]) -> list[list[int]]:
-    """Groups of two or more whose members hang together by pairs that are near (N, N), the first members rising."""
+    """Groups of two or more whose members hang together by pairs that are near (N, N) [-], the first members rising."""
     _, label = connected_components(near, directed=False)
     groups = (np.flatnonzero(label == number).tolist() for number in dict.fromkeys(label.tolist()))
     return [group for group in groups if len(group) > 1]
