@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar, cast
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -16,7 +20,13 @@ def compiled(kernel: Kernel) -> Kernel:
     So the compiled kernel equals the uncompiled one, `kernel.py_func`, bit for bit, which a test asserts. It lets other
     threads of Python run meanwhile.
     """
-    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(kernel))
+    made: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(kernel)
+    if made is not kernel:  # as it is where nothing is compiled
+        # Numba looks at the kernel's own file alone, and would go on with what other files had when it was compiled.
+        stamp = hashlib.sha256("".join(sorted(set(_made_of(made.py_func.__globals__, set())))).encode()).hexdigest()
+        stored = made._cache._cache_file
+        stored._source_stamp = (stored._source_stamp, stamp)
+    return cast(Kernel, made)
 
 
 def inlined(kernel: Kernel) -> Kernel:
@@ -26,3 +36,25 @@ def inlined(kernel: Kernel) -> Kernel:
     are handed over for little work, the call costs more than the work.
     """
     return cast(Kernel, numba.njit(inline="always", error_model="numpy", fastmath=False)(kernel))
+
+
+def _made_of(names: Mapping[str, object], seen: set[str]) -> Iterator[str]:
+    """What a kernel with these names about it may hold: numbers, and the files of other kernels."""
+    for name, value in names.items():
+        if isinstance(value, int | float | complex | tuple):
+            yield f"{name}={value!r};"
+        for part in [value, *(vars(value).values() if isinstance(value, ModuleType) else ())]:
+            function = getattr(part, "py_func", getattr(part, "_defn", None))  # of a kernel, or of what writes its code
+            if isinstance(function, FunctionType) and _is_own(file := function.__code__.co_filename, seen):
+                seen.add(file)
+                yield _digest(file)
+                yield from _made_of(function.__globals__, seen)
+
+
+def _is_own(file: str, seen: set[str]) -> bool:
+    return file not in seen and "site-packages" not in file and file.endswith(".py")
+
+
+@cache
+def _digest(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()

@@ -1,0 +1,56 @@
+"""What is compiled is kept on disk until anything that it is made of changes, in whatever file that stands."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PART = """
+from models.compiled import inlined
+
+@inlined
+def part(x):
+    return {factor} * x
+"""
+KERNEL = """
+from far import FACTOR
+from models.compiled import compiled
+from near import part
+
+@compiled
+def kernel(x):
+    return part(x) + FACTOR * x
+
+print(kernel(1.0), sum(kernel.stats.cache_hits.values()))
+"""
+
+
+def _said(folder: Path) -> tuple[float, int]:
+    """What the kernel gives, and how often it was found on disk, in a process of its own."""
+    around = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}", "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "main.py"], cwd=folder, env=around, capture_output=True, text=True, check=True
+    )
+    result, hits = done.stdout.split()
+    return float(result), int(hits)
+
+
+@pytest.mark.parametrize(
+    ("file", "changed", "expected"),
+    [("near.py", PART.format(factor=30.0), 31.0), ("far.py", "FACTOR = 5.0\n", 7.0)],
+    ids=["a part that is written out", "a number"],
+)
+def test_a_kernel_is_compiled_anew_where_another_file_changed(
+    file: str, changed: str, expected: float, tmp_path: Path
+) -> None:
+    for name, text in (("near.py", PART.format(factor=2.0)), ("far.py", "FACTOR = 1.0\n"), ("main.py", KERNEL)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    assert _said(tmp_path) == (3.0, 0)
+    assert _said(tmp_path) == (3.0, 1)
+    (tmp_path / file).write_text(changed, encoding="utf-8")
+    assert _said(tmp_path) == (expected, 0)
