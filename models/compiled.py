@@ -44,7 +44,8 @@ def _made_of(names: Mapping[str, object], seen: set[str]) -> Iterator[str]:
         if isinstance(value, int | float | complex | tuple):
             yield f"{name}={value!r};"
         for part in [value, *(vars(value).values() if isinstance(value, ModuleType) else ())]:
-            function = getattr(part, "py_func", getattr(part, "_defn", None))  # of a kernel, or of what writes its code
+            ours = type(part).__module__.startswith("numba.")  # others may make up any attribute
+            function = getattr(part, "py_func", getattr(part, "_defn", None)) if ours else None  # or what writes code
             if isinstance(function, FunctionType) and _is_own(file := function.__code__.co_filename, seen):
                 seen.add(file)
                 yield _digest(file)

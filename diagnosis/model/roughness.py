@@ -4,7 +4,8 @@ What does not repeat between equal motions follows no law. Where nothing repeats
 any law of the catalogue, time tells: a rough force leaves most of its mark about and above the frequencies that the
 loop controls, alike at all times. A law that is missing leaves most of its own below, and what it leaves there it
 leaves at times: where the table turns, starts or halts. So the median over short blocks of the innovations' power there
-tells the one from the other.
+tells the one from the other. A drive is as rough in all of its records, so that what is steadily there counts as far as
+it is in each of them: in one alone it is a law that its motions show.
 """
 
 from __future__ import annotations
@@ -40,18 +41,17 @@ def variance_by_record(fitted: Fit) -> Array:
 
 def unmodelled_variance(fitted: Fit, records: Sequence[Record], least: int) -> Array:
     """By record, the variance [1] of what no law of the catalogue can explain, in the deviations that the weights
-    promise: of what is steadily there or of what equal motions do not repeat, whichever is more. least: equal motions
-    from which on they tell."""
+    promise: of what is steadily there in every record, or of what equal motions do not repeat, whichever is more. least:
+    equal motions from which on they tell."""
     nominal = fitted.candidate.nominal
     loop = loop_time(nominal)
     apart = unrepeated(fitted, records, pieces(records, loop), least)
     ends = np.cumsum([record.position.size for record in records])[:-1]
-    found, whole = [], variance_by_record(fitted)
-    for record, residual, own, most in zip(records, fitted.residuals, np.split(apart, ends), whole, strict=True):
-        known = own[~np.isnan(own)]
-        scatter = float(np.mean(known**2)) if known.size else 0.0
-        found.append(max(scatter, min(steady_variance(residual.innovations, record, loop), most)))
-    return np.array(found)
+    known = (own[~np.isnan(own)] for own in np.split(apart, ends))
+    scatter = np.array([float(np.mean(own**2)) if own.size else 0.0 for own in known])
+    pairs = zip(fitted.residuals, records, strict=True)
+    steady = np.array([steady_variance(residual.innovations, record, loop) for residual, record in pairs])
+    return np.asarray(np.maximum(scatter, np.min(np.minimum(steady, variance_by_record(fitted)))))
 
 
 def steady_variance(innovations: Array, record: Record, loop: float) -> float:
