@@ -92,12 +92,18 @@ def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
     return tuple(one for one in at_bounds(candidate) if one.part == "nominal" and one.name in LOOSE)
 
 
+def values_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
+    """The same, and the values of effects that the machine file states, in a fit without any other."""
+    stated = (one for one in at_bounds(candidate) if one.part != "nominal" and not _is_period(candidate, one))
+    return (*plant_at_bounds(candidate), *stated)
+
+
 def freed(given: Fit, records: Sequence[Record]) -> Fit:
-    """A fit without effects, fitted again under its own weights with more room for the plant's values at their bounds,
-    and once more while one runs on."""
+    """A fit without effects but the file's, fitted again under its own weights with more room for values of the plant
+    and of these effects at their bounds, and once more while one runs on."""
     fitted = given
     for _ in range(ROUNDS):
-        hit = plant_at_bounds(fitted.candidate)
+        hit = values_at_bounds(fitted.candidate)
         if not hit:
             break
         fitted = fit(with_more_room(fitted.candidate, hit), records, paths=fitted.paths, walk=fitted.walk)

@@ -41,8 +41,8 @@ def variance_by_record(fitted: Fit) -> Array:
 
 def unmodelled_variance(fitted: Fit, records: Sequence[Record], least: int) -> Array:
     """By record, the variance [1] of what no law of the catalogue can explain, in the deviations that the weights
-    promise: of what is steadily there in every record, or of what equal motions do not repeat, whichever is more. least:
-    equal motions from which on they tell."""
+    promise: of what is steadily there in every record, or of what equal motions do not repeat, whichever is more.
+    least: equal motions from which on they tell."""
     nominal = fitted.candidate.nominal
     loop = loop_time(nominal)
     apart = unrepeated(fitted, records, pieces(records, loop), least)

@@ -35,6 +35,7 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
+SHIFTS: Final = range(-LONGEST, LONGEST + 1)
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
 DELAYED: Final = 3  # delays of the reference [samples], from 0 on, beside which another part of the law is tried
@@ -57,6 +58,7 @@ class Replayed:
     checked: False for a record that has no reference to replay on, or only one of `every` samples. structure: the PID
     or P/PI cascade that leaves least of the commands, whose standard deviation is spread [N], where no such change
     leaves rounding alone. added: the signal that was added behind the controller, where that leaves least.
+    command_late: by how many samples the commands were logged late, where that is the remedy; negative: early.
     """
 
     checked: bool
@@ -70,6 +72,7 @@ class Replayed:
     spread: float = 0.0
     added: Added | None = None
     every: int = 1
+    command_late: int = 0
 
     @property
     def other(self) -> str | None:
@@ -105,6 +108,7 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     rms = plain.rms
     remedies = itertools.chain(_remedies(record, feedback, delay, begin), _other_acceleration(record, machine, begin))
     remedy, remains = min(remedies, key=lambda one: one[1])
+    late = next((shift for shift in SHIFTS if _logged_late(shift) == remedy), 0)
     noise = criteria.replay_log_noise * math.hypot(_rounded(machine, record), _reference_rounded(machine, record))
     most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
     signal = added(record, made, begin, max(noise, plain.tolerance))
@@ -128,7 +132,7 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     best = remedy if remains < mended else None
     if other is None and remains > plain.tolerance:
         other = structure(record, begin)
-    return replace(plain, remedy=best, remains=remains, structure=other)
+    return replace(plain, remedy=best, remains=remains, structure=other, command_late=late if best else 0)
 
 
 def reproduces(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> bool:
@@ -255,10 +259,9 @@ def _rms(record: Record, made: Array, begin: int) -> float:
 def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Iterator[tuple[str, float]]:
     """Changes of the law in words, each with the rms difference [N] that remains."""
     made = replay(record, feedback, delay)
-    for shift in range(-LONGEST, LONGEST + 1):
+    for shift in SHIFTS:
         if shift:
-            words = f"the command logged {abs(shift)} sample{'s' * (abs(shift) > 1)} {'late' if shift > 0 else 'early'}"
-            yield words, _rms(record, np.roll(made, shift), begin)
+            yield _logged_late(shift), _rms(record, np.roll(made, shift), begin)
         if delay + shift >= 0 and shift:
             yield (
                 f"a reference delay of {_samples(delay + shift)} instead of {delay}",
@@ -280,6 +283,11 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
     for words, columns in groups:
         if all(np.ptp(column) > 0 for column in columns):
             yield _scaled(record, made, words, columns, begin)
+
+
+def _logged_late(shift: int) -> str:
+    """That the commands are in the log so many samples after they were made, in words [-]."""
+    return f"the command logged {_samples(abs(shift))} {'late' if shift > 0 else 'early'}"
 
 
 def _samples(count: int) -> str:

@@ -91,6 +91,7 @@ def _details(where: Where) -> dict[str, Any]:
                 "departs_at_sample": one.departs,
                 "would_fit": one.remedy,
                 "would_leave_N": one.remains,
+                "command_late_samples": one.command_late,
                 "other_structure": one.other,
                 "added": _added(one, where.sample_time),
             }

@@ -12,7 +12,7 @@ from studies.gap_diagnosis import how_far, stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
 from studies.gap_diagnosis.no_name import never_the_same, noise_alone, without_a_name, without_a_name_in_short
 from studies.gap_diagnosis.too_small import too_small
-from studies.gap_diagnosis.values_off import in_percent, mostly, off_by, told_off
+from studies.gap_diagnosis.values_off import in_percent, mostly, off_by, refit_is_most, told_off
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, effects_listed, fitted
 
@@ -93,9 +93,11 @@ def _where(where: Results) -> str:
 
 def _which(results: Results) -> list[str]:
     """The name, or that there is none, and what is to be said of it, in sentences."""
-    beside = [*_elements(results), *stated_effects.told(results.get("stated_effects", ()))]
     verdict = results["verdict"]
     outcome, names = verdict["outcome"], verdict["effects"]
+    led = outcome == "none_of_these" and not is_unsure(verdict) and not never_the_same(results)
+    stated = [] if led and refit_is_most(results) else stated_effects.told(results.get("stated_effects", ()))
+    beside = [*_elements(results), *stated]
     if outcome == "nothing_to_explain":
         told = "The machine file explains the records as it is: as far as they can show, no effect is missing."
         return [told, *beside]
@@ -115,7 +117,15 @@ def _which(results: Results) -> list[str]:
         return [told, *_at_rating(results), *rough, *delay, *sure, *beside]
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else []
-    return [f"It is {listed(shown)}.", *_at_rating(results), *rough, *by_curve, *_said_beside(results), *sure, *beside]
+    return [
+        f"It is {listed(shown)}{_as_logged(results)}.",
+        *_at_rating(results),
+        *rough,
+        *by_curve,
+        *_said_beside(results),
+        *sure,
+        *beside,
+    ]
 
 
 def _nameless(results: Results) -> list[str]:
@@ -138,6 +148,19 @@ def _nameless(results: Results) -> list[str]:
     if all(one["replays"] for one in results["where"]["details"]["controller"]):
         return told
     return [*told, "Correct the log or the controller first, because the rest may be due to it."]
+
+
+def _as_logged(results: Results) -> str:
+    """What is added to names of which one is of the log alone, where one change makes every record replay."""
+    catalogue, replays = results["catalogue"], results["where"]["details"]["controller"]
+    of_log = any(catalogue.get(name, {}).get("shown_in") == "log" for name in results["verdict"]["effects"])
+    failing = [one for one in replays if not one["replays"]]
+    changes = {one["would_fit"] for one in failing if one["would_leave_N"] <= one["tolerance_N"]}
+    if not of_log or len(changes) != 1 or not all(one["would_fit"] in changes for one in failing):
+        return ""
+    return (
+        f": with {changes.pop()}, the stated controller makes the commands. Correct the log or the machine file by that"
+    )
 
 
 def _at_rating(results: Results) -> list[str]:

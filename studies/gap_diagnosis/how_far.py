@@ -89,6 +89,10 @@ def _gap_closed(results: Results) -> list[str]:
             "No effect reduces the gap by enough to go into the model; re-fitting the nominal values takes it "
             f"{_from_to(far['gap_as_delivered'], far['gap_refitted'])}, and the noise floor is {floor}."
         ]
+    if len(far["stages"]) <= UNNAMED:
+        moved = _from_to(far["gap_as_delivered"], far["gap_refitted"])
+        refit = f"re-fitting the nominal values takes the gap {moved}"
+        return [f"What is named is in no file; {refit}; the noise floor is {floor}."]
     if unknown_law.is_the_answer(results):
         (file,) = (one["on_records"] for one in far["files"] if one["file"] == Content.MEASURED)
         return [
@@ -146,6 +150,12 @@ def _handed_over(results: Results) -> list[str]:
         told.append(f"{' '.join(harms)} {_file_told(far)}")
     elif far["adopted_file"] == Content.SOME:
         told.append(_file_told(far))
+    elif any(one["command_late_samples"] for one in results["where"]["details"]["controller"]):
+        told.append(
+            "Commands that are logged at another time than they acted, as a torque or a current that is measured, give "
+            "no dead time that is the machine's. "
+            f"{FILES[Content.DELIVERED]}"
+        )
     elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:
         told.append(f"The re-fit is not believed. {FILES[Content.DELIVERED]}")
     if results.get("at_random"):

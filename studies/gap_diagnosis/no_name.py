@@ -7,7 +7,15 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from models.quantity import listed, show
-from studies.gap_diagnosis.values_off import SHIFTED, in_percent, mostly, off_by, told_off
+from studies.gap_diagnosis.values_off import (
+    SHIFTED,
+    in_percent,
+    mostly,
+    off_by,
+    stated_mostly,
+    told_off,
+    values_in_short,
+)
 from studies.wording import effect
 
 Results = Mapping[str, Any]
@@ -19,22 +27,20 @@ AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a flo
 
 def without_a_name_in_short(results: Results) -> str:
     """The outcome without a name, in a few words: nominal values first where they are most of the gap."""
-    off = mostly(results) if results["verdict"]["outcome"] == "none_of_these" else []
+    names = values_in_short(results) if results["verdict"]["outcome"] == "none_of_these" else ""
+    what = f"Nominal values are off: {names}; what" if names else "What"
     if noise := _noise_of(results):
-        names = f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what" if off else "What"
-        return f"{names} is left is noise of {noise}"
-    if not off and (more := _hardly_more(results)):
+        return f"{what} is left is noise of {noise}"
+    if not names and (more := _hardly_more(results)):
         return f"What is left is {more}, and has no name"
-    if not off:
-        return "No effect of the catalogue explains it"
-    return f"Nominal values are off: {listed([effect(row['name']) for row in off])}; what is left has no name"
+    return f"{what} is left has no name" if names else "No effect of the catalogue explains it"
 
 
 def without_a_name(results: Results) -> list[str]:
     """What is said where no effect explains what is left, after the values that are off where they are most of it; in
     sentences."""
-    off = mostly(results)
-    begins, rest = (f"{told_off(off, results)} No", "what is left") if off else ("No", "it")
+    off, stated = mostly(results), stated_mostly(results)
+    begins, rest = (f"{told_off(off, results, stated)} No", "what is left") if off or stated else ("No", "it")
     told = [
         f"{begins} effect of the catalogue, alone or with others, explains {rest} within its prior range: "
         f"{_beyond_the_catalogue(results)}."
@@ -50,7 +56,8 @@ def noise_alone(results: Results) -> list[str]:
     if not noise:
         return []
     off, share = mostly(results), max(results["white_force_N"]["alone"]) / results["how_far"]["drive_rms_N"]
-    told = [told_off(off, results)] if off else []
+    stated = stated_mostly(results)
+    told = [told_off(off, results, stated)] if off or stated else []
     return [
         *told,
         f"What is left is what a force that scatters by {noise} from sample to sample would leave, "

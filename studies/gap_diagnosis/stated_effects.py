@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -28,11 +29,14 @@ def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
             continue
         for item in parameters(type(before)):
             old, new = float(getattr(before, item.name)), float(getattr(after[0], item.name))
+            size = abs(old)
+            if item.role == "phase":  # the same phase has many numbers, and 0 is no small one
+                size, new = 1.0, old + math.remainder(new - old, math.tau)
             source = better.sources.get(f"effects.{before.name}.{item.name}")
             std = float(np.max(source.std)) if source is not None and source.std is not None else 0.0
             if item.role == "switch" or (as_late and item.name == before.delayed_by):
                 continue
-            if abs(new - old) > max(SURELY * std, CLEARLY * abs(old)):
+            if abs(new - old) > max(SURELY * std, CLEARLY * size):
                 row = {"effect": before.name, "name": item.name, "unit": item.unit}
                 rows.append({**row, "before": old, "now": new, "std": std})
     return rows
@@ -48,13 +52,17 @@ def first(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys([*(row["effect"] for row in results.get("stated_effects", ())), *names]))
 
 
-def told(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence on them; none without any."""
-    if not rows:
-        return []
-    shown = [
+def moved_values(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Each of them in words, with the value before."""
+    return [
         f"{effect(row['effect'])} ({words(row['name'])} {show(row['now'], row['unit'], 4)} in place of "
         f"{show(row['before'], row['unit'], 4)})"
         for row in rows
     ]
-    return [f"Of the effects that the machine file states, these have other values: {listed(shown)}."]
+
+
+def told(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence on them; none without any."""
+    if not rows:
+        return []
+    return [f"Of the effects that the machine file states, these have other values: {listed(moved_values(rows))}."]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from models.quantity import listed, show
+from studies.gap_diagnosis.stated_effects import moved_values
 from studies.wording import effect
 
 Results = Mapping[str, Any]
@@ -37,12 +38,20 @@ def mostly(results: Results) -> list[Results]:
     Contacts stand in for each other, so that they count by what all of them come to. A re-fit without effects bends
     values to make up for them, so that where some are named, or a law is learned, those are told that are off beside.
     """
+    return [row for row in map(_beside_effects, results["shifts"]) if _is_off(row)] if refit_is_most(results) else []
+
+
+def refit_is_most(results: Results) -> bool:
+    """Whether other values alone take off most of the gap to the noise floor, in force."""
     before, after, floor = (
         results["how_far"][name]["force_N"] for name in ("gap_as_delivered", "gap_refitted", "floor")
     )
-    if before - after < MOSTLY * (before - floor) or before <= floor:
-        return []
-    return [row for row in map(_beside_effects, results["shifts"]) if _is_off(row)]
+    return bool(before > floor and before - after >= MOSTLY * (before - floor))
+
+
+def stated_mostly(results: Results) -> Sequence[Results]:
+    """The values of effects that the file states that are off, where other values alone are most of the gap."""
+    return results.get("stated_effects", ()) if refit_is_most(results) else ()
 
 
 def _beside_effects(row: Results) -> Results:
@@ -58,17 +67,23 @@ def _is_off(row: Results) -> bool:
     return bool(abs(row["moved"]) > SHIFTED)
 
 
-def told_off(rows: Sequence[Results], results: Results) -> str:
-    """A sentence on them, with what the re-fit leaves [N]."""
+def told_off(rows: Sequence[Results], results: Results, stated: Sequence[Results] = ()) -> str:
+    """A sentence on them, and on the values of `stated` effects, with what the re-fit leaves [N]."""
+    off = listed([*moved_values(stated), *(off_by(row) for row in rows)])
     far = results["how_far"]
     before, after, floor = (
         show(far[name]["force_N"], "N", 3) for name in ("gap_as_delivered", "gap_refitted", "floor")
     )
     if any(row.get("beside") is not None for row in rows):
-        return f"Nominal values are off, too, {listed([off_by(row) for row in rows])}."
+        return f"Nominal values are off, too, {off}."
     none_left = far["gap_refitted"]["force_N"] < far["floor"]["force_N"]
     beside = f"no more than the noise floor of {floor}" if none_left else f"beside a noise floor of {floor}"
     return (
-        f"Nominal values are off, {listed([off_by(row) for row in rows])}; re-fitted, they reduce the unknown force "
-        f"from {before} to {after}, {beside}."
+        f"Nominal values are off, {off}; re-fitted, they reduce the unknown force from {before} to {after}, {beside}."
     )
+
+
+def values_in_short(results: Results) -> str:
+    """The names of the values that are off, where they alone are most of the gap; else nothing."""
+    rows = [*(row["effect"] for row in stated_mostly(results)), *(row["name"] for row in mostly(results))]
+    return listed([effect(name) for name in dict.fromkeys(rows)])
