@@ -38,7 +38,7 @@ from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
-from diagnosis.handover.final_fit import freed, plant_at_bounds, values_at_bounds
+from diagnosis.handover.final_fit import freed, plant_at_bounds
 from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import acting
@@ -199,20 +199,18 @@ def _told(searched: Pruned, baseline: Baseline, disabled: Collection[str], seed:
 def _beside_values(
     searched: Pruned, baseline: Baseline, search: Callable[[Baseline], Pruned]
 ) -> Iterator[tuple[Pruned, Baseline]]:
-    """What may explain the records, the likeliest first: the search, or values of the plant and of effects that the
-    file states beyond their bounds where these leave no more of the records than the effects that were found beside
-    them within. An effect that delays the thrust and a longer dead time hardly differ, so that each is the other's
-    rival. On a drive that is rougher than its model, any law drives the values there."""
+    """What may explain the records, the likeliest first: the search, or values of the plant beyond their bounds where
+    these leave no more of the records than the effects that were found beside them within. An effect that delays the
+    thrust and a longer dead time hardly differ, so that each is the other's rival. On a drive that is rougher than its
+    model, any law drives the values there."""
     nominal, last, criteria = baseline.nominal, searched.stages[-1], baseline.criteria
-    hit = values_at_bounds(nominal.candidate)
-    at_bounds, stated = [one.name for one in hit], any(one.part != "nominal" for one in hit)
+    at_bounds = [one.name for one in plant_at_bounds(nominal.candidate)]
     if len(searched.stages) < 2 or last.fitted.candidate.rough or not at_bounds:
         yield searched, baseline
         return
     values = freed(nominal, baseline.records)
     delay = _delayed(searched, baseline) if "dead_time" in at_bounds else None
-    gained = _left(nominal) - _left(last.fitted)
-    no_more = _left(values) - _left(last.fitted) < (as_well(gained, criteria) if stated else criteria.min_gain_further)
+    no_more = _left(values) - _left(last.fitted) < criteria.min_gain_further
     if delay is not None:
         more = _left(values) - _left(delay.fitted)
         margin = as_well(_left(nominal) - _left(delay.fitted), criteria)
@@ -225,8 +223,7 @@ def _beside_values(
     if no_more:
         other = replace(baseline, nominal=values)
         again = search(other)
-        simpler = stated and len(again.stages) <= len(searched.stages)
-        if len(again.stages) == 1 or (simpler and _left(again.stages[-1].fitted) < _left(last.fitted)):
+        if len(again.stages) == 1:
             yield again, other
             return
     yield searched, baseline

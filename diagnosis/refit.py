@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
+from diagnosis.handover.final_fit import freed, stated_at_bounds
 from diagnosis.model.fit import Fit, coordinates, fit, weights
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate, SmoothedPath
@@ -163,7 +164,16 @@ def _weighed(fitted: Fit, records: Sequence[Record], rough: NDArray[np.bool_]) -
 
 def within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     """The nominal re-fit under the usual weights. Where commands go beyond the rated thrust, the drive that followed
-    them is tried as well: many do so for a while."""
+    them is tried as well: many do so for a while. A value of an effect that the file states may be farther off than
+    usual sizes go, as long as it comes to rest there."""
+    fitted = _within_rating(machine, records)
+    found = freed(fitted, records, stated_at_bounds)
+    rests = found is not fitted and not stated_at_bounds(found.candidate)
+    return found if rests and fitted.cost - found.cost > ENOUGH else fitted
+
+
+def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
+    """The re-fit with the rating as it is stated or, where that leaves clearly less, as it was seen to be exceeded."""
     most = max(float(np.max(np.abs(record.command))) for record in records)
     effects = in_order(machine.effects)
     layout = parameters(machine, len(records))

@@ -9,7 +9,7 @@ Identification, 1999, section 8.5). Values that run to a bound get twice the roo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -92,18 +92,19 @@ def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
     return tuple(one for one in at_bounds(candidate) if one.part == "nominal" and one.name in LOOSE)
 
 
-def values_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
-    """The same, and the values of effects that the machine file states, in a fit without any other."""
-    stated = (one for one in at_bounds(candidate) if one.part != "nominal" and not _is_period(candidate, one))
-    return (*plant_at_bounds(candidate), *stated)
+def stated_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
+    """The values of effects at a bound, but for periods: of those that the machine file states, without others."""
+    return tuple(one for one in at_bounds(candidate) if one.part != "nominal" and not _is_period(candidate, one))
 
 
-def freed(given: Fit, records: Sequence[Record]) -> Fit:
-    """A fit without effects but the file's, fitted again under its own weights with more room for values of the plant
-    and of these effects at their bounds, and once more while one runs on."""
+def freed(
+    given: Fit, records: Sequence[Record], hit_by: Callable[[Candidate], Sequence[AtBound]] = plant_at_bounds
+) -> Fit:
+    """A fit without effects but the file's, fitted again under its own weights with more room for those values that
+    stand at their bounds, by default the plant's, and once more while one runs on."""
     fitted = given
     for _ in range(ROUNDS):
-        hit = values_at_bounds(fitted.candidate)
+        hit = hit_by(fitted.candidate)
         if not hit:
             break
         fitted = fit(with_more_room(fitted.candidate, hit), records, paths=fitted.paths, walk=fitted.walk)

@@ -158,9 +158,8 @@ def _as_logged(results: Results) -> str:
     changes = {one["would_fit"] for one in failing if one["would_leave_N"] <= one["tolerance_N"]}
     if not of_log or len(changes) != 1 or not all(one["would_fit"] in changes for one in failing):
         return ""
-    return (
-        f": with {changes.pop()}, the stated controller makes the commands. Correct the log or the machine file by that"
-    )
+    change = changes.pop()
+    return f": with {change}, the stated controller makes the commands; correct the log or the machine file by that"
 
 
 def _at_rating(results: Results) -> list[str]:

@@ -273,3 +273,16 @@ def test_the_answer_is_the_same_each_time_and_with_the_evidence_beside_it(viscou
     assert np.array_equal(found.how_far.interval, again.how_far.interval)
     assert to_json(found) == to_json(again)
     assert stands.to_json() == evidence(found).to_json()
+
+
+def test_a_stated_lag_that_is_far_longer_is_a_value_that_is_off_and_no_other_effect(null_cache: Path) -> None:
+    """Its range had ended at twice the usual ones, and what was left had been a lag in another form, late commands and
+    a shorter dead time."""
+    stated, true = CurrentLoopLag(0.3e-3), CurrentLoopLag(2.4e-3)
+    file, moves = replace(table(), effects=(stated,)), [strokes(table(), 5e-3, (0.1, 0.03), passes=2)]
+    found = diagnose(file, recorded(table(), moves, [true], seed=3, wrong=0.0), cache=null_cache)
+    assert "current_loop_lag" in found.effects
+    assert found.outcome is Outcome.PARAMETERS
+    (lag,) = found.baseline.nominal.candidate.effects
+    assert isinstance(lag, CurrentLoopLag)
+    assert lag.time == pytest.approx(true.time, rel=0.03)

@@ -203,6 +203,16 @@ def test_each_record_has_the_white_force_that_it_needs() -> None:
     assert variance_by_record(found) == pytest.approx([1.0, 1.0], abs=0.25)
 
 
+def test_what_is_steadily_there_in_one_record_alone_is_no_roughness_of_the_drive(rough: tuple[Record, ...]) -> None:
+    """Where nothing repeats: of a joint's two records one had been taken for noise, with the law that its motions
+    showed, and weighed 60,000 times less than the other."""
+    once = rough[0].part(0, rough[0].position.size // 2)
+    smooth = recorded(MACHINE, PLAN[1:], seed=SEED, wrong=0.0)[0]
+    smooth = smooth.part(0, smooth.position.size // 2)
+    assert refit_within(MACHINE, (smooth, once)).candidate.roughness_of(1) == 1.0
+    assert refit_within(MACHINE, (once, once)).candidate.roughness_of(1) > 10
+
+
 @pytest.mark.parametrize(("size", "seed"), [(0.1, 1), (1.0, 2), (10.0, 3)])
 def test_lines_and_bursts_do_not_count_as_steady(size: float, seed: int) -> None:
     """Beside white noise: what a law of the position leaves at one speed, and what one leaves at halts."""

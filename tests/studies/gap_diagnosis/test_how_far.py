@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 from studies.gap_diagnosis.answer import sentences
@@ -73,3 +74,22 @@ def test_a_bound_of_a_law_that_is_named_says_nothing_of_the_rest(results: dict[s
     assert "the model is incomplete" in sentences({**results, "verdict": verdict, "how_far": beside})["how_far"]
     unnamed = {**verdict, "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
     assert "the model is incomplete" in sentences({**results, "verdict": unnamed, "how_far": far})["how_far"]
+
+
+def test_a_log_that_is_late_tells_its_change_and_claims_no_closure(results: dict[str, Any]) -> None:
+    """Of a reference logged late the page had said that a controller mismatch "closes 0 % (0 to 0 %) of the gap"."""
+    whole = copy.deepcopy(results)
+    whole["verdict"] |= {"outcome": "attributed", "effects": ["controller_mismatch"], "partly": [], "equivalent": []}
+    whole["how_far"]["stages"] = whole["how_far"]["stages"][:2]
+    (replay,) = whole["where"]["details"]["controller"]
+    replay |= {"replays": False, "would_fit": "the reference logged 3 samples late", "would_leave_N": 7e-6}
+    replay |= {"tolerance_N": 6e-4}
+    told = sentences(whole)
+    assert told["which"].startswith(
+        "It is controller mismatch: with the reference logged 3 samples late, the stated controller makes the "
+        "commands; correct the log or the machine file by that."
+    )
+    assert told["how_far"].startswith("What is named is in no file; re-fitting the nominal values takes the gap from")
+    assert "closes" not in told["how_far"]
+    replay |= {"would_leave_N": 1.0}
+    assert sentences(whole)["which"].startswith("It is controller mismatch. ")

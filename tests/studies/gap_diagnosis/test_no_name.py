@@ -30,6 +30,11 @@ def test_values_that_are_most_of_the_gap_come_before_what_has_no_name(results: d
         "left within its prior range"
     )
     assert told["outcome"] == "Nominal values are off: payload mass; what is left has no name"
+    lag = {"effect": "current_loop_lag", "name": "time", "unit": "s", "before": 1e-3, "now": 2.205e-3, "std": 1e-6}
+    stated = sentences({**given, "shifts": [], "stated_effects": [lag]})
+    assert stated["which"].startswith("Nominal values are off, current loop lag (time 2.205 ms in place of 1 ms); re-")
+    assert "have other values" not in stated["which"], "said once"
+    assert stated["outcome"] == "Nominal values are off: current loop lag; what is left has no name"
     gaps["gap_refitted"] = {**gaps["gap_refitted"], "force_N": 0.06}
     less = sentences({**given, "how_far": {**far, **gaps}})
     assert less["which"].startswith("No effect of the catalogue")

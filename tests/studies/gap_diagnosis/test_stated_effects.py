@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import CurrentLoopLag
-from models.effects.structure import CableSpring
+from models.effects.structure import CableSpring, Gravity
 from models.machine import Provenance, load
 from studies.gap_diagnosis.compute import _with_its_name
 from studies.gap_diagnosis.stated_effects import first, stated_effects, told
@@ -50,3 +52,11 @@ def test_a_lag_is_told_where_it_changes_the_input_delay() -> None:
     assert stated_effects(late, shared) == []
     (row,) = stated_effects(late, replace(late, effects=(CurrentLoopLag(250e-6),)))
     assert (row["effect"], row["now"]) == ("current_loop_lag", 250e-6)
+
+
+def test_a_phase_is_told_by_the_angle_that_it_moved() -> None:
+    """Of a gravity at a phase of 0 every re-fit had told 6.283."""
+    given = replace(load(), effects=(Gravity(12.0, 0.0),))
+    for now, told_now in ((6.2823, []), (6.2, [-0.0831853])):
+        rows = stated_effects(given, replace(given, effects=(Gravity(12.0, now),)))
+        assert [row["now"] for row in rows] == pytest.approx(told_now)

@@ -175,6 +175,9 @@ def test_a_log_that_is_late_is_said_with_its_shift(own: Made, tmp_path: Path) ->
     found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]
     assert re.search(r"from sample 6\d on", found["answer"]["where"])
     assert "with the command logged 1 sample late" in found["answer"]["where"]
+    assert found["how_far"]["adopted_file"] == "as delivered"  # whose dead time is the machine's
+    assert "as a torque or a current that is measured" in found["answer"]["how_far"]
+    assert not (tmp_path / "out" / "next_experiment.csv").exists()
 
 
 def test_the_first_page_tells_no_switch_of_the_effect_that_was_put_in(quick: Path, results: dict[str, Any]) -> None:
