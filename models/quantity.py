@@ -162,8 +162,8 @@ def turned(text: str) -> str:
     torques are "N m" already, and no force is multiplied by a length anywhere else.
     """
     cells = _IN_CELL.sub(lambda cell: re.sub(_UNIT_ALONE, lambda found: _turned(found[0]), cell[0]), text)
-    words = _WORD.sub(_turned_word, re.sub(r"\bpayload mass\b", "payload inertia", cells))
-    return _IN_TEXT.sub(lambda found: _turned(found[0]), words)
+    words = _WORD.sub(_turned_word, re.sub(r"\b(payload|[Mm]oving) mass\b", r"\1 inertia", cells))
+    return _IN_TEXT.sub(lambda found: _turned(found[0]), words.replace("[N$^2$", "[(N m)$^2$"))
 
 
 def turned_but_quoted(text: str) -> str:

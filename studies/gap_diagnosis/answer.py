@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
-from studies.gap_diagnosis import how_far, stated_effects, unknown_law
+from studies.gap_diagnosis import common_factor, how_far, stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
 from studies.gap_diagnosis.no_name import never_the_same, noise_alone, without_a_name, without_a_name_in_short
 from studies.gap_diagnosis.too_small import too_small
@@ -97,7 +97,7 @@ def _which(results: Results) -> list[str]:
     outcome, names = verdict["outcome"], verdict["effects"]
     led = outcome == "none_of_these" and not is_unsure(verdict) and not never_the_same(results)
     stated = [] if led and refit_is_most(results) else stated_effects.told(results.get("stated_effects", ()))
-    beside = [*_elements(results), *stated]
+    beside = [*_elements(results), *stated, *common_factor.told(results.get("common_factor"))]
     if outcome == "nothing_to_explain":
         told = "The machine file explains the records as it is: as far as they can show, no effect is missing."
         return [told, *beside]

@@ -44,6 +44,7 @@ from studies.beforehand import require_designable, require_stable
 from studies.effort import MOST, diagnosing, foresee, more_samples
 from studies.gap_diagnosis import by_hand, own_records
 from studies.gap_diagnosis.answer import front, sentences
+from studies.gap_diagnosis.common_factor import common_factor
 from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
@@ -125,7 +126,7 @@ def answered(
         better = with_covered(better, given.records, source)
     adopted = [effect.name for effect in better.effects]
     told: dict[str, Any] = {"verdict": verdict, "asked": looks, "stated_effects": stated_effects(given.machine, better)}
-    told["adopted"] = adopted
+    told["adopted"], told["common_factor"] = adopted, common_factor(given.machine, better)
     told["at_random"] = bool(found.how_far.handover.adopted.judged.candidate.random_forces)
     rated = given.machine.drive.rated_thrust
     taken = {one.name: one.at_rating(rated) for one in found.final.candidate.added_effects}

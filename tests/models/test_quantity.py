@@ -124,6 +124,8 @@ def test_a_rotary_axis_has_units_of_its_own(text: str, unit: str, in_its_place: 
         ("gain [1/kg]", "gain [1/(kg m²)]"),
         ("$5$ N/m and $k_i$ = $3 \\cdot 10^3$ N/(m s)", "$5$ N m/rad and $k_i$ = $3 \\cdot 10^3$ N m/(rad s)"),
         ("payload mass by 3 %", "payload inertia by 3 %"),
+        ("Moving mass by 3 %", "Moving inertia by 3 %"),
+        ("power density [N$^2$/Hz]", "power density [(N m)$^2$/Hz]"),
         ("x in metres, 3 micrometres; u in newtons", "x in radians, 3 microradians; u in newton metres"),
         ("3 rad at 2 N m, 5 N m/rad, N = 5 in 10 modes, row[m] of a[N], 0.4 N²/Hz", None),
         ("7 min, 3 mA, 2 s, 30 Hz, 5 nodes, 4 m-files", None),
