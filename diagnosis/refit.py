@@ -134,7 +134,7 @@ def whiteness(fitted: Fit, records: Sequence[Record]) -> Array:
     steady = [
         steady_variance(one.innovations, record, loop) for one, record in zip(fitted.residuals, records, strict=True)
     ]
-    share = np.array(steady) / variance_by_record(fitted)
+    share = np.nan_to_num(steady, nan=1.0) / variance_by_record(fitted)
     return np.asarray(np.minimum(share, 1 / np.maximum(share, 1e-12)))
 
 

@@ -10,6 +10,7 @@ it is in each of them: in one alone it is a law that its motions show.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -51,19 +52,21 @@ def unmodelled_variance(fitted: Fit, records: Sequence[Record], least: int) -> A
     scatter = np.array([float(np.mean(own**2)) if own.size else 0.0 for own in known])
     pairs = zip(fitted.residuals, records, strict=True)
     steady = np.array([steady_variance(residual.innovations, record, loop) for residual, record in pairs])
-    return np.asarray(np.maximum(scatter, np.min(np.minimum(steady, variance_by_record(fitted)))))
+    told = np.minimum(steady, variance_by_record(fitted))[~np.isnan(steady)]
+    return np.asarray(np.maximum(scatter, np.min(told) if told.size else 1.0))
 
 
 def steady_variance(innovations: Array, record: Record, loop: float) -> float:
     """Variance [1] of a record's innovations (n,) about and above the loop's frequency, in that of white noise: the
-    median over short blocks and over the frequencies, as a law leaves lines; loop [s]: `units.loop_time`."""
+    median over short blocks and over the frequencies, as a law leaves lines; nan of a record that is too short to tell.
+    loop [s]: `units.loop_time`."""
     half = 0.5 / record.sample_time
     low, high = (np.array(BAND) / (2 * np.pi * loop)).clip(max=np.array(WITHIN) * half)
     length = max(round(BLOCK * loop / record.sample_time), LEAST)
     e, course = innovations[STARTING:], record.reference[STARTING:]
     count = e.size // length
     if count < 2:
-        return 1.0
+        return math.nan
     window = np.hanning(length)
     power = np.abs(np.fft.rfft(e[: count * length].reshape(count, length) * window)) ** 2 / np.sum(window**2)
     frequency = np.fft.rfftfreq(length, record.sample_time)

@@ -224,6 +224,7 @@ def test_lines_and_bursts_do_not_count_as_steady(size: float, seed: int) -> None
     burst = 30.0 * rng.standard_normal(n) * (t % 1.0 < 0.05)
     assert steady_variance(size * noise, record, loop) == pytest.approx(size**2, rel=0.1)
     assert steady_variance(noise + line + burst, record, loop) < 3.0
+    assert math.isnan(steady_variance(noise[:300], record.part(0, 300), loop)), "too short to tell"
 
 
 @pytest.mark.parametrize("first", [0.0, 10_000.0, 9e8])
