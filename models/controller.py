@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 LATEST: Final = 1000  # samples by which a reference may wait
 GAIN: Final = "no axis is stable with a higher gain"
-SHARE: Final = "no controller moves a set point more than twice as far as its reference"
+SET_POINT_REASON: Final = "no controller moves a set point more than twice as far as its reference"
 GAINS: Final = {
     "kp": "kp_N_per_m",
     "ki": "ki_N_per_ms",
@@ -63,10 +63,20 @@ class PID:
         because="it would filter all motion",
     )
     proportional_weight: float = value(
-        "1", "weight b of the reference in the proportional part", at_least=0, at_most=2, because=SHARE, default=1.0
+        "1",
+        "weight b of the reference in the proportional part",
+        at_least=0,
+        at_most=2,
+        because=SET_POINT_REASON,
+        default=1.0,
     )
     derivative_weight: float = value(
-        "1", "weight c of the reference in the derivative part", at_least=0, at_most=2, because=SHARE, default=1.0
+        "1",
+        "weight c of the reference in the derivative part",
+        at_least=0,
+        at_most=2,
+        because=SET_POINT_REASON,
+        default=1.0,
     )
 
     @property

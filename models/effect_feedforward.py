@@ -23,7 +23,7 @@ from models.simulation.effect_kernel import Path, replay
 
 Array = NDArray[np.float64]
 
-PARTS: Final = 4  # substeps of an interval of the thrust
+SUBSTEPS: Final = 4  # substeps of an interval of the thrust
 ROUNDS: Final = 2
 BEFORE: Final = 3  # intervals of rest before the start, the first of which no motion reaches
 NO_FRICTION: Final = elements([0.0], [1.0])
@@ -71,5 +71,5 @@ def _path(position: Array, sample_time: float, delay: float) -> Path:
     n, after = position.size, np.full(2, position[-1])
     course = Akima1DInterpolator(np.arange(-BEFORE, n + 2), np.concatenate([np.zeros(BEFORE), position, after]))
     samples = np.arange(-BEFORE, n) + delay / sample_time
-    middles = samples[:, None] + (np.arange(PARTS) + 0.5) / PARTS
+    middles = samples[:, None] + (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
     return Path(sample_time, course(middles), course(middles, 1) / sample_time, course(samples), np.zeros(samples.size))

@@ -21,7 +21,7 @@ from models.quantity import show, value
 
 Array = NDArray[np.float64]
 
-MOST: Final = 200  # Elements: a hysteresis curve shows about ten, and the simulation's time grows with them.
+MAX_ELEMENTS: Final = 200  # Elements: a hysteresis curve shows about ten, and the simulation's time grows with them.
 REACHING: Final = 30  # strokes that lead to a random state
 PERIOD: Final = 2000  # points of a period of the sine that a describing function is of
 STIFF: Final = "no contact is stiffer than a solid metre of steel"
@@ -37,13 +37,13 @@ class Friction:
     """
 
     stiffness: tuple[float, ...] = value(
-        "N/m", "element stiffness K_i", at_least=0, at_most=1e13, because=STIFF, most=MOST
+        "N/m", "element stiffness K_i", at_least=0, at_most=1e13, because=STIFF, most=MAX_ELEMENTS
     )
     limit: tuple[float, ...] = value(
-        "m", "largest element displacement X_mi", above=0, at_least=1e-13, at_most=100, because=RANGE, most=MOST
+        "m", "largest element displacement X_mi", above=0, at_least=1e-13, at_most=100, because=RANGE, most=MAX_ELEMENTS
     )
     damping: tuple[float, ...] = value(
-        "N s/m", "element damping D_i", at_least=0, at_most=1e10, because=STIFF, most=MOST
+        "N s/m", "element damping D_i", at_least=0, at_most=1e10, because=STIFF, most=MAX_ELEMENTS
     )
 
     def __repr__(self) -> str:

@@ -14,7 +14,7 @@ from design.deployment.vectors import MISSING, Vectors
 from models.deployment.coefficients import Coefficients
 from models.deployment.learning_numbers import Learning
 from models.deployment.learning_steps import SAME, lesson
-from models.deployment.running_law import FAR, RESET
+from models.deployment.running_law import MAX_POSITION_M, RESET
 
 SECTIONS: Final = {
     "VAR_INPUT": "inputVars",
@@ -159,7 +159,7 @@ def _interface() -> Iterator[Variable]:
 
 def _constants(known: Coefficients) -> Iterator[Variable]:
     pid, keep, ts = known.pid, known.pid.pole(known.sample_time), known.sample_time
-    numbers = {"FAR": FAR, "THRUST_LIMIT": known.thrust_limit}
+    numbers = {"FAR": MAX_POSITION_M, "THRUST_LIMIT": known.thrust_limit}
     tables = {"POSITION": known.position, "PATH": known.path, "THRUST": known.thrust}
     counts = {"MEMORY_END": known.memory - 1, "STEP_END": len(known.position) - 1}
     if known.stiffness:

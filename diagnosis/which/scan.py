@@ -25,7 +25,7 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns
 from diagnosis.which.resonances import resonances
 from models.compiled import compiled
-from models.effects.base import SHOWN, Effect, Place, parameters
+from models.effects.base import VISIBLE_SIGNALS, Effect, Place, parameters
 from models.effects.catalogue import in_order
 from models.effects.parameter import POSITIVE, Parameter
 from models.plant import Mode
@@ -123,7 +123,7 @@ def scan(
     """
     trials: list[Effect] = []
     for name, kind in fitted.candidate.nominal.kinds.items():
-        if name not in left_out and kind.shown_in() in SHOWN:
+        if name not in left_out and kind.shown_in() in VISIBLE_SIGNALS:
             trials += grid(kind, fitted, records, projection)
     found, columns = dict[str, Finding](), dict[Effect, NDArray[Any]]()
     inside = {effect.name for effect in fitted.candidate.effects}

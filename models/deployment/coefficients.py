@@ -28,7 +28,7 @@ Row = tuple[float, ...]
 
 ROUNDING: Final = 1e-6  # by which N_ff(1) may differ from 1, and D_ff(1) from 0 in its largest coefficient
 STEEPEST: Final = 10 / math.sqrt(3)  # largest second derivative of the wipe's profile 10 s^3 - 15 s^4 + 6 s^5
-LONGEST: Final = 1_000_000  # samples of a wipe, or of a plan
+MAX_MOTION_SAMPLES: Final = 1_000_000  # samples of a wipe, or of a plan
 TALL: Final = 10_000  # coefficients of a polynomial
 
 
@@ -171,8 +171,10 @@ def _beyond(content: Mapping[str, Any], controller: Controller) -> dict[str, Any
     planned = (content.get("effect_compensation") or {}).get("plan")
     if planned is not None:
         known["plan"] = _numbers(planned, "thrust_N")
-        if len(known["plan"]) > LONGEST:
-            raise ValueError(f"effect_compensation.plan has more than {LONGEST} samples; plan a shorter sequence")
+        if len(known["plan"]) > MAX_MOTION_SAMPLES:
+            raise ValueError(
+                f"effect_compensation.plan has more than {MAX_MOTION_SAMPLES} samples; plan a shorter sequence"
+            )
     return known
 
 
@@ -188,8 +190,8 @@ def wipe_motion(content: Mapping[str, Any], sample_time: float) -> WipeMotion:
     names = ("distance_m", "duration_s", "rest_s", "peak_thrust_N")
     distance, duration, rest, peak = (_number(content, name, None, above=-1e-300) for name in names)
     count, still = round(duration / sample_time), round(rest / sample_time)
-    if not 1 <= count <= LONGEST or still > LONGEST:
-        raise ValueError(f"wipe: duration_s must be from 1 to {LONGEST} samples, and rest_s at most as long")
+    if not 1 <= count <= MAX_MOTION_SAMPLES or still > MAX_MOTION_SAMPLES:
+        raise ValueError(f"wipe: duration_s must be from 1 to {MAX_MOTION_SAMPLES} samples, and rest_s at most as long")
     return WipeMotion(distance, count, still, peak / STEEPEST)
 
 

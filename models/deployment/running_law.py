@@ -1,7 +1,8 @@
 """The law as a drive runs it, one sample after the other: the reference that every export is compared with.
 
 Every operation and its order are part of the definition, so that code in another language can give the same bits. At
-sample k, with the target r[k] and the reading x[k] (what is not within +-FAR, a NaN among it, is taken as at k - 1):
+sample k, with the target r[k] and the reading x[k] (what is not within +-MAX_POSITION_M, a NaN among it, is taken as at
+k - 1):
 
     c[k] = r[k] - r[k-1];  b[k] = r[k-M];  y, q, u_ff = sums over j = 0 .. M-1 of S_j c[k-j]     (x_T* = b + y)
     z_i = z_i + (b[k] - b[k-1]) + (q[k] - q[k-1]) within +-X_i;  f = sum K_i z_i;  u_rf = f - f_0
@@ -31,7 +32,7 @@ from models.simulation.kernel import clipped, pid_step
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-FAR: Final = 1e6  # m; no axis is longer, and so no sum overflows
+MAX_POSITION_M: Final = 1e6  # m; no axis is longer, and so no sum overflows
 # What is asked of the law at a sample; all but STEP take no time. INIT is a reset at 0 that forgets what was learned.
 STEP, RESET, WIPE, PLAN, LEARN, INIT = range(6)
 TARGET_MISSING, READING_MISSING, LIMITED, WIPING, LEARNING = 1, 2, 4, 8, 16  # bits of the status
@@ -113,9 +114,9 @@ def _reset(numbers: Numbers, law: LawArrays, memory: Memory, pupil: Pupil, posit
     """At rest on a reading [m], the integral holding the thrust [N]; the elements virgin, u_rf active.
 
     What has been learned stays; learning under way ends."""
-    held = thrust if -FAR <= thrust <= FAR else 0.0
+    held = thrust if -MAX_POSITION_M <= thrust <= MAX_POSITION_M else 0.0
     kept = memory.kept
-    at = position if -FAR <= position <= FAR else 0.0
+    at = position if -MAX_POSITION_M <= position <= MAX_POSITION_M else 0.0
     memory.target[:] = at
     memory.change[:] = 0.0
     memory.z[:] = 0.0
@@ -172,9 +173,9 @@ def _step(
 ) -> tuple[float, int]:
     """One sample: the thrust [N] and the status."""
     kept, size, status = memory.kept, memory.target.size, 0
-    if not (-FAR <= target <= FAR):
+    if not (-MAX_POSITION_M <= target <= MAX_POSITION_M):
         target, status = kept[TARGET], status | TARGET_MISSING
-    if not (-FAR <= position <= FAR):
+    if not (-MAX_POSITION_M <= position <= MAX_POSITION_M):
         position, status = kept[READING], status | READING_MISSING
     newest = memory.at[NEWEST] - 1 if memory.at[NEWEST] > 0 else size - 1
     memory.at[NEWEST] = newest

@@ -35,9 +35,9 @@ __all__ = [
     "FAMILIES",
     "LIMIT",
     "MOVED",
-    "SHOWN",
     "STIFFNESS",
     "U_LAW",
+    "VISIBLE_SIGNALS",
     "Array",
     "E",
     "Effect",
@@ -78,7 +78,8 @@ T, X, V, H, U, MOVED, E, U_LAW = range(8)  # entries of `now`
 Z, STIFFNESS, LIMIT = range(3)  # rows of `contact`
 
 FAMILIES: Final = ("friction", "motor", "structure", "scale", "protocol")
-SHOWN: Final = ("force", "reading")  # where an effect can add something that a record of position and command shows
+# Where an effect can add something that a record of position and command shows.
+VISIBLE_SIGNALS: Final = ("force", "reading")
 
 
 class Place(IntEnum):

@@ -14,7 +14,7 @@ from typing import Any, Final
 from models.effects.priors import Powers, Range
 from models.quantity import value
 
-FAR: Final = 1e6  # A size may be so many times its usual ones: axes differ by less.
+MAX_SIZE_FACTOR: Final = 1e6  # A size may be so many times its usual ones: axes differ by less.
 ROLES: Final = ("amplitude", "shape", "period", "phase", "width", "switch")
 POSITIVE: Final = ("shape", "period", "width")  # roles of sizes that are above 0 and differ by factors: see Parameter
 COORDINATES: Final = {"position": "m", "reading": "m", "command": "N", "time": "s"}
@@ -166,12 +166,12 @@ def _field(prior: Parameter, **limits: Any) -> Any:
 
 def _far(prior: Parameter, limits: Mapping[str, Any]) -> dict[str, Any]:
     """How far a size may be from its usual ones in a machine file: beyond, a law's numbers lose their meaning."""
-    most = FAR * max(abs(prior.low), abs(prior.high))
-    far: dict[str, Any] = {"because": f"more than a factor of {FAR:.0e} from its usual sizes"}
+    most = MAX_SIZE_FACTOR * max(abs(prior.low), abs(prior.high))
+    far: dict[str, Any] = {"because": f"more than a factor of {MAX_SIZE_FACTOR:.0e} from its usual sizes"}
     if "below" not in limits:
         far["at_most"] = most
     if prior.role in {"shape", "period"} and prior.low > 0:
-        far["at_least"] = prior.low / FAR
+        far["at_least"] = prior.low / MAX_SIZE_FACTOR
     elif "above" not in limits:
         far["at_least"] = -most
     return far

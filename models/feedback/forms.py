@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.controller import GAIN, PID, SHARE
+from models.controller import GAIN, PID, SET_POINT_REASON
 from models.feedback.law import Law
 from models.quantity import show, value
 
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 System = tuple[Array, Array, Array, Array]
 
 SECTIONS: Final = 20  # that a controller may have: drives have up to ten, and each is computed at every sample
-MANY: Final = f"drives have up to ten filters; the simulator computes {SECTIONS} at most"
+SECTIONS_REASON: Final = f"drives have up to ten filters; the simulator computes {SECTIONS} at most"
 BEHIND: Final = "it would filter all motion"
 FILTERED: Final = "no loop filters what is slower, and none samples what is faster"
 
@@ -72,7 +72,7 @@ class Cascade:
         "share f of the reference's speed in the speed's set point",
         at_least=0,
         at_most=2,
-        because=SHARE,
+        because=SET_POINT_REASON,
         default=0.0,
     )
     acceleration_feedforward: float = value(
@@ -88,7 +88,7 @@ class Cascade:
         "weight b of the speed's set point in the proportional part",
         at_least=0,
         at_most=2,
-        because=SHARE,
+        because=SET_POINT_REASON,
         default=1.0,
     )
 
@@ -143,7 +143,7 @@ class Filters:
     def __post_init__(self) -> None:
         """Each is computed at every sample."""
         if self.count > SECTIONS:
-            raise ValueError(f"{self.count} are more than {SECTIONS}: {MANY}")
+            raise ValueError(f"{self.count} are more than {SECTIONS}: {SECTIONS_REASON}")
 
     @property
     def count(self) -> int:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 ALIKE: Final = 0.95  # correlation from which on two parameters can hardly be told apart
 STRONG: Final = 10.0  # by which BIC must fall for a parameter more: strong evidence (Kass and Raftery, 1995)
-FAR: Final = 10.0  # times its value: beyond, a deviation's share of it says nothing
+MAX_TOLD_RELATIVE_STD: Final = 10.0  # times its value: beyond, a deviation's share of it says nothing
 LOOSE: Final = 0.5  # relative standard deviation from which on a record does not show a parameter
 
 
@@ -57,7 +57,11 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
     said = []
     for name, value, std in zip(estimate.names, estimate.values, estimate.deviations, strict=True):
         if name not in may_be_zero and not std < LOOSE * abs(value):
-            size = f"{100 * std / abs(value):.0f} % of it" if std < FAR * abs(value) else f"more than {FAR:g} times it"
+            size = (
+                f"{100 * std / abs(value):.0f} % of it"
+                if std < MAX_TOLD_RELATIVE_STD * abs(value)
+                else f"more than {MAX_TOLD_RELATIVE_STD:g} times it"
+            )
             said.append(f"This record does not show the {name}: its standard deviation is {size}.")
     for group in connected(np.abs(estimate.correlation) > ALIKE):
         names = [estimate.names[i] for i in group]

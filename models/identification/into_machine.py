@@ -18,7 +18,7 @@ from models.effects.structure import CableSpring
 from models.identification import modes
 from models.identification.estimate import Estimate, newey_west
 from models.identification.force import by_elements
-from models.identification.force.fit import DAMPING, SPRING, SURE, ForceFit
+from models.identification.force.fit import DAMPING, SIGNIFICANT_STDS, SPRING, ForceFit
 from models.identification.motion import MotionFit
 from models.machine import Machine, Provenance, with_derived_presliding
 from models.records.files import Loaded
@@ -257,7 +257,7 @@ def holdable(fit: ForceFit) -> Holdable:
 
 def _sure(value: float, std: float) -> tuple[float, float] | None:
     """A value and its standard deviation [the same unit] if it is surely not zero."""
-    return (value, std) if abs(value) > SURE * std else None
+    return (value, std) if abs(value) > SIGNIFICANT_STDS * std else None
 
 
 def _least_squares(columns: Array, wanted: Array) -> tuple[Array, Array]:

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from models.controller import References
 from models.friction import elements
 from models.identification.estimate import STRONG, Estimate, left_out, wider
-from models.identification.force.fit import DAMPING, SURE
+from models.identification.force.fit import DAMPING, SIGNIFICANT_STDS
 from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.quantity import show
@@ -48,11 +48,20 @@ FARTHEST: Final = 20.0  # times what is known, of mass, friction and length: bey
 MOST_SAMPLES: Final = 700_000  # that 2 GB hold: slopes, draws of noise and held values take 2 to 2.5 kB for each
 ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
-FAR: Final = 0.98  # of the longest way from the start: from there on friction has forgotten what it can forget
+# Of the longest way from the start: from there on friction has forgotten what it can forget.
+FORGOTTEN_WAY_SHARE: Final = 0.98
 DRAWS: Final = 60  # of the noise, for the covariance
-PARTS: Final = (("mass", "1"), ("friction level", "1"), ("presliding length", "1"), ("dead time", "s"), (DAMPING, "s"))
-STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 1e-5])  # of the numerical derivatives, in the order of PARTS
-SMALL: Final = 0.05  # relative change of stiffnesses and limits up to which the command changes in proportion
+PARAMETER_UNITS: Final = (
+    ("mass", "1"),
+    ("friction level", "1"),
+    ("presliding length", "1"),
+    ("dead time", "s"),
+    (DAMPING, "s"),
+)
+# Of the numerical derivatives, in the order of PARAMETER_UNITS.
+DERIVATIVE_STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 1e-5])
+# Relative change of stiffnesses and limits up to which the command changes in proportion.
+MAX_PROPORTIONAL_CHANGE: Final = 0.05
 PARTS_LEFT_OUT: Final = 20  # of the information on all parameters, one after another
 ALIKE: Final = 100  # times that motions' lengths are told apart, over the longest one
 PLAIN: Final = 4  # parts that are always identified; the damping only where it shows
@@ -127,11 +136,11 @@ def identify(
     job = _Job(record, machine, still, begin(record), friction_covariance)
     theta, filter_ = _converged(job, np.array([1.0, 1.0, 1.0, machine.plant.dead_time]), iterations)
     near = _near(job, np.append(theta, 0.0), filter_)
-    plain, whole = _solved(near, PLAIN), _solved(near, STEPS.size)
+    plain, whole = _solved(near, PLAIN), _solved(near, DERIVATIVE_STEPS.size)
     del near  # the next one is as large
     if _shows(plain, whole):
         theta, filter_ = _converged(job, whole.values[:-1], iterations)
-        plain = whole = _solved(_near(job, theta, filter_), STEPS.size)
+        plain = whole = _solved(_near(job, theta, filter_), DERIVATIVE_STEPS.size)
     return _made(_told(job, plain, whole))
 
 
@@ -148,7 +157,7 @@ def _made(fit: MotionFit) -> MotionFit:
 def begin(record: Record) -> int:
     """The sample at which the fit begins; see the module's head. A record that never comes back begins at START."""
     away = np.abs(record.position - record.position[0])
-    far = int(np.argmax(away >= FAR * np.max(away)))
+    far = int(np.argmax(away >= FORGOTTEN_WAY_SHARE * np.max(away)))
     return max(far, START) if far < 0.6 * away.size else START
 
 
@@ -167,7 +176,7 @@ def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
         theta[4:] = np.maximum(theta[4:], 0.0)
         if not (np.all(theta[:3] > 1 / FARTHEST) and np.all(theta[:3] < FARTHEST)):  # nor is it so of nan
             raise UnusableError(_diverged(theta))
-        if iteration > 1 and np.all(np.abs(moved) < 1e-3 * STEPS[: theta.size]):
+        if iteration > 1 and np.all(np.abs(moved) < 1e-3 * DERIVATIVE_STEPS[: theta.size]):
             break
     return theta, filter_
 
@@ -241,7 +250,8 @@ def _parts(phase: NDArray[np.int64], slopes: Array) -> NDArray[np.int64]:
 def _unsure(job: _Job, theta: Array) -> Iterator[Array]:
     """By how much u (samples,) [N] changes with each value that the fit holds as known, by its standard deviation."""
     for moved, size in _held(job):
-        step = min(1.0, SMALL / max(size, 1e-300)) * size  # so far that it is seen, so near that it is in proportion
+        # So far that it is seen, so near that it is in proportion.
+        step = min(1.0, MAX_PROPORTIONAL_CHANGE / max(size, 1e-300)) * size
         more, less = (_simulated(job.record, moved(sign * step), theta) for sign in (1, -1))
         yield (more - less) * (0.5 * size / max(step, 1e-300))
 
@@ -314,11 +324,11 @@ def _shows(plain: _Solution, whole: _Solution) -> bool:
     it, which is another question than how well it is known beside what the fit holds."""
     n = plain.error.size
     fallen = n * math.log(float(plain.error @ plain.error) / float(whole.error @ whole.error)) - math.log(n)
-    return fallen > STRONG and bool(whole.values[-2] > SURE * math.sqrt(whole.by_noise[-2, -2]))
+    return fallen > STRONG and bool(whole.values[-2] > SIGNIFICANT_STDS * math.sqrt(whole.by_noise[-2, -2]))
 
 
 def _told(job: _Job, found: _Solution, whole: _Solution) -> MotionFit:
-    names, units = zip(*PARTS[: found.values.size - 1], ("offset", "N"), strict=True)
+    names, units = zip(*PARAMETER_UNITS[: found.values.size - 1], ("offset", "N"), strict=True)
     theta, command = found.values[:-1], job.record.command
     offset = float(found.values[-1])
     machine = _changed(job.machine, theta)
@@ -358,7 +368,7 @@ def _changed(machine: Machine, theta: Array) -> Machine:
 def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:
     """u - u_sim (n,) [N] and its slopes (n, p + 1) by theta (p,) and by the offset."""
     slopes = []
-    for i, step in enumerate(STEPS[: theta.size]):
+    for i, step in enumerate(DERIVATIVE_STEPS[: theta.size]):
         ends = [theta + sign * step * (np.arange(theta.size) == i) for sign in (1, -1)]
         if i >= PLAIN:
             ends[1] = np.maximum(ends[1], 0.0)  # there is no damping below none

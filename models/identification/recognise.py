@@ -19,11 +19,12 @@ from models.records.tables.sizes import LIMITS, Limits
 
 Array = NDArray[np.float64]
 
-LONGEST: Final = 0.05  # s over which a reading is averaged, and
+MAX_AVERAGING_S: Final = 0.05  # s over which a reading is averaged, and
 SHORTEST: Final = 3  # samples
 AWAY: Final = 0.1  # of the reading's scatter: what an average may take off it
 NOISES: Final = 3.0  # of the scale's noise, below which what it takes off is that
-SLOW: Final = 0.05  # of the command's scatter: a record whose inertial force is below shows friction alone
+# Of the command's scatter: a record whose inertial force is below shows friction alone.
+MAX_SLOW_INERTIA_SHARE: Final = 0.05
 STRAIGHT: Final = (
     0.01  # of the way: by so much a reference of one speed may be off a straight line under the excitation
 )
@@ -44,8 +45,8 @@ def recognised(machine: Machine, loaded: Loaded) -> str:
     """Which of models.records.kinds.KINDS a file is [-].
 
     A file with frequencies is a response. One whose target steps is a motion; one with a feedforward that repeats, or
-    that acts while the reference keeps its speed, an excitation; one whose inertial force stays below SLOW of the
-    command's scatter a hysteresis; any other shows the dynamics.
+    that acts while the reference keeps its speed, an excitation; one whose inertial force stays below
+    MAX_SLOW_INERTIA_SHARE of the command's scatter a hysteresis; any other shows the dynamics.
     """
     if isinstance(loaded.content, FrequencyResponse):
         return "response"
@@ -56,7 +57,7 @@ def recognised(machine: Machine, loaded: Loaded) -> str:
     if np.ptp(record.feedforward) > 0 and (_straight(record) or period(record.feedforward) is not None):
         return "excitation"
     inertia = np.diff(_without_noise(record, machine), 2) / record.sample_time**2 / machine.plant.rigid_gain
-    return "hysteresis" if np.std(inertia) < SLOW * np.std(record.command) else "dynamics"
+    return "hysteresis" if np.std(inertia) < MAX_SLOW_INERTIA_SHARE * np.std(record.command) else "dynamics"
 
 
 def _without_noise(record: Record, machine: Machine) -> Array:
@@ -64,7 +65,7 @@ def _without_noise(record: Record, machine: Machine) -> Array:
     acceleration for the table's, a long one averages a fast motion away."""
     noise = max(machine.scale.noise, machine.scale.resolution)
     moves = max(AWAY * float(np.std(record.position)), NOISES * noise)
-    width = max(round(LONGEST / record.sample_time), SHORTEST)
+    width = max(round(MAX_AVERAGING_S / record.sample_time), SHORTEST)
     while True:
         smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
         cut = (record.position.size - smooth.size) // 2

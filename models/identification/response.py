@@ -40,11 +40,12 @@ BEGUN: Final = 6  # samples after which a sweep's axis has half of its speed, un
 WEAKEST: Final = 1e-2  # of the strongest line of the excitation: lines below are not looked at
 LOWEST: Final = 8  # lines under a window that are left out: slow motion leaks into them
 ONCE: Final = 0.5  # of a line's power in a single window: a sweep went by there
-SURELY: Final = 3.0  # times its neighbours' noise, from which on a line of a periodic excitation has more of its own
+# Times its neighbours' noise, from which on a line of a periodic excitation has more of its own.
+MIN_NOISE_RATIO: Final = 3.0
 NEIGHBOURS: Final = 4  # lines on each side over which the noise's power is averaged
 FOREIGN: Final = 25.0  # times its neighbours' median, from which on what a line has beside the sweep is another signal
 THIRD: Final = 2 ** (1 / 6)  # factor to either side over which the noise's power of one sweep is taken to be smooth
-STEPS: Final = 24  # medians in an octave, between which that power is interpolated
+MEDIANS_PER_OCTAVE: Final = 24  # medians in an octave, between which that power is interpolated
 LOCAL: Final = 8  # lines on each side over which the local model of one sweep holds
 DEGREE: Final = 2  # of that model's polynomials
 FEWEST: Final = 4 * (2 * LOCAL + 1)  # lines of one sweep
@@ -52,7 +53,7 @@ OCTAVES: Final = 2.0  # that one sweep covers at least
 SKIRT: Final = 0.02  # of the sweep's time below its lowest line and above its highest, where its start and stop leak
 LED: Final = 0.9  # coherence of command and sweep: below, feedback of the noise leads the command
 BEFORE: Final = 0.95  # of the frequency at which a sweep comes by again: its skirt is there earlier
-NEAR: Final = 0.8  # of half the rate: a sweep that gets there may have gone on beyond
+SWEEP_END_NYQUIST_SHARE: Final = 0.8  # of half the rate: a sweep that gets there may have gone on beyond
 SEEN: Final = 0.5  # coherence of position and sweep: below, the position moves by less than the scale resolves
 
 
@@ -204,7 +205,7 @@ def _commanded(excitation: Complex, command: Complex) -> NDArray[np.bool_]:
 
 def _apart(error: Array, usual: Array) -> Array:
     """The usual power of the errors, but that of a line of its own where that is surely more (n,)."""
-    return np.where(error > SURELY * usual, error, usual)
+    return np.where(error > MIN_NOISE_RATIO * usual, error, usual)
 
 
 def _passes_once(excitation: Complex) -> bool:
@@ -294,7 +295,7 @@ def _folded_from(sweep: Array, sample_time: float) -> float:
         return math.inf
     course = 0.5 / (median_filter(spans, 2 * LOCAL + 1) * sample_time)
     peak = int(np.argmax(course))
-    if course[peak] < NEAR * 0.5 / sample_time:
+    if course[peak] < SWEEP_END_NYQUIST_SHARE * 0.5 / sample_time:
         return math.inf
     return BEFORE * float(max(np.min(course[: peak + 1]), np.min(course[peak:])))
 
@@ -403,7 +404,7 @@ def _smooth(power: Array, lines: NDArray[np.intp]) -> Array:
     windows stay centred, as noise may be steep.
     """
     last = lines.size - 1
-    grid = np.geomspace(lines[0], lines[-1], 2 + int(STEPS * np.log2(lines[-1] / lines[0])))
+    grid = np.geomspace(lines[0], lines[-1], 2 + int(MEDIANS_PER_OCTAVE * np.log2(lines[-1] / lines[0])))
     centres = np.unique(np.minimum(np.searchsorted(lines, grid), last))
     medians = []
     for centre in centres:

@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 
 LAGS: Final = 8  # samples back: a reference may be delayed before the controller has it
 COMMANDS: Final = 2  # commands back, for the states of filters
-MOST: Final = 20_000  # samples that are fitted, out of the whole record
-SURE: Final = 20.0  # standard deviations of a coefficient whose sign counts
+MAX_FITTED_SAMPLES: Final = 20_000  # samples that are fitted, out of the whole record
+MIN_SIGN_STDS: Final = 20.0  # standard deviations of a coefficient whose sign counts
 ALONE: Final = 100.0  # ... and of one that counts where the other signal's coefficients show no sign
 # ... and of the surest coefficient: the errors of a set point that is smooth but for its rounding in the log are not
 # white, and its coefficients look tens of standard deviations sure with either sign.
@@ -108,13 +108,13 @@ def _answer(record: Record, command: Array) -> tuple[float, float, float]:
     rows = np.arange(LAGS + 1, record.position.size)
     if rows.size < 10 * (2 * LAGS + COMMANDS):
         return 0.0, 0.0, 0.0
-    if rows.size > MOST:
-        rows = rows[np.linspace(0, rows.size - 1, MOST).astype(int)]
+    if rows.size > MAX_FITTED_SAMPLES:
+        rows = rows[np.linspace(0, rows.size - 1, MAX_FITTED_SAMPLES).astype(int)]
     changes = [_change(command, rows - back) for back in range(1, COMMANDS + 1)]
     changes += [_change(signal, rows - back) for signal in (record.reference, record.position) for back in range(LAGS)]
     certain, explained = _certainty(np.column_stack(changes), _change(command, rows))
     signals = certain[COMMANDS:]
-    sure = max(SURE, BESIDE * float(np.max(np.abs(signals))))
+    sure = max(MIN_SIGN_STDS, BESIDE * float(np.max(np.abs(signals))))
     return _first(signals[:LAGS], sure), _first(signals[LAGS:], sure), explained
 
 

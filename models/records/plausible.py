@@ -38,10 +38,11 @@ UNMODELLED: Final = (3.0, 0.1)
 # take a hundred times the force, or a hundredth of the mass.
 FASTER: Final = 10.0
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
-HELD: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
-AT_ONCE: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
+MIN_REPEATED_SAMPLES: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
+MIN_CATCH_UP_RATIO: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
 SMOOTHED: Final = 20  # samples over which accelerations are taken
-FEW, RARE = 10, 1e-3  # jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit
+# Jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit.
+MAX_JUMPS, MAX_JUMP_SHARE = 10, 1e-3
 
 
 def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | None = None) -> Iterator[str]:
@@ -204,7 +205,7 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
     if beyond.size == 0:
         return
     drive = f"{show(facts.limit, 'N')} move {show(facts.mass, 'kg')} by less than {show(most, 'm', 2)} in that time"
-    if beyond.size > max(FEW, RARE * steps.size):
+    if beyond.size > max(MAX_JUMPS, MAX_JUMP_SHARE * steps.size):
         yield (
             f"the position moves by up to {show(float(np.max(steps)), 'm', 3)} from one sample to the next, and "
             f"{drive}: the unit of position or time is wrong; mark it, as in [um] or [ms]"
@@ -228,10 +229,10 @@ def _held(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
     steps, stands = np.abs(np.diff(record.position)), np.diff(record.command) == 0
     still = np.concatenate([[False], (steps == 0) & stands, [False]])
     begins, ends = (np.flatnonzero(np.diff(still.astype(int)) == sign) for sign in (1, -1))
-    inside = (begins > 0) & (ends + 1 < steps.size) & (ends - begins + 1 >= HELD)
+    inside = (begins > 0) & (ends + 1 < steps.size) & (ends - begins + 1 >= MIN_REPEATED_SAMPLES)
     begins, ends = begins[inside], ends[inside]
     beside = np.maximum(steps[begins - 1], steps[np.minimum(ends + 1, steps.size - 1)])
-    late = steps[ends] > np.maximum(AT_ONCE * beside, _flicker(record, facts))
+    late = steps[ends] > np.maximum(MIN_CATCH_UP_RATIO * beside, _flicker(record, facts))
     late &= record.reference[ends + 1] != record.reference[begins]  # at rest it may be a count that was lost
     if not late.any():
         return

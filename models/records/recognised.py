@@ -11,7 +11,7 @@ from models.records.record import Record
 from models.records.tables.table import Table
 
 HEADINGS = ("quantity", "column", "unit", "one is")
-LONGEST = 40  # characters of a cell
+MAX_CELL_CHARS = 40  # characters of a cell
 
 
 def recognised(
@@ -54,7 +54,7 @@ def _row(table: Table, columns: Columns, signal: str, name: str, *, turns: bool)
 def _shown(text: str) -> str:
     """A text of the file in a cell: short, and without characters that act on a terminal."""
     plain = "".join(one if one.isprintable() else "?" for one in text)
-    return plain if len(plain) <= LONGEST else f"{plain[: LONGEST - 3]}..."
+    return plain if len(plain) <= MAX_CELL_CHARS else f"{plain[: MAX_CELL_CHARS - 3]}..."
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:

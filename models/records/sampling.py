@@ -24,7 +24,8 @@ ON_GRID: Final = 0.05  # of a grid's step: by so much a stamp may be off it, as 
 STEP_NOISE: Final = 0.005  # of a step: steps that differ by less are the same
 FEWEST_STAMPS: Final = 8  # that differ, from which rounding can be told from a wandering clock
 ROUNDING: Final = 1e-3  # of the grid's step: by so much halves that are rounded to either side may exceed it
-FEW: Final = 0.01  # of the stamps: where fewer occur more or less often than the others, samples were lost
+# Of the stamps: where fewer occur more or less often than the others, samples were lost.
+MAX_UNEVEN_STAMP_SHARE: Final = 0.01
 DIGITS: Final = 6  # up to which a round sample time is looked for
 TREND: Final = 0.1  # of the way that differences go up and down: by so much they may go up in all
 
@@ -163,7 +164,7 @@ def _under(stamps: Array, grid: float, expected: float | None) -> float | None:
 def _may_lack_some(stamps: Array) -> bool:
     """Whether a few stamps are there more or less often than all others: the picture of lost samples."""
     often = np.diff(np.flatnonzero(np.diff(stamps)))  # but for the first and the last, which may be cut
-    return bool(0 < np.count_nonzero(often != np.median(often)) <= FEW * often.size)
+    return bool(0 < np.count_nonzero(often != np.median(often)) <= MAX_UNEVEN_STAMP_SHARE * often.size)
 
 
 def _candidates(estimate: float, expected: float | None) -> Iterator[float]:

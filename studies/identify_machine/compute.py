@@ -11,7 +11,7 @@ import numpy as np
 from design.judging.known_range import with_covered
 from models.friction import branch
 from models.identification import motion
-from models.identification.force.fit import SURE
+from models.identification.force.fit import SIGNIFICANT_STDS
 from models.identification.pipeline import identify
 from models.identification.recognise import read, recognised, replayable
 from models.machine import Machine, Parameter, parameters
@@ -69,7 +69,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
             *(f"{name}: {one}" for name, one in others),
             *found.remarks,
         ],
-        "sure": SURE,
+        "sure": SIGNIFICANT_STDS,
     }
     if not options.record:
         tables = min(options.tables, QUICK_TABLES) if options.quick else options.tables
@@ -101,7 +101,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
 
 def relative_to(name: str, unit: str) -> str:
     """What stands behind an identified value, by its name and unit, that is no quantity of its own; no unit [-]."""
-    relative = unit == "1" and (name, unit) in motion.PARTS
+    relative = unit == "1" and (name, unit) in motion.PARAMETER_UNITS
     return " times the other records' or, without one, the machine file's" if relative else ""
 
 

@@ -17,7 +17,7 @@ from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import search, static_equilibrium_start
 from diagnosis.where.controller import replayed
 from diagnosis.which.scan import Finding, partial_out, scan
-from models.effects.base import SHOWN, Effect
+from models.effects.base import VISIBLE_SIGNALS, Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine
 from models.records.record import Record
@@ -65,7 +65,11 @@ def by_chance() -> dict[str, float]:
 
 @pytest.mark.parametrize(
     "law",
-    [law for law, effect in laws().items() if effect.shown_in() in SHOWN and law != "gravity" and not effect.beside],
+    [
+        law
+        for law, effect in laws().items()
+        if effect.shown_in() in VISIBLE_SIGNALS and law != "gravity" and not effect.beside
+    ],
 )
 def test_the_effect_that_is_in_the_table_is_the_strongest_finding(law: str, by_chance: dict[str, float]) -> None:
     first, name = [], laws()[law].name

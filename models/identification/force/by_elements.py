@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from models.friction import elements
 from models.identification.estimate import STRONG, Estimate, newey_west
-from models.identification.force.fit import DAMPING, SURE, ForceFit
+from models.identification.force.fit import DAMPING, SIGNIFICANT_STDS, ForceFit
 from models.identification.force.linear import (
     beside_elements,
     element_states,
@@ -74,7 +74,7 @@ def identify(
     freed = _lag_beside_the_scale(prepared(record, terms, pass_band, fit_until), damped)
     least = min((lag, freed), key=lambda one: one[0] / one[1])
     before, after = (fit.criterion[len(fit.friction.limit)] for fit in (plain, damped))
-    if after > before - STRONG or least[0] <= SURE * least[1]:
+    if after > before - STRONG or least[0] <= SIGNIFICANT_STDS * least[1]:
         return replace(plain, lag=least)
     covariance, where = damped.estimate.covariance.copy(), damped.estimate.names.index(DAMPING)
     covariance[where, where] += (lag[0] - freed[0]) ** 2

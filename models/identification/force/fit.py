@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 DAMPING: Final = "damping over stiffness"  # the name of tau = D_i / K_i, one for all elements
 SPRING: Final = "spring to ground"  # the name of k, in a force k x
-SURE: Final = 3.0  # standard deviations that damping or viscous friction must be away from none
+SIGNIFICANT_STDS: Final = 3.0  # standard deviations that damping or viscous friction must be away from none
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,9 @@ class ForceFit:
 
     @property
     def longest_lag(self) -> float:
-        """The longest tau = D_i / K_i that the data allow, at SURE standard deviations [s]; nan if none was sought."""
-        return max(self.lag[0], 0.0) + SURE * self.lag[1] if self.lag else math.nan
+        """The longest tau = D_i / K_i that the data allow, at SIGNIFICANT_STDS deviations [s]; nan if none was
+        sought."""
+        return max(self.lag[0], 0.0) + SIGNIFICANT_STDS * self.lag[1] if self.lag else math.nan
 
     def damping_std(self) -> Array:
         """Standard deviations of D_i = tau K_i (N,) [N s/m]; zeros if there is no damping."""

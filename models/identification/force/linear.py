@@ -16,8 +16,8 @@ from models.friction import deflections
 from models.identification.force.fit import DAMPING, SPRING
 from models.identification.force.signals import (
     AT_A_TIME,
+    MAX_NYQUIST_SHARE,
     SMOOTHING,
-    WIDEST,
     Signals,
     Terms,
     filtered,
@@ -43,8 +43,8 @@ def prepared(
         raise ValueError("position or command is constant: the record shows no friction; record slow reversals")
     if record.position.size < FEWEST:
         raise ValueError(f"{record.position.size} samples are too few to show friction; record two slow loops or more")
-    low = scipy.signal.cheby1(8, 0.05, min(pass_band * 2 * ts, WIDEST), output="sos")
-    smooth = scipy.signal.butter(4, min(smoothing * pass_band * 2 * ts, WIDEST), output="sos")
+    low = scipy.signal.cheby1(8, 0.05, min(pass_band * 2 * ts, MAX_NYQUIST_SHARE), output="sos")
+    smooth = scipy.signal.butter(4, min(smoothing * pass_band * 2 * ts, MAX_NYQUIST_SHARE), output="sos")
     path = scipy.signal.sosfiltfilt(smooth, record.position)
     stride = max(int(0.4 / (pass_band * ts)), 1)
     edge = min(round(4.0 / (pass_band * ts)), record.position.size // 10)

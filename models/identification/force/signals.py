@@ -29,9 +29,9 @@ LOOPS: Final = 80.0
 MOTION: Final = 5.8
 MOST_ENERGY: Final = 0.999
 BELOW_MODES: Final = 0.7
-WIDEST: Final = 0.9  # of half the sampling rate: the widest low-pass
+MAX_NYQUIST_SHARE: Final = 0.9  # of half the sampling rate: the widest low-pass
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
-STEPS: Final = 0.5  # of the reading: the shortest limit looked at, of which a search may halve it
+MIN_LIMIT_STEPS: Final = 0.5  # of the reading: the shortest limit looked at, of which a search may halve it
 PASS: Final = 0.02  # of the path's span: the shortest way between two reversals
 ALIKE: Final = 0.1  # of their way: by less, passes from one reversal to the next are the same one again
 
@@ -87,7 +87,7 @@ class Signals:
 def usable_band(usual: float, sample_time: float) -> float:
     """The low-pass's pass band [Hz] of a record sampled every sample_time [s]: the usual one, or on a slow record the
     widest with which the path's low-pass, that is SMOOTHING times as wide, stays below half the rate."""
-    return min(usual, 0.5 * WIDEST / sample_time / max(SMOOTHING))
+    return min(usual, 0.5 * MAX_NYQUIST_SHARE / sample_time / max(SMOOTHING))
 
 
 def slow_band(record: Record) -> float:
@@ -127,7 +127,7 @@ def limit_range(data: Signals) -> tuple[float, float]:
     """Least and largest limit [m] looked at: from what the scale and the path show on, up to 0.45 of the path's
     span."""
     span = float(np.ptp(data.path))
-    return max(2e-3 * min(span, 2e-4), STEPS * data.step), 0.45 * min(span, 5e-2)
+    return max(2e-3 * min(span, 2e-4), MIN_LIMIT_STEPS * data.step), 0.45 * min(span, 5e-2)
 
 
 def finest_step(position: Array) -> float:

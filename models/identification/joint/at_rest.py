@@ -19,7 +19,7 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-LEAST: Final = 0.1  # of a step: less noise is lost in the rounding, which then is no noise either
+MIN_NOISE_STEPS: Final = 0.1  # of a step: less noise is lost in the rounding, which then is no noise either
 
 
 def with_noise(found: Identified, records: Sequence[Loaded]) -> Identified:
@@ -62,4 +62,4 @@ def _noise(loaded: Loaded, machine: Machine) -> float | None:
     if scatter is None:
         return None
     variance = scatter**2 - step**2 / 12
-    return math.sqrt(variance) if variance > (LEAST * step) ** 2 else None
+    return math.sqrt(variance) if variance > (MIN_NOISE_STEPS * step) ** 2 else None

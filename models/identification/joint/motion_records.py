@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from models.identification import motion
 from models.identification.estimate import LOOSE, Estimate
-from models.identification.force.fit import SURE
+from models.identification.force.fit import SIGNIFICANT_STDS
 from models.identification.into_machine import (
     Found,
     with_damping_of_motion,
@@ -133,8 +133,8 @@ def _on_motion(fit: motion.MotionFit) -> Iterator[str]:
         yield f"Motions show damped elements: D = {time:.3g} ms times K, with a standard deviation of {std:.2g} ms."
     else:
         yield (
-            f"Motions show no damping of the elements: by {SURE:g} standard deviations D is at most "
-            f"{max(time, 0.0) + SURE * std:.2g} ms times K."
+            f"Motions show no damping of the elements: by {SIGNIFICANT_STDS:g} standard deviations D is at most "
+            f"{max(time, 0.0) + SIGNIFICANT_STDS * std:.2g} ms times K."
         )
     count, size = fit.carried
     if count:

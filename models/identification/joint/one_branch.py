@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 PASSES: Final = 20
 BEYOND: Final = 1.5  # of the last kink's distance: there all elements slip
-LONGEST: Final = 1.0  # of theta in a pass: a factor of e
+MAX_LOG_STEP: Final = 1.0  # of theta in a pass: a factor of e
 
 
 def one_branch(fits: Sequence[ForceFit]) -> ForceFit:
@@ -54,7 +54,7 @@ def one_branch(fits: Sequence[ForceFit]) -> ForceFit:
         force, slopes = _branch(theta, where)
         gain = np.linalg.solve(slopes @ block @ slopes.T + spread, slopes @ block).T
         moved = start + gain @ (climbed - force - slopes @ (start - theta)) - theta
-        theta = theta + moved / max(1.0, float(np.max(np.abs(moved))) / LONGEST)
+        theta = theta + moved / max(1.0, float(np.max(np.abs(moved))) / MAX_LOG_STEP)
         if np.max(np.abs(moved)) < 1e-9:
             break
     force, slopes = _branch(theta, where)

@@ -35,10 +35,12 @@ from models.records.record import Record
 
 AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved backwards: it bends hardly more
 
-BENT: Final = 3.0  # reduced chi-square from which on friction may bend what the file says it does not
-RUBS: Final = 0.01  # of the command's deviation: less friction than that bends no line
-BETWEEN: Final = 0.02  # of the command's deviation, from which on what a log lacks of it may move the plant
-SLOWER: Final = 1.01  # times the controller's sample time: a log further apart has not all of its samples
+# Reduced chi-square from which on friction may bend what the file says it does not.
+MAX_FRICTIONLESS_CHI_SQUARE: Final = 3.0
+MIN_FRICTION_SHARE: Final = 0.01  # of the command's deviation: less friction than that bends no line
+MIN_UNLOGGED_SHARE: Final = 0.02  # of the command's deviation, from which on what a log lacks of it may move the plant
+# Times the controller's sample time: a log further apart has not all of its samples.
+MAX_SAMPLE_TIME_RATIO: Final = 1.01
 
 
 def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
@@ -49,7 +51,7 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         measured = response.measured(content, sprung=smooth and spring_of(found.machine) > 0)
         level = float(np.std(content.feedforward))
         held = found.machine.sample_time
-        if content.sample_time > SLOWER * held:
+        if content.sample_time > MAX_SAMPLE_TIME_RATIO * held:
             measured = replace(measured, hold=held)
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
@@ -80,7 +82,8 @@ def on_what_is_between(machine: Machine, record: Record) -> list[str]:
     every = round(record.sample_time / machine.sample_time)
     noise = noise_gain(machine.control.feedback, machine.sample_time) * machine.scale.noisy().reading_deviation
     spread, fed_back = float(np.std(record.command)), float(np.std(record.command - record.feedforward))
-    if is_at_rate(record, machine.sample_time) or min(noise, fed_back) < BETWEEN * spread:  # or without a feedback
+    # Without a feedback, nothing of it is fed back either.
+    if is_at_rate(record, machine.sample_time) or min(noise, fed_back) < MIN_UNLOGGED_SHARE * spread:
         return []
     return [
         f"has one of {every} samples of the controller, and the scale's noise makes {show(noise, 'N', 2)} (rms) of the "
@@ -99,7 +102,7 @@ def _fitted(
         return measured, as_it_is(measured), False
     freed = replace(measured, rolling=True, turned=0.0)
     fit = modes.fit(freed, count=settings.modes, spring=_spring(found, smooth=True))
-    if fit.chi_square > BENT:
+    if fit.chi_square > MAX_FRICTIONLESS_CHI_SQUARE:
         with suppress(UnusableError):
             if (plain := as_it_is(measured)).chi_square < fit.chi_square:
                 return measured, plain, False
@@ -120,7 +123,7 @@ def _not_refuted(steps: Sequence[Step]) -> list[Step]:
 
 def _hardly_rubs(machine: Machine, record: Record) -> bool:
     """Whether the friction that the machine file states bends no line, as on flexures or on air."""
-    return machine.friction.coulomb_force < RUBS * float(np.std(record.command))
+    return machine.friction.coulomb_force < MIN_FRICTION_SHARE * float(np.std(record.command))
 
 
 def _spring(found: Identified, *, smooth: bool) -> modes.Spring:

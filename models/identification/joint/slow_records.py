@@ -10,7 +10,7 @@ import numpy as np
 
 from models.identification.estimate import STRONG
 from models.identification.force import by_elements
-from models.identification.force.fit import SPRING, SURE, ForceFit
+from models.identification.force.fit import SIGNIFICANT_STDS, SPRING, ForceFit
 from models.identification.force.signals import Terms, slow_band
 from models.identification.force.stated import along_the_path, left_out
 from models.identification.into_machine import (
@@ -42,7 +42,8 @@ from models.records.files import Loaded
 from models.records.record import Record
 
 AGAINST: Final = 10.0  # times the reduced chi-square of a response, from which on it contradicts what slow loops add
-WIDER: Final = 2.0  # times the way in which friction turns round, that loops go on in which a spring is told from it
+# Times the way in which friction turns round, that loops go on in which a spring is told from it.
+MIN_LOOP_WIDTH_RATIO: Final = 2.0
 
 
 def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Settings) -> Identified:
@@ -156,22 +157,22 @@ def _may_be_a_spring(plain: ForceFit) -> bool:
 
 
 def _wide_beside(fit: ForceFit) -> bool:
-    """Whether the path goes on for WIDER times the way in which the friction turns round."""
-    return float(np.ptp(fit.path)) >= WIDER * 2 * max(fit.friction.limit)
+    """Whether the path goes on for MIN_LOOP_WIDTH_RATIO times the way in which the friction turns round."""
+    return float(np.ptp(fit.path)) >= MIN_LOOP_WIDTH_RATIO * 2 * max(fit.friction.limit)
 
 
 def _springs(plain: ForceFit, sprung: ForceFit) -> bool:
     """Whether a slow record shows a spring to ground rather than a longer element of friction.
 
     Over one width of loops, an element that never slips is a spring. So the spring has to be sure, to explain the
-    record as well with an element less, or surely better, and to go on over loops that are WIDER times as wide as those
-    in which the last element slips: friction that would go on beyond them has elements between.
+    record as well with an element less, or surely better, and to go on over loops that are MIN_LOOP_WIDTH_RATIO times
+    as wide as those in which the last element slips: friction that would go on beyond them has elements between.
     """
     value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)
     counts = [len(fit.friction.limit) for fit in (plain, sprung)]
     fallen = plain.criterion[counts[0]] - sprung.criterion[counts[1]]
     better = fallen > (0.0 if counts[1] < counts[0] else STRONG)
-    return value > SURE * std and better and _wide_beside(sprung)
+    return value > SIGNIFICANT_STDS * std and better and _wide_beside(sprung)
 
 
 def _against(found: Identified, machine: Machine) -> str | None:
@@ -195,7 +196,7 @@ def _not_taken(what: str, against: str) -> str:
 def _drags(plain: ForceFit, dragged: ForceFit) -> bool:
     """Whether a slow record shows viscous friction: BIC falls by ten, and it is surely above none."""
     fallen = plain.criterion[len(plain.friction.limit)] - dragged.criterion[len(dragged.friction.limit)]
-    return fallen > STRONG and dragged.estimate.value(DRAG) > SURE * dragged.estimate.deviation(DRAG)
+    return fallen > STRONG and dragged.estimate.value(DRAG) > SIGNIFICANT_STDS * dragged.estimate.deviation(DRAG)
 
 
 def _on_the_drag(terms: Terms, fit: ForceFit, dragged: ForceFit | None) -> str:
@@ -214,8 +215,8 @@ def _on_drag(dragged: ForceFit, *, taken: bool) -> str:
     if taken:
         return f"Viscous friction is {value:.3g} N s/m with a standard deviation of {std:.2g} N s/m."
     return (
-        f"The record does not show viscous friction: by {SURE:g} standard deviations it is at most "
-        f"{max(value, 0.0) + SURE * std:.2g} N s/m; a fast record shows it."
+        f"The record does not show viscous friction: by {SIGNIFICANT_STDS:g} standard deviations it is at most "
+        f"{max(value, 0.0) + SIGNIFICANT_STDS * std:.2g} N s/m; a fast record shows it."
     )
 
 
@@ -235,8 +236,8 @@ def on_damping(fit: ForceFit) -> str:
         return "The record neither shows nor bounds damping of the elements: the axis crosses their range too quickly."
     return (
         f"The record does not show damping of the elements: it is too slow, {1e3 * speed:.2g} mm/s at most, to tell "
-        f"{time:.2g} ms times K from none; by {SURE:g} standard deviations D is at most {most:.2g} ms times K, which "
-        f"leads the deflection by {most * speed * 1e3:.2g} µm there."
+        f"{time:.2g} ms times K from none; by {SIGNIFICANT_STDS:g} standard deviations D is at most {most:.2g} "
+        f"ms times K, which leads the deflection by {most * speed * 1e3:.2g} µm there."
     )
 
 

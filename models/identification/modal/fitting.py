@@ -24,15 +24,16 @@ DAMPINGS: Final = (0.003, 0.01, 0.03, 0.1)  # of the grid of starting values
 LEAST_DAMPING: Final = 1e-4  # bounds of the search; what ends there is not a mode
 MOST_DAMPING: Final = 0.7
 GRID: Final = 240  # frequencies at which one mode more is tried
-FEW: Final = 600  # lines on which orders are compared, of a record with thousands
+MAX_COMPARED_LINES: Final = 600  # lines on which orders are compared, of a record with thousands
 COARSE: Final = 300  # lines on which a start is sought
 WIDE: Final = 5.0  # of the logarithm of the rigid body's gain from its start
 ALIKE: Final = 1e-9  # relative size below which a combination of columns is none but rounding
 DIED_OUT: Final = 12.0  # time constants after which what a pole leaves is below 1e-5
 STEP: Final = 1e-6  # of theta, of the numerical derivatives: a hundredth of the sharpest mode's width
-LEAST: Final = 2e-5  # of what theta has of a lag and a spring, and of a drag over the band: less is none
+MIN_RELATIVE_PART: Final = 2e-5  # of what theta has of a lag and a spring, and of a drag over the band: less is none
 STIFFEST: Final = 4.0  # times the inertia at the lowest line: a stiffer one makes the rigid body a mode in the band
-NEAR: Final = 3.0  # times the spring that is known, and its inverse: within lies the one that the lines show
+# Times the spring that is known, and its inverse: within lies the one that the lines show.
+MAX_SPRING_RATIO: Final = 3.0
 
 
 @dataclass(frozen=True)
@@ -237,9 +238,11 @@ def bounds(theta: Array, structure: Structure, problem: Problem) -> tuple[Array,
     earliest = -max(problem.unit, *(one.ts for one in problem.lines)) / problem.unit
     spring = _known_spring(problem)
     parts = {
-        "lag": (LEAST, high / low),
-        "drag": (LEAST * low / high, 1.0),
-        "spring": (LEAST, STIFFEST) if spring == 0 else (spring / NEAR, spring * NEAR),
+        "lag": (MIN_RELATIVE_PART, high / low),
+        "drag": (MIN_RELATIVE_PART * low / high, 1.0),
+        "spring": (MIN_RELATIVE_PART, STIFFEST)
+        if spring == 0
+        else (spring / MAX_SPRING_RATIO, spring * MAX_SPRING_RATIO),
     }
     nuisances = [parts[part] for part in structure.parts]
     each = [(-50.0, 50.0), (math.log(low / 2), math.log(2 * high)), (math.log(LEAST_DAMPING), math.log(MOST_DAMPING))]

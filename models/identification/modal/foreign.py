@@ -12,15 +12,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification.modal.local_rational import DEGREE, LEAST, PASSES
-from models.identification.modal.order import FAR, Chosen
+from models.identification.modal.local_rational import DEGREE, MIN_DENOMINATOR_RATIO, PASSES
+from models.identification.modal.order import MISFIT_VARIANCE_RATIO, Chosen
 from models.identification.modal.problem import Lines, Problem
 from models.identification.modal.transfer import Array, Complex
 
 STANDING: Final = 30.0  # times the usual error of what neighbours foretell, from which on a line may be foreign,
 TRIED: Final = 3  # so many at a time
-MOST: Final = 3  # lines that are left out
-NEAR: Final = 4  # neighbours on each side, from which a line is foretold
+MAX_FOREIGN_LINES: Final = 3  # lines that are left out
+NEIGHBOURS: Final = 4  # neighbours on each side, from which a line is foretold
 
 Mask = NDArray[np.bool_]
 
@@ -28,12 +28,13 @@ Mask = NDArray[np.bool_]
 def left_out(problem: Problem, found: Chosen, search: Callable[[Problem], Chosen]) -> tuple[Chosen, Mask]:
     """What is found once the foreign lines of one response are left out, and which lines (n,) were used.
 
-    Only where what is found is far from the stated errors; a line is foreign if without it this is FAR times less.
+    Only where what is found is far from the stated errors; a line is foreign if without it this is
+    MISFIT_VARIANCE_RATIO times less.
     """
     used = np.ones(problem.lines[0].f.size, bool)
-    for _ in range(MOST):
+    for _ in range(MAX_FOREIGN_LINES):
         one = problem.lines[0].kept(used)
-        if not problem.known or found.best.cost <= FAR * 2 * one.f.size:
+        if not problem.known or found.best.cost <= MISFIT_VARIANCE_RATIO * 2 * one.f.size:
             break
         places = np.flatnonzero(used)
         suspects = _suspects(one)
@@ -41,7 +42,7 @@ def left_out(problem: Problem, found: Chosen, search: Callable[[Problem], Chosen
             break
         tried = [(int(places[i]), search(_without(problem, used, int(places[i])))) for i in suspects]
         line, better = min(tried, key=lambda pair: pair[1].best.cost)
-        if better.best.cost > found.best.cost / FAR:
+        if better.best.cost > found.best.cost / MISFIT_VARIANCE_RATIO:
             break
         used[line], found = False, better
     return found, used
@@ -64,7 +65,7 @@ def _suspects(lines: Lines) -> list[int]:
 
 def _foretold(f: Array, shape: Complex, line: int) -> float:
     """By how much one line of w^2 P (n,) [1/kg] is not B / A, of degree DEGREE in log f, of those around it [1/kg]."""
-    near = np.clip(line - NEAR, 0, f.size - 2 * NEAR - 1) + np.arange(2 * NEAR + 1)
+    near = np.clip(line - NEIGHBOURS, 0, f.size - 2 * NEIGHBOURS - 1) + np.arange(2 * NEIGHBOURS + 1)
     near = near[near != line]
     place = np.log(f[near] / f[line])
     powers = (place / np.max(np.abs(place)))[:, None] ** np.arange(DEGREE + 1)
@@ -72,5 +73,5 @@ def _foretold(f: Array, shape: Complex, line: int) -> float:
     for _ in range(PASSES):
         columns = np.hstack([powers, -shape[near, None] * powers[:, 1:]]) * weight[:, None]
         found, *_ = np.linalg.lstsq(columns, shape[near] * weight)
-        weight = 1 / np.maximum(np.abs(1 + powers[:, 1:] @ found[DEGREE + 1 :]), LEAST)
+        weight = 1 / np.maximum(np.abs(1 + powers[:, 1:] @ found[DEGREE + 1 :]), MIN_DENOMINATOR_RATIO)
     return float(np.abs(shape[line] - found[0]))

@@ -25,9 +25,10 @@ Indices = NDArray[np.intp]
 LOCAL: Final = 10  # lines on each side
 DEGREE: Final = 2  # of the polynomials
 PASSES: Final = 3
-LEAST: Final = 1e-3  # of A at a line over that in the middle: a zero of A on a line must not hide its error
+# Of A at a line over that in the middle: a zero of A on a line must not hide its error.
+MIN_DENOMINATOR_RATIO: Final = 1e-3
 OCTAVES: Final = 2.0  # to either side, as far as what repeats with an excitation may act alike as a thrust
-SURELY: Final = 3.0  # times the noise's power, from which on they show more than noise
+MIN_DISTURBANCE_NOISE_RATIO: Final = 3.0  # times the noise's power, from which on they show more than noise
 SHOW: Final = 5  # lines that are not excited, which show it at least
 AT_A_TIME: Final = 4096  # lines, to bound the memory
 
@@ -98,7 +99,7 @@ def distortion_between_lines(position: Complex, command: Complex, z: Complex, li
     for i, line in enumerate(lines):
         beside = np.argsort(np.abs(quiet - line), kind="stable")[: 2 * LOCAL]
         beside = beside[np.abs(np.log2(quiet[beside] / line)) < OCTAVES]
-        if beside.size >= SHOW and np.median(over[beside]) > SURELY * math.log(2):
+        if beside.size >= SHOW and np.median(over[beside]) > MIN_DISTURBANCE_NOISE_RATIO * math.log(2):
             found[i] = np.median(power[beside]) / math.log(2) / np.abs(z[line] - 1) ** 4
     return found
 
@@ -135,7 +136,7 @@ def _power(rest: Complex, given: Complex | None, z: Complex, offset: Array) -> t
         solved = np.linalg.solve(triangle, share)[:, :, 0]
         ends = solved[:, 0]
         poles = np.abs(1 + (powers[:, :, 1:] @ solved[:, first:last, None])[:, :, 0])
-        noise = left * (size / weight) / np.maximum(poles, LEAST)
-        weight = size / np.maximum(poles, LEAST)
+        noise = left * (size / weight) / np.maximum(poles, MIN_DENOMINATOR_RATIO)
+        weight = size / np.maximum(poles, MIN_DENOMINATOR_RATIO)
     free = offset.shape[1] - whole.shape[2]
     return np.asarray(np.sum(np.abs(noise) ** 2, axis=1) / free * level[:, 0] ** 2), ends * level[:, 0]

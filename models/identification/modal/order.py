@@ -23,8 +23,8 @@ import numpy as np
 
 from models.identification.estimate import STRONG
 from models.identification.modal.fitting import (
-    FEW,
     LEAST_DAMPING,
+    MAX_COMPARED_LINES,
     MOST_DAMPING,
     bounds,
     jacobian,
@@ -40,11 +40,11 @@ HEAVY: Final = 0.2  # damping ratio that no structure has: such a mode stands fo
 LARGEST: Final = 10.0  # times the rigid body's gain: a larger mode is half of a pair that cancels itself
 SEEN: Final = 3.0  # standard deviations that a residue is from none at least
 WORSE: Final = 2  # orders in a row whose criterion is worse: then none better follows
-NEAR: Final = 1.05  # factor from a bound of the search within which a value stands at it
-SURELY: Final = 400.0  # squared deviations from none from which on no trial without a part is needed
-FAR: Final = 10.0  # times the stated variance: what is left is no scatter, and another start is tried
+BOUND_FACTOR: Final = 1.05  # factor from a bound of the search within which a value stands at it
+SURE_PART_SQUARED_STDS: Final = 400.0  # squared deviations from none from which on no trial without a part is needed
+MISFIT_VARIANCE_RATIO: Final = 10.0  # times the stated variance: what is left is no scatter, and another start is tried
 THIRD: Final = 2 ** (1 / 3)  # by which a band grows; by a whole octave a large mode may come too suddenly to be found
-LEAST: Final = 12  # lines that such a band has at least
+MIN_BAND_LINES: Final = 12  # lines that such a band has at least
 EDGE: Final = 1.1  # times the lowest line: a mode below stands for friction where the axis did not roll
 SAME: Final = 0.02  # relative distance of two frequencies that count as the same mode in another order
 
@@ -130,9 +130,9 @@ def _chosen(problem: Problem, most: int, candidates: Structure, exactly: int | N
     Where what passes is far from the stated errors, the modes may be too large for a start without any: then those that
     a growing band shows begin a second scan, and the better of both counts.
     """
-    most, few = most if exactly is None else exactly, problem.thinned(FEW)
+    most, few = most if exactly is None else exactly, problem.thinned(MAX_COMPARED_LINES)
     found = _passed(problem, _scanned(problem, most, candidates, exactly, rolling), exactly, rolling)
-    if few.known and not found.bent and found.best.cost > FAR * few.size:
+    if few.known and not found.bent and found.best.cost > MISFIT_VARIANCE_RATIO * few.size:
         scanned = _scanned_from(problem, _grown(few, candidates, most), most, exactly, rolling)
         again = _passed(problem, scanned, exactly, rolling)
         found = min(found, again, key=lambda one: one.best.cost)
@@ -149,7 +149,7 @@ def _passed(problem: Problem, scanned: list[Candidate], exactly: int | None, rol
     orders = tuple(_told(problem, one, scale) for one in scanned)
     if not rolling and _bent(problem, scanned):
         return Chosen(scanned[-1], orders, {}, bent=True)
-    few = problem.thinned(FEW)
+    few = problem.thinned(MAX_COMPARED_LINES)
     best = scanned[-1] if exactly is not None else _sound(few, scanned, scale)
     best, worth = _fewest(few, best, scale, modes=exactly is None)
     return Chosen(best, orders, worth)
@@ -207,7 +207,7 @@ def _faults(problem: Problem, one: Candidate, i: int) -> Iterator[str]:
     others = np.delete(one.triples, i, axis=0)
     if not low < natural < high:
         yield "outside the measured band"
-    if not LEAST_DAMPING * NEAR < damping < MOST_DAMPING / NEAR:
+    if not LEAST_DAMPING * BOUND_FACTOR < damping < MOST_DAMPING / BOUND_FACTOR:
         yield "damping at a bound of the search"
     if damping > HEAVY:
         yield "damped as no structure is"
@@ -226,7 +226,7 @@ def _faults(problem: Problem, one: Candidate, i: int) -> Iterator[str]:
 def _bent(problem: Problem, found: list[Candidate]) -> bool:
     """Whether the last order does surely better than those before, by a mode at the lowest lines or damped as no
     structure is."""
-    few, scale = problem.thinned(FEW), _scale(problem, found)
+    few, scale = problem.thinned(MAX_COMPARED_LINES), _scale(problem, found)
     criteria = [_criterion(few, one, scale) for one in found]
     modes = found[-1].triples
     wrong = np.any((modes[:, 2] > HEAVY) | (modes[:, 1] < EDGE * problem.band[0]))
@@ -235,13 +235,13 @@ def _bent(problem: Problem, found: list[Candidate]) -> bool:
 
 def _scanned(problem: Problem, most: int, structure: Structure, exactly: int | None, rolling: bool) -> list[Candidate]:
     """Candidates with 0, 1, ... modes, until the criterion has been worse WORSE times in a row."""
-    few = problem.thinned(FEW)
+    few = problem.thinned(MAX_COMPARED_LINES)
     return _from(few, [fitted(few, structure, trend(structure, few))], most, exactly, rolling)
 
 
 def _scanned_from(problem: Problem, grown: Candidate, most: int, exactly: int | None, rolling: bool) -> list[Candidate]:
     """The same with the candidate that a growing band shows, and more modes from there on."""
-    few, structure = problem.thinned(FEW), grown.structure
+    few, structure = problem.thinned(MAX_COMPARED_LINES), grown.structure
     found = [fitted(few, structure, trend(structure, few))]
     while len(found) < grown.modes:
         found.append(fitted(few, structure, with_mode(found[-1].theta, structure, few)))
@@ -268,7 +268,7 @@ def _grown(problem: Problem, structure: Structure, most: int) -> Candidate:
     without what is not a mode: in a narrow band either would pass for the slopes of a mode above it."""
     low, high = problem.band
     every = np.sort(np.concatenate([one.f for one in problem.lines]))
-    top, plain = max(4 * low, float(every[min(LEAST, every.size) - 1])), replace(structure, lag=False)
+    top, plain = max(4 * low, float(every[min(MIN_BAND_LINES, every.size) - 1])), replace(structure, lag=False)
     part = problem.up_to(top)
     one = fitted(part, plain, trend(plain, part))
     while top < high:
@@ -286,7 +286,7 @@ def _grown(problem: Problem, structure: Structure, most: int) -> Candidate:
 
 def _scale(problem: Problem, found: list[Candidate]) -> float:
     """The variance of the errors over the stated one, as the best order leaves it; at least 1."""
-    few = problem.thinned(FEW)
+    few = problem.thinned(MAX_COMPARED_LINES)
     return max(1.0, min(one.cost / max(few.size - one.theta.size, 1) for one in found))
 
 
@@ -297,7 +297,7 @@ def _criterion(problem: Problem, one: Candidate, scale: float) -> float:
 
 
 def _told(problem: Problem, one: Candidate, scale: float) -> Order:
-    few = problem.thinned(FEW)
+    few = problem.thinned(MAX_COMPARED_LINES)
     chi_square = one.cost / max(few.size - one.theta.size, 1)
     return Order(one.triples, faults(few, one), chi_square, _criterion(few, one, scale))
 
@@ -335,7 +335,7 @@ def _fewest(problem: Problem, one: Candidate, scale: float, *, modes: bool) -> t
         less, before = dict[str, Candidate](), _criterion(problem, one, scale)
         worth = {name: _seen(one, name) for name in names}
         for name in names:
-            if worth[name] < SURELY:
+            if worth[name] < SURE_PART_SQUARED_STDS:
                 less[name] = _without(problem, one, name)
                 worth[name] = _criterion(problem, less[name], scale) - before
         for name in one.structure.parts:
@@ -361,5 +361,5 @@ def _at_bound(problem: Problem, one: Candidate, name: str) -> bool:
     index = one.structure.index(name)
     low, high = bounds(one.theta, one.structure, problem)
     value = float(one.theta[index])
-    inside = NEAR * low[index] < value < high[index] / NEAR and value > SEEN * one.deviation(index)
+    inside = BOUND_FACTOR * low[index] < value < high[index] / BOUND_FACTOR and value > SEEN * one.deviation(index)
     return not inside or (name == "lag" and one.theta[1] < -SEEN * one.deviation(1))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from models.identification.modal.transfer import Array, Complex
 from models.identification.response import FrequencyResponse
 
-PARTS: Final = ("lag", "drag", "spring")  # what may be beside the modes, in the order of theta
+OPTIONAL_PARTS: Final = ("lag", "drag", "spring")  # what may be beside the modes, in the order of theta
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Structure:
     @property
     def parts(self) -> tuple[str, ...]:
         """The names of what there is, in the order of theta."""
-        return tuple(name for name in PARTS if getattr(self, name))
+        return tuple(name for name in OPTIONAL_PARTS if getattr(self, name))
 
     def index(self, part: str) -> int:
         """Which of theta stands for one of `parts`."""

@@ -17,7 +17,7 @@ from models.identification.response import FrequencyResponse
 from models.quantity import listed, show
 
 TURNED: Final = 2e-4  # share of the samples in which an axis may move backwards; with more, modes come out wrong
-REFUTED: Final = 3.0  # reduced chi-square beyond which no plant fits a response
+MAX_PLAUSIBLE_CHI_SQUARE: Final = 3.0  # reduced chi-square beyond which no plant fits a response
 SIGMAS: Final = 3.0  # beyond which two responses differ by more than their noise
 OTHER_LEVEL: Final = 1.5  # ratio of two excitations from which on amplitude may be what makes responses differ
 SAME: Final = 0.1  # relative distance of two frequencies that may be those of one mode
@@ -57,7 +57,7 @@ def bent(measured: FrequencyResponse) -> bool:
 
 def refuted(step: ResponseStep) -> bool:
     """Whether no rigid body with modes fits a response within the scatter of its lines."""
-    return step.fit.chi_square > REFUTED and bool(np.all(np.isfinite(step.measured.variance)))
+    return step.fit.chi_square > MAX_PLAUSIBLE_CHI_SQUARE and bool(np.all(np.isfinite(step.measured.variance)))
 
 
 def on_turning(measured: FrequencyResponse) -> Iterator[str]:
@@ -75,8 +75,8 @@ def on_refuted(step: ResponseStep) -> Iterator[str]:
     if refuted(step):
         yield (
             f"No rigid body with modes fits the response (reduced chi-square {step.fit.chi_square:.3g}, at most "
-            f"{REFUTED:g}): the excitation may have turned a part of the axis, such as one side of a gantry, or "
-            "changed its modes. Excite with less force, or roll faster."
+            f"{MAX_PLAUSIBLE_CHI_SQUARE:g}): the excitation may have turned a part of the axis, such as one side of a "
+            "gantry, or changed its modes. Excite with less force, or roll faster."
         )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import models.effects
-from models.effects.base import FAMILIES, SHOWN, Place, parameters
+from models.effects.base import FAMILIES, VISIBLE_SIGNALS, Place, parameters
 from models.effects.catalogue import beyond, every, in_order, looked_for, named
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
@@ -83,7 +83,7 @@ def test_where_a_record_shows_an_effect() -> None:
     assert {name for name, where in shown.items() if where == "reading"} == {"scale_drift", "scale_periodic_error"}
     assert {name for name, where in shown.items() if where == "log"} == {"timing_jitter", "controller_mismatch"}
     assert {name for name, where in shown.items() if where == "nothing"} == {"scale_gain_error"}
-    assert set(shown.values()) == {*SHOWN, "log", "nothing"}
+    assert set(shown.values()) == {*VISIBLE_SIGNALS, "log", "nothing"}
 
 
 def test_a_role_that_is_none_and_a_field_that_is_no_parameter() -> None:

@@ -21,7 +21,7 @@ from models.records.tables.table import Table
 Array = NDArray[np.float64]
 
 UNITS: Final = ("unit", "units", "Unit", "Units", "UNIT", "UNITS")  # attributes that state a unit
-LONGEST: Final = 100  # characters of a unit
+MAX_UNIT_CHARS: Final = 100  # characters of a unit
 
 
 def table_of_hdf5(path: Path, limits: Limits, wanted: Collection[str] | None) -> Table:
@@ -91,10 +91,10 @@ def _unit(item: Any) -> str:
             continue
         attribute = item.attrs.get_id(name)
         text = check_string_dtype(attribute.dtype)
-        if text is None or math.prod(attribute.shape) != 1 or (text.length or 0) > LONGEST:
+        if text is None or math.prod(attribute.shape) != 1 or (text.length or 0) > MAX_UNIT_CHARS:
             continue  # no text, or several
         stated = np.ravel(item.attrs[name])[0]
         stated = stated.decode("utf-8", "replace") if isinstance(stated, bytes) else str(stated)
-        if stated.strip() and len(stated) <= LONGEST:
+        if stated.strip() and len(stated) <= MAX_UNIT_CHARS:
             return stated.strip()
     return ""

@@ -24,7 +24,7 @@ from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 
-LONGEST: Final = 100_000  # characters of a definition of messages
+MAX_DEFINITION_CHARS: Final = 100_000  # characters of a definition of messages
 VISITS: Final = 20_000  # fields of one message
 EMPTY: Final = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)
 BASE, NAME, ARRAY, SEQUENCE = 1, 2, 3, 4  # kinds of fields, as rosbags numbers them
@@ -131,8 +131,8 @@ def _topic(bag: Any, connections: list[Any], types: Types, limits: Limits, *, fi
 def _types(store: Any, connection: Any) -> Types:
     """The fields of the types that a bag defines for a connection. Raises _NotATableError for too long a definition."""
     definition = connection.msgdef
-    if len(definition.data) > LONGEST:
-        raise _NotATableError(f"are defined in more than {LONGEST:,} characters")
+    if len(definition.data) > MAX_DEFINITION_CHARS:
+        raise _NotATableError(f"are defined in more than {MAX_DEFINITION_CHARS:,} characters")
     kind = definition.format.name
     if kind == "MSG":
         return dict(store.get_types_from_msg(definition.data, connection.msgtype))

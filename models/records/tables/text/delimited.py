@@ -18,7 +18,7 @@ from models.records.tables.sizes import Limits, RecordError
 from models.records.tables.table import Table
 from models.records.tables.text.headers import as_wanted
 from models.records.tables.text.layout import LOOKED_AT, NO_ROWS, Layout, is_left_out, layout_of, number, split
-from models.records.tables.text.text_stream import SHOWN, TextFile, text_file
+from models.records.tables.text.text_stream import ENCODING_NAMES, TextFile, text_file
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def table_of_csv(path: Path, limits: Limits, wanted: Collection[str] | None) -> 
         names=[name for name in names if name],
         units={names[j]: unit for j, unit in layout.units.items() if names[j]},
         clocks={names[j]: names[clock] for j, clock in layout.clocks.items()},
-        recognised=(SHOWN[file.encoding], *layout.recognised()),
+        recognised=(ENCODING_NAMES[file.encoding], *layout.recognised()),
     )
 
 

@@ -31,7 +31,7 @@ _COUNTED: Final = {
     "digit",
     "digits",
 }
-LONGEST: Final = 200  # characters of a header in which a unit is looked for
+MAX_HEADER_CHARS: Final = 200  # characters of a header in which a unit is looked for
 _CLOCKS: Final = {"time", "zeit", "temps", "t", "timestamp"}
 
 
@@ -40,7 +40,7 @@ def unit_in(header: str) -> tuple[str, str]:
 
     Whatever stands in brackets is a unit, known or not; behind "/", "in" and "_" only a known one is.
     """
-    if len(header) > LONGEST:
+    if len(header) > MAX_HEADER_CHARS:
         return header, ""
     if match := _BRACKETS.fullmatch(header):
         return match["name"], _one_sign(match["unit"] if match["unit"] is not None else match["round"])
@@ -56,7 +56,7 @@ def unit_in(header: str) -> tuple[str, str]:
 def other_names(header: str) -> tuple[str, ...]:
     """What a column may be called besides its whole header: its name without the unit, the likeliest first."""
     name = unit_in(header)[0]
-    match = _SUFFIX.fullmatch(header) if len(header) <= LONGEST else None
+    match = _SUFFIX.fullmatch(header) if len(header) <= MAX_HEADER_CHARS else None
     short = (match["name"],) if match and _one_sign(match["unit"]) in _PLAIN else ()
     return tuple(one for one in (name, *short) if one != header)
 

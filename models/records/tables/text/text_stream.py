@@ -13,7 +13,7 @@ from typing import IO, Final, cast
 from models.records.tables.sizes import CHUNK, Limits, RecordError
 
 _MARKS: Final = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-SHOWN: Final = {
+ENCODING_NAMES: Final = {
     "latin-1": "ASCII",
     "utf-8-sig": "UTF-8 with a byte order mark",
     "utf-16": "UTF-16",
@@ -82,7 +82,7 @@ def _decoded(path: Path, encoding: str) -> Iterator[str]:
             yield decoder.decode(b"", final=True)
         except UnicodeDecodeError as error:
             raise RecordError(
-                f"is {SHOWN[encoding]} at its beginning, and is not later on; save it as UTF-8"
+                f"is {ENCODING_NAMES[encoding]} at its beginning, and is not later on; save it as UTF-8"
             ) from error
 
 
