@@ -39,7 +39,7 @@ ROUGHNESS: Final = 1e-6  # The weight of the thrust's differences beside the vib
 # A constraint is met with equality if it is this near its bound, as a share of the stroke or of the thrust's scale.
 ACTIVE: Final = 1e-10
 # Up to so many samples the shortest settling time is sought, as no machine may ask for more than 1000.
-LONGEST: Final = 1024
+MAX_SETTLING_SAMPLES: Final = 1024
 
 
 class DesignError(ValueError):
@@ -155,7 +155,8 @@ def least_peak_thrust(
 
 
 def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, constraints: Constraints) -> float:
-    """The shortest settling time [s], a whole number of samples, that the constraints allow; inf if none up to LONGEST.
+    """The shortest settling time [s], a whole number of samples, that the constraints allow; inf if none up to
+    MAX_SETTLING_SAMPLES.
 
     What can be done in n samples can be done in n + 1, so that halving the interval finds it.
 
@@ -178,7 +179,7 @@ def shortest_settling_time(plant: Plant, sample_time: float, stroke: float, cons
     low, high = 0, 8
     while not possible(high):
         low, high = high, 2 * high
-        if high > LONGEST:
+        if high > MAX_SETTLING_SAMPLES:
             return math.inf
     while high - low > 1:
         middle = (low + high) // 2
@@ -195,10 +196,11 @@ def _samples(settling_time: float, sample_time: float) -> int:
     if not (math.isfinite(settling_time) and settling_time > 0):
         raise DesignError(f"the settling time is {show(settling_time, 's')}; give one above 0, such as 20 ms")
     count = round(settling_time / sample_time)
-    if count > LONGEST:
+    if count > MAX_SETTLING_SAMPLES:
         raise DesignError(
             f"a settling time of {show(settling_time, 's')} is {count} samples, and a deadbeat is designed for up to "
-            f"{LONGEST}, {show(LONGEST * sample_time, 's')}; give it in seconds, such as 20e-3"
+            f"{MAX_SETTLING_SAMPLES}, {show(MAX_SETTLING_SAMPLES * sample_time, 's')}; give it in seconds, "
+            "such as 20e-3"
         )
     if count < 1 or abs(settling_time / sample_time - count) > 1e-6:
         nearest = max(count, 1) * sample_time
@@ -388,7 +390,7 @@ def _why_not(plant: Plant, sample_time: float, settling_time: float, stroke: flo
     advice = (
         f"the shortest that can is {show(shortest, 's')}"
         if math.isfinite(shortest)
-        else f"none up to {LONGEST} samples can"
+        else f"none up to {MAX_SETTLING_SAMPLES} samples can"
     )
     return (
         f"a stroke of {show(stroke, 'm')} cannot settle in {show(settling_time, 's')}{limit}{shape} ({need}); {advice}"

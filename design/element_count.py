@@ -20,7 +20,7 @@ from models.machine import Machine
 from models.machines.parts import MOST_COMPENSATED
 
 SPARE: Final = 0.05  # of the specified settling time that a design settles sooner than it has to
-FURTHER: Final = 3  # numbers beyond the chosen one that a curve shows, and the machine's own number
+EXTRA_COUNTS: Final = 3  # numbers beyond the chosen one that a curve shows, and the machine's own number
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,8 @@ from models.records.settling import settling_time
 Array = NDArray[np.float64]
 
 MARGIN: Final = 1.5  # times 2 X_m, as the presliding lengths of the file may be too short by up to a third
-SHARE: Final = 0.1  # of the thrust that friction leaves, and of the rated speed: the wipe only has to be smooth
+# Of the thrust that friction leaves, and of the rated speed: the wipe only has to be smooth.
+USED_LIMIT_SHARE: Final = 0.1
 SETTLINGS: Final = 10  # settling times that one stroke takes at least, so that the feedback follows the friction
 REST: Final = 5  # settling times that the table rests after each stroke
 FASTEST: Final = 15 / 8  # with STEEPEST: largest acceleration T^2 / W, and speed T / W, of the profile below
@@ -57,9 +58,9 @@ def wipe(machine: Machine) -> Wipe:
     """The wipe of a machine, from its longest element, mass, rated thrust and speed, and settling time."""
     distance = MARGIN * 2 * max(with_force(machine.friction).limit or machine.friction.limit)
     settling, mass = machine.specification.settling_time, machine.plant.mass
-    left = max(usable_thrust(machine), SHARE * machine.drive.rated_thrust)
-    times = [SETTLINGS * settling, math.sqrt(STEEPEST * mass * distance / (SHARE * left))]
-    times.append(FASTEST * distance / (SHARE * machine.drive.rated_speed))
+    left = max(usable_thrust(machine), USED_LIMIT_SHARE * machine.drive.rated_thrust)
+    times = [SETTLINGS * settling, math.sqrt(STEEPEST * mass * distance / (USED_LIMIT_SHARE * left))]
+    times.append(FASTEST * distance / (USED_LIMIT_SHARE * machine.drive.rated_speed))
     duration = math.ceil(max(times) / machine.sample_time) * machine.sample_time
     speed, thrust = FASTEST * distance / duration, STEEPEST * mass * distance / duration**2
     return Wipe(distance, duration, REST * settling, speed, thrust)

@@ -8,7 +8,7 @@ from typing import Any
 
 from design.controller import assemble_bare, default_feedforward
 from design.deadbeat import Deadbeat, DesignError
-from design.element_count import FURTHER, Choice, choose, largest_count
+from design.element_count import EXTRA_COUNTS, Choice, choose, largest_count
 from design.validation import LONGER, PERIODS
 from models.machine import Machine
 from models.plant import Plant
@@ -58,7 +58,7 @@ def with_elements(
         progress(share, f"trying the friction compensator with {count} of at most {most} elements")
 
     bare = assemble_bare(machine, made, known)
-    choice = choose(machine, bare, stroke=made.stroke, seed=options.seed, further=FURTHER, tell=tell)
+    choice = choose(machine, bare, stroke=made.stroke, seed=options.seed, further=EXTRA_COUNTS, tell=tell)
     stated = replace(machine, control=replace(machine.control, compensator_elements=choice.count))
     return Counted(stated, choice, {"compensator_elements": _plain(choice)}, (_line(choice),))
 

@@ -29,7 +29,7 @@ from models.simulation.simulator import Response, simulate
 Array = NDArray[np.float64]
 
 RESERVE: Final = 0.9  # of the thrust that friction leaves: the rest is the feedback's
-LONGEST: Final = 20_000  # samples that a profile may take
+MAX_PROFILE_SAMPLES: Final = 20_000  # samples that a profile may take
 RESTS: Final = 8  # settling times of rest behind each profile, 2 where they take very many samples
 LONGER: Final = 8  # times as long a rest where a move does not settle: presliding loops may be slow for their motions
 REPEATS: Final = 2  # there and back so often; the last counts, so that the friction's past is that of such moves
@@ -72,7 +72,7 @@ class Moved:
 def plan(machine: Machine, controller: Controller, stroke: float) -> LongMove:
     """The shortest such move over stroke [m] within 0.9 of the thrust that friction leaves, and the rated speed.
 
-    Raises DesignError for a move that takes more samples than LONGEST.
+    Raises DesignError for a move that takes more samples than MAX_PROFILE_SAMPLES.
 
     >>> from models.machine import load
     >>> from design.controller import default_controller
@@ -93,12 +93,12 @@ def plan(machine: Machine, controller: Controller, stroke: float) -> LongMove:
 
     begin = max(math.sqrt(STEEPEST * mass * stroke / limit), FASTEST * stroke / drive.rated_speed) / ts
     high = max(math.ceil(begin), 1)
-    while high <= LONGEST and not within(at(high)):
+    while high <= MAX_PROFILE_SAMPLES and not within(at(high)):
         high = math.ceil(1.2 * high) + 1
-    if high > LONGEST:
+    if high > MAX_PROFILE_SAMPLES:
         raise DesignError(
             f"a move of {show(stroke, 'm')} within {show(limit, 'N')} and {show(drive.rated_speed, 'm/s')} takes more "
-            f"than {LONGEST} samples, {show(LONGEST * ts, 's')}; give a shorter one"
+            f"than {MAX_PROFILE_SAMPLES} samples, {show(MAX_PROFILE_SAMPLES * ts, 's')}; give a shorter one"
         )
     low = 0
     while high - low > 1:
@@ -112,7 +112,7 @@ def run(machine: Machine, controller: Controller, move: LongMove, seed: int = 0)
     """What the move achieves there and back; settled is what stays within the specified tolerance [m]. What does not
     settle is watched for twice the time, up to LONGER times, unless it runs away."""
     ts, count, rest = machine.sample_time, round(move.duration / machine.sample_time), _rest(machine)
-    longest = max(min(LONGER * rest, LONGEST), rest)
+    longest = max(min(LONGER * rest, MAX_PROFILE_SAMPLES), rest)
     while True:
         way = move.target(ts, rest)
         response = simulate(machine, controller, np.tile(np.append(way, move.stroke - way), REPEATS), seed=seed)
@@ -148,7 +148,7 @@ def largest_step(machine: Machine, controller: Controller) -> float:
 def _rest(machine: Machine) -> int:
     """Samples of rest behind a move."""
     settling = machine.specification.settling_time / machine.sample_time
-    return round(max(2 * settling, min(RESTS * settling, LONGEST)))
+    return round(max(2 * settling, min(RESTS * settling, MAX_PROFILE_SAMPLES)))
 
 
 def _outcome(machine: Machine, controller: Controller, response: Response, way: int, moving: int) -> Moved:

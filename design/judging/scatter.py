@@ -24,8 +24,9 @@ from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 
-STEPS: Final = 0.01  # of the scale's resolution that the dither has: 1 nm on the paper's table
-BANDS: Final = 1 / 2000  # of the tolerance that it has at least, where a scale is finer than it has to be
+DITHER_STEPS: Final = 0.01  # of the scale's resolution that the dither has: 1 nm on the paper's table
+# Of the tolerance that it has at least, where a scale is finer than it has to be.
+MIN_DITHER_TOLERANCES: Final = 1 / 2000
 PERIODS: Final = 2  # of the sequence; the last is judged
 
 
@@ -46,7 +47,7 @@ class Scatter:
 
 def dither_of(machine: Machine) -> float:
     """The standard deviation [m] of the dither: a hundredth of a step of the scale, or 1/2000 of the tolerance."""
-    return max(STEPS * machine.scale.resolution, BANDS * machine.specification.tolerance)
+    return max(DITHER_STEPS * machine.scale.resolution, MIN_DITHER_TOLERANCES * machine.specification.tolerance)
 
 
 def scatter(

@@ -24,7 +24,7 @@ from models.machine import Machine
 from models.plant import Mode, Plant, against_spring, matrices
 from models.quantity import listed, show
 
-MOST: Final = 12  # springs that are looked at, of a friction with more elements
+MAX_SPRINGS: Final = 12  # springs that are looked at, of a friction with more elements
 
 Spring = tuple[float, float]
 
@@ -94,7 +94,7 @@ def springs(friction: Friction) -> list[Spring]:
     reversal, then of those with the longer limits."""
     order = np.argsort(friction.limit)[::-1]
     summed = np.cumsum(np.array([friction.stiffness, friction.damping])[:, order], axis=1)[:, ::-1].T
-    few = np.unique(np.linspace(0, len(summed) - 1, min(MOST, len(summed))).round().astype(int))
+    few = np.unique(np.linspace(0, len(summed) - 1, min(MAX_SPRINGS, len(summed))).round().astype(int))
     return [(float(stiffness), float(damping)) for stiffness, damping in summed[few] if stiffness > 0]
 
 

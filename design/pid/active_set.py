@@ -29,7 +29,8 @@ from models.controller import PID
 from models.identification.solving import interruptible
 
 ROUNDS: Final = 40  # A start is given up after so many rounds in which frequencies join.
-NEAR: Final = 0.05  # The exact bounds come in once a round moves the gains by less than this share of the largest gain.
+# The exact bounds come in once a round moves the gains by less than this share of the largest gain.
+EXACT_BOUNDS_GAIN_CHANGE: Final = 0.05
 # The rounds end when one moves the gains by less than this share of the largest gain, and by less than SETTLED times
 # the tolerance: the optimum is flat, so the gains need not be as exact as the peaks.
 WITHIN: Final = 0.04
@@ -103,7 +104,7 @@ def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -
                 value = achieved(problem.members, pid, problem.goal)
                 return Result(Ending.CERTIFIED, count, Tuning(pid, bounds, value, loops, ()))
             above += between
-        exact = moved < NEAR
+        exact = moved < EXACT_BOUNDS_GAIN_CHANGE
         slots = _tightest(problem, pid, bounds, above + slots)
     return Result(Ending.NEVER_SETTLED, ROUNDS)
 

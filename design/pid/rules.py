@@ -17,8 +17,9 @@ from models.plant import Plant
 
 PEAK: Final = 2.0  # of |S| [1], beyond which a rule of thumb's loop counts as too quick
 RUNGS: Final = np.sqrt(2.0) ** np.arange(24)  # of theta: the time constants that are tried, from the quickest on
-FAST: Final = 2.3  # times the quickest: near to the edge of stability, so that the gains are of a tuned PID's size
-SLOW: Final = 9.5  # times the quickest: so slow that the loop is surely stable
+# Times the quickest: near to the edge of stability, so that the gains are of a tuned PID's size.
+FAST_RULE_TIME_RATIO: Final = 2.3
+SLOW_RULE_TIME_RATIO: Final = 9.5  # times the quickest: so slow that the loop is surely stable
 
 
 def simc(plant: Plant, sample_time: float, closed_loop: float, derivative_filter: float) -> PID:
@@ -50,12 +51,12 @@ def quickest_time(machine: Machine) -> float:
 
 def slow_rule(machine: Machine) -> PID:
     """SIMC's PID [SI] that a tuning starts from: slow, so that its loops are stable."""
-    return _of(machine, SLOW)
+    return _of(machine, SLOW_RULE_TIME_RATIO)
 
 
 def fast_rule(machine: Machine) -> PID:
     """SIMC's PID [SI] with gains of a tuned one's size."""
-    return _of(machine, FAST)
+    return _of(machine, FAST_RULE_TIME_RATIO)
 
 
 def _of(machine: Machine, times: float) -> PID:

@@ -42,7 +42,8 @@ from models.quantity import show
 Start = tuple[str, PID]
 
 TOLERANCE: Final = 1e-4  # A certified peak may exceed its bound by this share.
-MANY: Final = 24  # A program sees so many plants at most; more that are alike would crowd each other out of its slots.
+# A program sees so many plants at most; more that are alike would crowd each other out of its slots.
+MAX_PLANTS: Final = 24
 # With an integral |CS| is the contact stiffness at low frequencies: its bound is at least so many times the steepest.
 ROOM: Final = 1.2
 REACH: Final = 50.0  # A gain may be this many times the one that a problem is scaled with.
@@ -163,7 +164,11 @@ def _with_active_plants(problem: Problem, bounds: Bounds, start: PID, tolerance:
     """
     nominal = [i for i, member in enumerate(problem.members) if member.nominal]
     worst = np.argsort(-_largest_shares(problem, start, bounds), kind="stable")
-    seen = list(dict.fromkeys([*nominal, *worst.tolist()]))[:MANY] if len(worst) > MANY else list(range(len(worst)))
+    seen = (
+        list(dict.fromkeys([*nominal, *worst.tolist()]))[:MAX_PLANTS]
+        if len(worst) > MAX_PLANTS
+        else list(range(len(worst)))
+    )
     while True:
         part = replace(
             problem, members=tuple(problem.members[i] for i in seen), check=tuple(problem.check[i] for i in seen)
@@ -174,7 +179,9 @@ def _with_active_plants(problem: Problem, bounds: Bounds, start: PID, tolerance:
             return result
         worst_shares = _largest_shares(problem, found.pid, bounds)
         beyond = [
-            int(i) for i in np.argsort(-worst_shares)[: MANY // 4] if worst_shares[i] > 1 + tolerance and i not in seen
+            int(i)
+            for i in np.argsort(-worst_shares)[: MAX_PLANTS // 4]
+            if worst_shares[i] > 1 + tolerance and i not in seen
         ]
         if not beyond:  # on the check's frequencies; what is certified holds between them too
             loops = tuple(assess(member.plant, found.pid) for member in problem.members)

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 SAME_STROKE: Final = 0.01  # relative difference of strokes that are the specified one
 PERIODS: Final = 2  # of the specified sequence; the last is judged
-MOSTLY: Final = 0.8  # of a record's motions that have to be over the stroke, for the others not to disturb them
+# Of a record's motions that have to be over the stroke, for the others not to disturb them.
+MIN_FULL_STROKE_SHARE: Final = 0.8
 LEAST_LEAD: Final = 50  # samples of rest before it
 
 
@@ -77,7 +78,7 @@ def judged_motions(record: Record, machine: Machine) -> list[Motion]:
     """The motions of a record that `outcome` judges (SI)."""
     found = motions(record.target, float(record.target[0]))
     kept, whole = [one for one in found[1:] if _specified(one, machine)], 2 * machine.specification.motions
-    if len(kept) < MOSTLY * len(found[1:]):
+    if len(kept) < MIN_FULL_STROKE_SHARE * len(found[1:]):
         return []
     return kept[-whole:] if len(found) >= PERIODS * whole else kept
 

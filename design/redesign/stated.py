@@ -19,7 +19,7 @@ from models.variation import Known, Variation, known, root_of, varied
 
 Array = NDArray[np.float64]
 
-MOST: Final = 3.0  # deviations that a draw is off at most
+MAX_STDS: Final = 3.0  # deviations that a draw is off at most
 SMALLEST: Final = 0.05  # of a value that keeps its sign: the least that is drawn
 THRUST: Final = "plant.thrust_constant"  # drawn as an error of the whole machine: it moves more than its own value
 
@@ -128,4 +128,4 @@ def _tolerated(machine: Machine, stated: set[str], rng: np.random.Generator) -> 
 
 
 def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    return np.asarray(np.clip(rng.standard_normal(shape), -MOST, MOST), float)
+    return np.asarray(np.clip(rng.standard_normal(shape), -MAX_STDS, MAX_STDS), float)

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 LENGTHS: Final = (0.4, 2.5)  # `learn` searches the length between these shares of the nominal one.
 GRID: Final = 41  # lengths that are tried first
 EVALUATIONS: Final = GRID + 25  # lengths tried altogether, about
-LEAST: Final = 0.05  # It takes the force for no less than this share of the nominal one.
+MIN_FORCE_RATIO: Final = 0.05  # It takes the force for no less than this share of the nominal one.
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def learn(nominal: Friction, path: ArrayLike, rests: ArrayLike, hold: ArrayLike,
         """Least sum of squares [N^2] with this error of the length, and the factor of the force and constant [N]."""
         force = follow(varied_friction(nominal, Variation(friction_length=error)), points[moves])[0][at]
         varies, about = force - force.mean(), thrust - thrust.mean()
-        factor = max(float(varies @ about) / max(float(varies @ varies), 1e-300), LEAST)
+        factor = max(float(varies @ about) / max(float(varies @ varies), 1e-300), MIN_FORCE_RATIO)
         return float(np.sum((about - factor * varies) ** 2)), factor, float(np.mean(thrust - factor * force))
 
     error = _best_length(lambda tried: held(tried)[0]) if length else 0.0

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.trajectory.compensator import GRID, LEAST, LENGTHS, Learned, learn
+from design.trajectory.compensator import GRID, LENGTHS, MIN_FORCE_RATIO, Learned, learn
 from design.trajectory.schemes import Scheme
 from design.validation import respond, sequence
 from design.wiping import carried_on, wipe, wipe_references
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 REST: Final = 0.8  # of the specified settling time: the thrust that holds the table is averaged over so much of a
 # motion's end
 ROUNDS: Final = 2  # periods of the sequence to learn from, the second with what the first has told
-MOST: Final = 0.5  # error of the mass, and of the dead time, that is believed at most [1]
+MAX_RELATIVE_ERROR: Final = 0.5  # error of the mass, and of the dead time, that is believed at most [1]
 LOOK: Final = 2.0  # specified settling times behind the step over which a motion's error is looked at
 RESTED: Final = 5  # specified settling times behind its step at which a drive takes the thrust of a motion's rest
 NOISE: Final = 1e-3  # of the stroke, by which the errors differ from their linear model
@@ -137,7 +137,7 @@ def _went_on(
     scheme, errors = one.scheme, one.errors
     if sensitivity is not None and scheme.adapted is not None:
         told = tracking_error(target, response.record, scheme.controller, sensitivity.faultless.size)
-        most = MOST * np.array([1.0, nominal.plant.dead_time])
+        most = MAX_RELATIVE_ERROR * np.array([1.0, nominal.plant.dead_time])
         errors = np.clip(errors + sensitivity.explain(told), -most, most)
         scheme = scheme.adapted(varied(nominal, Variation(mass=float(errors[0]), dead_time=float(errors[1]))))
     found = learn(one.scheme.known, path, rests, hold)
@@ -236,12 +236,12 @@ def learning_to_json(known: Sensitivity, nominal: Machine, scheme: Scheme, strok
         "hold_s": REST * nominal.specification.settling_time,
         "length_shares": list(LENGTHS),
         "length_candidates": length_candidates(),
-        "least_force": LEAST,
+        "least_force": MIN_FORCE_RATIO,
         "faultless_error_m": known.faultless,
         "mass_error_per_m": known.gain[0],
         "dead_time_error_s_per_m": known.gain[1],
-        "largest_error": MOST,
-        "largest_dead_time_error_s": MOST * nominal.plant.dead_time,
+        "largest_error": MAX_RELATIVE_ERROR,
+        "largest_dead_time_error_s": MAX_RELATIVE_ERROR * nominal.plant.dead_time,
         "position_by_dead_time": {"per_s": per_second, "per_s2": per_square},
     }
 

@@ -34,8 +34,9 @@ Array = NDArray[np.float64]
 
 TOLERANCE: Final = 1e-8  # A step below this share of each decision's unit ends Newton's method.
 HOLDS: Final = 1e-5  # A condition with less slack than this, in its unit, may hold with equality.
-STEPS: Final = 60  # Newton's method takes at most so many steps before it is left to IPOPT.
-LONGEST: Final = 0.3  # A step longer than this share of a decision's unit is shortened, and drops no condition.
+MAX_NEWTON_STEPS: Final = 60  # Newton's method takes at most so many steps before it is left to IPOPT.
+# A step longer than this share of a decision's unit is shortened, and drops no condition.
+MAX_RELATIVE_STEP: Final = 0.3
 FLAT: Final = 1e-7  # A step divides by no smaller curvature than this.
 LOST: Final = 1e4  # A larger multiplier, in units of the objective over the condition's, says that nothing is near.
 
@@ -251,7 +252,7 @@ def solve_near(problem: Condensed, point: Point, at: Histories) -> tuple[Point |
     """The solution at `at` found from that at other histories, None if there is none near; and Newton's steps."""
     v, holds, multipliers = point.v, point.holds, point.multipliers
     rest, goal = problem.decisions.rest, problem.decisions.goal
-    for count in range(1, STEPS + 1):
+    for count in range(1, MAX_NEWTON_STEPS + 1):
         sweep = _sweep(problem, v, at)
         holds = holds | (sweep.excess > HOLDS)
         derivatives = _derivatives(problem, sweep)
@@ -264,14 +265,14 @@ def solve_near(problem: Condensed, point: Point, at: Histories) -> tuple[Point |
         size, worth = float(np.max(np.abs(step))), worth[len(rest) :]
         if np.max(np.abs(worth), initial=0.0) > LOST:
             return None, count
-        v = v + min(1.0, LONGEST / size) * step
+        v = v + min(1.0, MAX_RELATIVE_STEP / size) * step
         multipliers = np.zeros(holds.shape)
         multipliers[holds] = worth
         if np.min(worth, initial=0.0) < 0:
-            holds = _without(holds, worth) if size < LONGEST else holds
+            holds = _without(holds, worth) if size < MAX_RELATIVE_STEP else holds
         elif size < TOLERANCE and minimum:
             return Point(v, holds, multipliers), count
-    return None, STEPS
+    return None, MAX_NEWTON_STEPS
 
 
 def _step(hessian: Array, slope: Array, rows: Array, missed: Array) -> tuple[Array, Array, bool]:

@@ -36,7 +36,7 @@ ROUNDS: Final = 2  # Design and simulation alternate so often: the histories fol
 # Of the settling time: for so long after the motion the error counts in "sensitivity", until the feedback meets it.
 LOOK: Final = 0.6
 LOOK_ROBUST: Final = 1.2  # A robust trajectory leaves more to the feedback, which takes longer.
-LONGEST: Final = 200  # A search for a feasible motion gives up so many samples beyond the one aimed at.
+MAX_EXTRA_SAMPLES: Final = 200  # A search for a feasible motion gives up so many samples beyond the one aimed at.
 COARSE: Final = (0.3, 0.1)  # Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
 
 
@@ -82,7 +82,7 @@ def quickest(
     known: what was tried before on this machine, for the same stroke and slew but perhaps another limit of the thrust
     [N], which only says which of them do. From full slip either way, which bounds what any history asks for. Bisection
     over the number of samples, one problem each: the least peak falls with their number. Raises DesignError if even
-    LONGEST more do not do.
+    MAX_EXTRA_SAMPLES more do not do.
     """
     tried = dict(known)
 
@@ -96,7 +96,7 @@ def quickest(
     high, step = max(begin, low + 1), 2
     while not possible(high):
         low, high, step = high, high + step, 2 * step
-        if high > begin + LONGEST:
+        if high > begin + MAX_EXTRA_SAMPLES:
             raise DesignError(
                 f"no motion of up to {rest_time(machine, high):g} s keeps within {wanted.limits.thrust:g} N; allow more"
             )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from design.family import largest_pole
-from design.judging.sticking import MOST, advice_on, cause_of, springs, state_of, sticking
+from design.judging.sticking import MAX_SPRINGS, advice_on, cause_of, springs, state_of, sticking
 from design.loop import spectral_radius
 from models.friction import Friction
 from models.machine import DEFAULT, Machine, load
@@ -101,7 +101,7 @@ def test_the_springs_are_those_that_stick_on_behind_a_reversal() -> None:
     friction = Friction(stiffness=(1.0, 4.0, 2.0), limit=(3e-6, 1e-6, 2e-6), damping=(10.0, 40.0, 20.0))
     assert springs(friction) == [(7.0, 70.0), (3.0, 30.0), (1.0, 10.0)]
     many = springs(Friction(stiffness=(1.0,) * 50, limit=tuple(1e-6 * i for i in range(1, 51)), damping=(0.0,) * 50))
-    assert len(many) == MOST
+    assert len(many) == MAX_SPRINGS
     assert (many[0], many[-1]) == ((50.0, 0.0), (1.0, 0.0))
 
 

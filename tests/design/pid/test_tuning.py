@@ -11,7 +11,7 @@ from design.loop import assess, controller_response, frequency_response, grid, s
 from design.pid.goal import Goal, achieved
 from design.pid.problem import Bounds, Problem, TuningError
 from design.pid.rules import lambda_rule, simc
-from design.pid.tuning import MANY, pose, tune, tune_pid, tuned_from
+from design.pid.tuning import MAX_PLANTS, pose, tune, tune_pid, tuned_from
 from models.controller import PID
 from models.ensemble import load_ensemble
 from models.machine import load
@@ -83,7 +83,7 @@ def test_the_tuned_loop_keeps_its_bounds_over_the_family_and_uses_them(problem: 
 def test_more_plants_than_a_program_has_room_for_are_all_held(problem: Problem) -> None:
     others = load_ensemble()[::10]
     members = family(MACHINE, others=others)
-    assert len(members) == 20 + 4 * len(others) > MANY
+    assert len(members) == 20 + 4 * len(others) > MAX_PLANTS
     found = tune(pose(members, Goal(), MACHINE.control.pid), BOUNDS, [("slow", SLOW)])
     assert len(found.loops) == len(members)
     for member in members:
