@@ -28,7 +28,8 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
-ROUGHER: Final = (3.0, 10.0)  # times the usual white force, until the re-fit moves no value where nothing is wrong
+# Times the usual white force, until the re-fit moves no value where nothing is wrong.
+WHITE_FORCE_FACTORS: Final = (3.0, 10.0)
 Progress = Callable[[float, str], None]
 
 
@@ -142,7 +143,7 @@ def refit_and_null(
         first = begun(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
     chance = first.completed(told)
     biased = beyond = {} if nominal.candidate.rough else _biased(nominal, chance, criteria)
-    for rougher in ROUGHER:
+    for rougher in WHITE_FORCE_FACTORS:
         if not beyond:
             break
         nominal = refit_under(nominal, records, rougher)

@@ -31,8 +31,8 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 GRID: Final = 24  # limits that are tried, from a third of the shortest to half as much again as the longest
-SHORTEST, LONGEST = 1 / 3, 1.5
-MOST: Final = 32  # elements: a re-fit of 40 took 16 times as long as one of 7
+MIN_LIMIT_RATIO, MAX_LIMIT_RATIO = 1 / 3, 1.5
+MAX_ELEMENTS: Final = 32  # elements: a re-fit of 40 took 16 times as long as one of 7
 ITERATIONS: Final = 12
 FREE_STIFFNESS: Final = 0.7  # deviation of the logarithm of a half's stiffness: it may be nearly all or nearly nothing
 FREE_LIMIT: Final = 0.99  # and of its limit's at most, however far apart the elements are: a file's is below 1
@@ -56,14 +56,14 @@ def with_finer_friction(
 def _may_have_more(fitted: Fit, least: float) -> bool:
     """Whether a fit leaves what has to be gained, and may have twice as many elements."""
     left = float(fitted.innovations @ fitted.innovations)
-    return left > least and 2 * len(fitted.candidate.nominal.friction.limit) <= MOST
+    return left > least and 2 * len(fitted.candidate.nominal.friction.limit) <= MAX_ELEMENTS
 
 
 def curve_gain(fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64]) -> float:
     """The chi-square [1] that another curve of the friction, of elements with limits of any length, takes off motions
     to which it was not fitted, beside all that is nominal; segment as above."""
     limit = np.array(fitted.candidate.machine.friction.limit)
-    grid = np.geomspace(SHORTEST * np.min(limit), LONGEST * np.max(limit), GRID)
+    grid = np.geomspace(MIN_LIMIT_RATIO * np.min(limit), MAX_LIMIT_RATIO * np.max(limit), GRID)
     forces = np.concatenate([-deflections(grid, one.path.at_samples) / grid for one in fitted.paths])
     own = partial_out(fitted, segment)
     whole = own(as_force(fitted, records, forces))

@@ -50,7 +50,7 @@ Chance = tuple[dict[str, float], tuple[float, ...], float, float, tuple[float, .
 DRAWS: Final = 8
 LARGEST_CACHE: Final = 1 << 22  # bytes of a kept null, which has a few kB
 APART: Final = 0x9E3779B1  # of 2**31, by the golden ratio: where neighbouring seeds begin in the white force's numbers
-SURELY: Final = 4.0  # deviations of a mean of the draws, beyond which it is not chance
+SIGNIFICANT_STDS: Final = 4.0  # deviations of a mean of the draws, beyond which it is not chance
 SETTLING: Final = 138.0  # loop times at rest before the record
 
 
@@ -73,7 +73,7 @@ class Null:
         if len(moved) < 2:
             return np.zeros(moved.shape[-1])
         mean, deviation = moved.mean(axis=0), moved.std(axis=0, ddof=1) / math.sqrt(len(moved))
-        return np.asarray(np.where(np.abs(mean) > SURELY * deviation, mean, 0.0))
+        return np.asarray(np.where(np.abs(mean) > SIGNIFICANT_STDS * deviation, mean, 0.0))
 
     def thresholds(self, criteria: Criteria) -> dict[str, float]:
         """By effect, the chi-square [1] that it has to gain on held-out motions to be more than chance."""

@@ -31,8 +31,8 @@ RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
 MORE: Final = 2.8  # times the slow walk, under which the starts are searched once more on a fine scale
 AGAIN: Final = 2  # times that the starts are searched once more
-FURTHER: Final = 6  # times that a fit which has not converged is continued
-ENOUGH: Final = 20.0  # chi-square
+MAX_CONTINUATIONS: Final = 6  # times that a fit which has not converged is continued
+MIN_CHI_SQUARE_GAIN: Final = 20.0  # fall of chi-square, up to which a fit is no better than the one before
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
 LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
 # The names under which a reader knows parameters of the fit.
@@ -169,7 +169,7 @@ def within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     fitted = _within_rating(machine, records)
     found = freed(fitted, records, stated_at_bounds)
     rests = found is not fitted and not stated_at_bounds(found.candidate)
-    return found if rests and fitted.cost - found.cost > ENOUGH else fitted
+    return found if rests and fitted.cost - found.cost > MIN_CHI_SQUARE_GAIN else fitted
 
 
 def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
@@ -183,7 +183,7 @@ def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     follows = refit(replace(layout, machine=replace(machine, drive=drive, sources=sources)), records, effects)
     bounded = fit(replace(follows.candidate, layout=layout), records, paths=follows.paths, walk=follows.walk)
     found = [follows, bounded]
-    if follows.cost - bounded.cost > ENOUGH:  # another drive: what it was fitted from may be no good start
+    if follows.cost - bounded.cost > MIN_CHI_SQUARE_GAIN:  # another drive: what it was fitted from may be no good start
         found.append(refit(layout, records, effects))
     return min(found, key=lambda fitted: fitted.cost)
 
@@ -193,10 +193,10 @@ def started(fitted: Fit, records: Sequence[Record]) -> Fit:
     which starts are best."""
     for _ in range(AGAIN):
         better = fit(search(fitted, records), records, paths=fitted.paths, iterations=4, walk=fitted.walk)
-        if fitted.cost - better.cost < ENOUGH:
+        if fitted.cost - better.cost < MIN_CHI_SQUARE_GAIN:
             break
         fitted = better
-    for _ in range(FURTHER):  # a scale that resolves the friction finely needs the starts to many digits
+    for _ in range(MAX_CONTINUATIONS):  # a scale that resolves the friction finely needs the starts to many digits
         if fitted.converged:
             break
         fitted = fit(fitted.candidate, records, paths=fitted.paths, iterations=LAST_ITERATIONS, walk=fitted.walk)

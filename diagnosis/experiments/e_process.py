@@ -50,7 +50,7 @@ Array = NDArray[np.float64]
 TEMPER: Final = 0.5  # power of the likelihood ratio: 1 over the safety that thresholds of one look have
 SPREAD: Final = 0.5  # deviation of an effect's size in a new record from the one found before, relative
 CERTAIN: Final = 50.0  # log of the likelihood ratio of what cannot be where nothing is wrong, as a replay that fails
-LATE: Final = 4.0  # deviations of late commands that clean tables reach, where the noise makes 1
+LATE_COMMAND_STDS: Final = 4.0  # deviations of late commands that clean tables reach, where the noise makes 1
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def _in_the_log(name: str, before: Look, now: Baseline, fresh: int) -> float:
     seen, known = lateness(last, now.records[-fresh:]), lateness(before.baseline.nominal, before.baseline.records)
     if not np.isfinite(seen.scatter) or seen.scatter <= 0:
         return 0.0
-    expected, found = known.size**2 / seen.scatter / LATE, np.sqrt(seen.gain) / LATE
+    expected, found = known.size**2 / seen.scatter / LATE_COMMAND_STDS, np.sqrt(seen.gain) / LATE_COMMAND_STDS
     return float(expected * (found - 0.5 * expected)) / _interpolation(now)
 
 

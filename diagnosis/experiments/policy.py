@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 LOOKS: Final = 3  # one after another in which no effect explains the records, until that is the answer
 CHANCE: Final = 0.02  # of a false name, over all looks together
-LEAST: Final = 1e-3  # nats of a question that are worth asking
+MIN_WORTH_NATS: Final = 1e-3  # nats of a question that are worth asking
 
 
 class Stop(StrEnum):
@@ -130,7 +130,7 @@ def active(known: Knowledge) -> Choice | None:
         return worth(known, _total(known, places), open_)
 
     places = filled(known, value)
-    return Choice(places, _why(known)) if places and value(places) > LEAST else None
+    return Choice(places, _why(known)) if places and value(places) > MIN_WORTH_NATS else None
 
 
 def _total(known: Knowledge, places: Sequence[int]) -> Array:

@@ -31,7 +31,7 @@ from models.simulation.simulator import simulate
 Array = NDArray[np.float64]
 
 BY_MOTION: Final = ("position", "pitch", "velocity", "velocity_sign")  # coordinates that a kind of motion tells
-MOST: Final = 4  # effects that are compared: the first ones
+MAX_COMPARED_EFFECTS: Final = 4  # effects that are compared: the first ones
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def next_experiment(
 
     The sentence states the settings with their units; white_force: standard deviation of this drive's white force [N].
     """
-    asked = _comparable(members, machine)[:MOST]
+    asked = _comparable(members, machine)[:MAX_COMPARED_EFFECTS]
     if not asked:
         return None
     tried = [(one, _reached(machine, one, asked, seed, white_force)) for one in menu(machine)]

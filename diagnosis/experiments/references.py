@@ -24,7 +24,8 @@ from models.machine import Machine
 from models.plant import frequency_response
 
 NAMES: Final = ("slow_loops.csv", "sweep_low.csv", "sweep_high.csv", "strokes.csv", "suite.csv")
-SLOW: Final = 0.01  # of friction: the largest inertial force of slow loops, so that they show friction alone
+# Of friction: the largest inertial force of slow loops, so that they show friction alone.
+MAX_SLOW_INERTIA_SHARE: Final = 0.01
 WIDE: Final = (2.5, 0.6)  # presliding distances: amplitudes of slow loops, and of the inner ones
 GENTLY: Final = 4  # parts of a slow loop, in one of which it comes to its speed: no more force than turning round takes
 SAMPLES: Final = 4000  # least samples of a slow loop
@@ -52,7 +53,7 @@ def _slow_loops(machine: Machine) -> Schedule:
     """Two slow loops over 2.5 presliding distances either way, as far as the axis may travel, then four inner ones; the
     inertial force is slight."""
     ts, reach = machine.sample_time, min(max(machine.friction.limit), machine.drive.room / (2 * WIDE[0]))
-    heavy = machine.plant.mass * WIDE[0] * reach / (SLOW * machine.friction.coulomb_force)
+    heavy = machine.plant.mass * WIDE[0] * reach / (MAX_SLOW_INERTIA_SHARE * machine.friction.coulomb_force)
     count = max(SAMPLES, round(2 * np.pi * np.sqrt(heavy) / ts))
     two = 4 * np.pi * _from_rest_to_rest(2 * count, count // GENTLY)
     angle = np.concatenate([two, 4 * np.pi + two])

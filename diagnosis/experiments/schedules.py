@@ -32,16 +32,17 @@ SUITE_SAMPLES: Final = 90_000  # of the 120,000 that a diagnosis takes by defaul
 RAMP: Final = 0.2  # periods of the lowest frequency in which a multisine begins, and in which it ends
 SHORTER: Final = (1.0, 0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # of the usual rests
 SHORTEST: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain
-MOST: Final = 0.6  # of the rated thrust, for what need not be fast
+UNHURRIED_THRUST_SHARE: Final = 0.6  # of the rated thrust, for what need not be fast
 HALF_WAY: Final = 0.45  # of the stated travel, over which what depends on the place is looked at, at the least
 AT_TOP_SPEED: Final = 3.0  # s that such a stroke takes at the rated speed, at the most
 LADDER: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1)  # of the longest move
 DWELL_STROKE: Final = 0.865  # specified strokes
 RESTS: Final = (2.4, 4.8, 10, 20, 40, 60)  # pauses
-PLACES: Final = 6  # along the way at which fast moves are made
+FAST_MOVE_PLACES: Final = 6  # along the way at which fast moves are made
 SPEEDS: Final = (0.0021, 0.0083, 0.021, 0.042)  # of the rated speed
-LONGEST: Final = 200.0  # pauses that a stroke may take: slower ones would take minutes where the rated speed is low
-FAR: Final = (
+# Pauses that a stroke may take: slower ones would take minutes where the rated speed is low.
+MAX_STROKE_PAUSES: Final = 200.0
+SUITE_STROKES: Final = (
     (15, 0.1, 0.0021, 1),
     (60, 0.3, 0.0083, 1),
     (120, 0.6, 0.0333, 1),
@@ -121,9 +122,9 @@ def allowed(machine: Machine, distance: float, speed: float, share: float = 0.6)
 
 
 def at_share(machine: Machine, distance: float, share: float, longest: float = 1.0) -> float:
-    """The peak speed [m/s] of a stroke of `distance` [m]: a share [1] of the rated speed, but within LONGEST pauses, or
-    the share `longest` [1] of them, and what the thrust allows."""
-    slowest = PEAK_SPEED * distance / (longest * LONGEST * pause(machine))
+    """The peak speed [m/s] of a stroke of `distance` [m]: a share [1] of the rated speed, but within MAX_STROKE_PAUSES
+    pauses, or the share `longest` [1] of them, and what the thrust allows."""
+    slowest = PEAK_SPEED * distance / (longest * MAX_STROKE_PAUSES * pause(machine))
     return allowed(machine, distance, max(rounded(share * machine.drive.rated_speed), slowest))
 
 
@@ -185,7 +186,7 @@ def amplitude_ladder(machine: Machine, sizes: Sequence[float] | None = None, sha
     of the usual rests after them. Default: those of `ladder`."""
     settling, rest = machine.specification.settling_time, 8.8 * share * pause(machine)
     steps = [
-        Move(sign * size, max(1.2 * settling, quickest(machine, size, MOST)), rest)
+        Move(sign * size, max(1.2 * settling, quickest(machine, size, UNHURRIED_THRUST_SHARE)), rest)
         for size in (ladder(machine) if sizes is None else sizes)
         for sign in (1, 1, -1, -1)
     ]
@@ -200,7 +201,7 @@ def rests(machine: Machine) -> tuple[float, ...]:
 def dwell_sweep(machine: Machine, dwells: Sequence[float] | None = None) -> Schedule:
     """Moves of 0.865 specified strokes after rests of each length [s], onward in the same direction and back."""
     stroke, settling = DWELL_STROKE * machine.specification.stroke, machine.specification.settling_time
-    duration = max(settling, quickest(machine, stroke, MOST))
+    duration = max(settling, quickest(machine, stroke, UNHURRIED_THRUST_SHARE))
     chosen = rests(machine) if dwells is None else dwells
     return schedule(
         "dwell sweep", machine, [Move(sign * stroke, duration, dwell) for dwell in chosen for sign in (1, 1, -1, -1)]
@@ -328,7 +329,7 @@ def _shortest(parts: Sequence[Schedule], most: int) -> list[Schedule]:
 def _parts(machine: Machine, share: float = 1.0, *, once: bool = False) -> list[Schedule]:
     """The experiments of the suite, with rests a share [1] as long; once: each stroke is passed once."""
     resting = tuple(rounded(share * dwell) for dwell in rests(machine))
-    far = [_far(machine, one[:3], 1 if once else one[3], share) for one in FAR]
+    far = [_far(machine, one[:3], 1 if once else one[3], share) for one in SUITE_STROKES]
     return [amplitude_ladder(machine, share=share), dwell_sweep(machine, resting), multisine(machine), *far]
 
 
@@ -359,7 +360,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     stroke, short = length(machine, 100, 0.1), length(machine, 10, 0.1)
     half = min(HALF_WAY * machine.drive.travel, AT_TOP_SPEED * machine.drive.rated_speed)
     longest = max(length(machine, 600, 3), rounded(min(half, machine.drive.room)))
-    apart = min(length(machine, 100, 0.5), (machine.drive.room - short) / (PLACES - 1))
+    apart = min(length(machine, 100, 0.5), (machine.drive.room - short) / (FAST_MOVE_PLACES - 1))
     speeds = tuple(dict.fromkeys(rounded(at_share(machine, stroke, share), 3) for share in SPEEDS))
     slow, fast = speeds[0], rounded(at_share(machine, longest, 1 / 16), 3)
     loops = tuple(rounded(share * reach(machine)) for share in (0.3, 0.1, 0.03, 0.01))
@@ -416,9 +417,9 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
             ("command",),
         ),
         Experiment(
-            f"fast moves of {show(short, 'm', 3)} back and forth, at half the rated thrust, at {PLACES} places "
-            f"{show(apart, 'm', 3)} apart",
-            moves_along(machine, PLACES, apart, short),
+            f"fast moves of {show(short, 'm', 3)} back and forth, at half the rated thrust, at {FAST_MOVE_PLACES} "
+            f"places {show(apart, 'm', 3)} apart",
+            moves_along(machine, FAST_MOVE_PLACES, apart, short),
         ),
         Experiment(
             f"one stroke of {show(length(machine, 50, 1), 'm', 3)} at the same place, twelve times there and back",

@@ -64,7 +64,7 @@ def experiments(machine: Machine, bounds: Bounds) -> tuple[Experiment, ...]:
 
 def _within(machine: Machine, bounds: Bounds, distance: float, speed: float = np.inf) -> float:
     """Duration [s] of a move of so far [m], within TURN of the bounds' force and so fast [m/s] at most."""
-    force = min(TURN * bounds.force / machine.drive.rated_thrust, made.MOST)
+    force = min(TURN * bounds.force / machine.drive.rated_thrust, made.UNHURRIED_THRUST_SHARE)
     fastest = min(speed, TURN * bounds.speed)
     return max(made.quickest(machine, distance, force), PEAK_SPEED * distance / fastest)
 

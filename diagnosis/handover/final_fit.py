@@ -28,10 +28,11 @@ Array = NDArray[np.float64]
 
 ITERATIONS: Final = 8
 STILL: Final = 1e-5  # walk a sample over the white force: it gains a tenth of it in 100,000 samples
-NEAR: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
+AT_BOUND_ROOM_SHARE: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
 ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
 ROOM: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
-LEAST: Final = 1e-4  # of the commands' deviation: of the white force, where a model explains all but rounding
+# Of the commands' deviation: of the white force, where a model explains all but rounding.
+MIN_WHITE_FORCE_SHARE: Final = 1e-4
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def still_fit(
 ) -> Fit:
     """The candidate fitted beside a white force as large as what it leaves (its standard deviation)."""
     left = unknown_force(candidate, records, paths)
-    least = LEAST * max(float(np.std(record.command)) for record in records)
+    least = MIN_WHITE_FORCE_SHARE * max(float(np.std(record.command)) for record in records)
     white = max(float(np.nanstd(np.concatenate(left))), least)
     roughness = white / candidate.usual_white_force
     candidate = replace(candidate, roughness=(roughness,) * len(records))
@@ -142,7 +143,7 @@ def _is_period(candidate: Candidate, one: AtBound) -> bool:
 
 def _hit(layout: Parameters, theta: Array) -> list[int]:
     """The entries of theta at a bound that is not the physical one of the dead time; starts have no others."""
-    room = NEAR * (layout.high - layout.low)
+    room = AT_BOUND_ROOM_SHARE * (layout.high - layout.low)
     none = np.isin(np.array(layout.names), ("dead_time",)) & (layout.low <= -layout.machine.plant.dead_time)
     at = ((theta <= layout.low + room) & ~none) | (theta >= layout.high - room)
     return [int(i) for i in np.flatnonzero(at) if layout.names[i] != "initial_friction_state"]

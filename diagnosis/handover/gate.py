@@ -33,12 +33,15 @@ from models.machine import Machine
 
 Array = NDArray[np.float64]
 
-PARTS: Final = 3  # into which the motions are divided; each is judged by a fit to the others
+FOLDS: Final = 3  # into which the motions are divided; each is judged by a fit to the others
 DRAWS: Final = 1000
 CHANCE: Final = 0.05  # one-sided level at which a candidate counts as worse
-HALF: Final = 0.5  # of an error, which a file surely leaves less of that may leave
-LITTLE: Final = 0.1  # more of the other one, of itself
-BELIEVED: Final = 3.0  # tolerances by which a file may move a value that the re-fit moves where nothing is wrong
+# A file that surely leaves less than this share of one error
+OUTWEIGHING_ERROR_RATIO: Final = 0.5
+# may leave more of the other one, by up to this share of it.
+MAX_RELATIVE_HARM: Final = 0.1
+# Tolerances by which a file may move a value that the re-fit moves where nothing is wrong.
+MAX_BIASED_MOVE_STDS: Final = 3.0
 ROUNDING: Final = 1e-6  # relative difference of errors that are equal but for their arithmetic
 MEASURES: Final = ("force", "position", "settling")
 
@@ -150,7 +153,7 @@ def is_believed(file: File, baseline: Baseline) -> bool:
         return False
     layout, theta = file.fitted.candidate.layout, file.fitted.candidate.theta
     own = np.array([CALLED.get(name, name) in baseline.biased for name in layout.names])
-    return bool(np.all(np.abs(theta[own]) <= BELIEVED * layout.deviation[own]))
+    return bool(np.all(np.abs(theta[own]) <= MAX_BIASED_MOVE_STDS * layout.deviation[own]))
 
 
 def _better(file: File, other: File, measure: str = "force", part: float = 1.0) -> bool:
@@ -166,9 +169,9 @@ def _closer(file: File, other: File) -> bool:
 def _outweighed(harms: Sequence[Harm], file: File, other: File) -> bool:
     """Whether a file that is a little worse in force or position surely leaves less than half of the other one."""
     (worse,) = harms if len(harms) == 1 else (None,)
-    if worse is None or worse.measure == "settling" or worse.after > (1 + LITTLE) * worse.before:
+    if worse is None or worse.measure == "settling" or worse.after > (1 + MAX_RELATIVE_HARM) * worse.before:
         return False
-    return _better(file, other, "position" if worse.measure == "force" else "force", HALF)
+    return _better(file, other, "position" if worse.measure == "force" else "force", OUTWEIGHING_ERROR_RATIO)
 
 
 def _apart(file: File, other: File, measure: str, part: float = 1.0) -> Array:
@@ -228,13 +231,13 @@ def held_out(finished: Finished, baseline: Baseline) -> Sums:
 
 def _by_part(of_part: Callable[[int], Sums], part: NDArray[np.int64]) -> Sums:
     """The errors of each motion by the file that was made without its part; part: of each motion (m,)."""
-    found = list(parallel_map(of_part, range(PARTS)))
+    found = list(parallel_map(of_part, range(FOLDS)))
     return Sums(*(np.choose(part, [getattr(one, field.name) for one in found]) for field in fields(Sums)))
 
 
 def parts(count: int) -> NDArray[np.int64]:
     """The number of the part [1] that each motion belongs to (count,), at random."""
-    return np.asarray(np.random.default_rng(0).permutation(count) % PARTS)
+    return np.asarray(np.random.default_rng(0).permutation(count) % FOLDS)
 
 
 def sums(left: Errors, baseline: Baseline) -> Sums:

@@ -38,7 +38,7 @@ from diagnosis.which.stage import Stage
 Array = NDArray[np.float64]
 
 ADOPTED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes whose effects may go into the machine
-BETWEEN: Final = 4  # iterations of the fits of stages between the first and the last
+STAGE_ITERATIONS: Final = 4  # iterations of the fits of stages between the first and the last
 FORMULA: Final = "(refitted^2 - after^2 + random^2) / (refitted^2 - floor^2)"
 UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
 
@@ -248,7 +248,7 @@ def _between(stages: Sequence[Stage], baseline: Baseline) -> list[tuple[str, Gap
     """What the files of the stages between the re-fit and the last one leave."""
     found = []
     for stage in stages[1:-1]:
-        one = finished(stage.fitted, baseline.records, BETWEEN)
+        one = finished(stage.fitted, baseline.records, STAGE_ITERATIONS)
         file = file_of(one.candidate, baseline.machine)
         left = errors_of(file.candidate, baseline.records, one.fitted.paths, baseline.driving)
         found.append((f"{stage.added}", left.gap()))

@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 SMALLEST: Final = 0.05  # of a value: the least that is drawn
 STEP: Final = 1e-3  # deviations, of a difference: a longer one has the curvature of logarithms, which spoils sums
-LEAST: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
+MIN_EIGENVALUE_RATIO: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
 
 
 def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[Machine, ...]:
@@ -136,7 +136,7 @@ def drawn(fitted: Fit, segment: NDArray[np.int64] | None, count: int, seed: int 
     wide = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(wide > 0, wide, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    root = vectors * np.sqrt(np.maximum(values, LEAST * values.max()))
+    root = vectors * np.sqrt(np.maximum(values, MIN_EIGENVALUE_RATIO * values.max()))
     low, high = (room / scale for room in _room(candidate))
     steps = scale * normal_within(root, low, high, count, np.random.default_rng([seed, 29]))
     return [_stepped(candidate, step) for step in steps]

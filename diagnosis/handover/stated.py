@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diagnosis.model.fit import Fit, coordinate_of, coordinates
 from diagnosis.which.table import covariance_of
 
-LITTLE: Final = 0.25  # part of the whole difference between the directions that is not worth a word
+MIN_DIRECTION_SHARE: Final = 0.25  # part of the whole difference between the directions that is not worth a word
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def direction(fitted: Fit) -> Direction | None:
         "the drag": 2 * speed * (asymmetry * drag + further),
     }
     whole = sum(parts.values())
-    alone = [name for name, size in parts.items() if abs(whole - size) < LITTLE * abs(whole)]
+    alone = [name for name, size in parts.items() if abs(whole - size) < MIN_DIRECTION_SHARE * abs(whole)]
     larger = "forwards" if whole > 0 else "backwards"
     names = tuple(dict.fromkeys(one.name for one in effects))
     return Direction(larger, abs(whole), speed, alone[0] if alone else "the whole friction", names)

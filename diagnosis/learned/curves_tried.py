@@ -29,13 +29,13 @@ Integers = NDArray[np.int64]
 
 KNOTS: Final = 12
 FINE: Final = 36  # knots over position, where a law may be narrow, and over time
-NARROW: Final = ("position",)  # coordinates over which knots are closer where the force bends
-PLACES: Final = 10  # parts of the way, of which those that bend most make half of all bending where a law is narrow
-BINS: Final = 4  # to a knot, in which the force is averaged for that
+REFINED_COORDINATES: Final = ("position",)  # coordinates over which knots are closer where the force bends
+WAY_PARTS: Final = 10  # parts of the way, of which those that bend most make half of all bending where a law is narrow
+BINS_PER_KNOT: Final = 4  # to a knot, in which the force is averaged for that
 TURN: Final = (6.0, 0.05)  # deviations of the reading, and contacts' lengths: the way back that makes a reversal
 FIRST: Final = 0.1  # of the friction, of the contacts' length: where knots over the command and the path begin
 SHORTLIST: Final = 4  # curves that are fitted to the innovations
-FAR: Final = 1e4  # SI: beyond any coordinate of an axis in motion, but the command's
+MAX_COORDINATE: Final = 1e4  # SI: beyond any coordinate of an axis in motion, but the command's
 SYMMETRIES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": ("plain", "directional"),
     "position": ("plain", "directional"),
@@ -94,7 +94,7 @@ class Curve:
         straight line are none there, too."""
         count = len(self.law.knots)
         whole = np.diff(np.eye(count), 2, axis=0)
-        if self.law.coordinate in NARROW:
+        if self.law.coordinate in REFINED_COORDINATES:
             apart = np.diff(self.law.knots)
             slopes = np.diff(np.eye(count), axis=0) / apart[:, None]
             whole = np.diff(slopes, axis=0) * 0.5 * (apart[1:] + apart[:-1])[:, None]
@@ -117,11 +117,11 @@ def curves_over(coordinate: str, symmetries: Sequence[str], fitted: Fit, records
     slow, turn = slow_and_turn(known)
     sizes = {"rest": {"slow": slow}, "path": {"turn": turn}}.get(coordinate, {})
     values = coordinate_values(coordinate, fitted, records, known)
-    force = unknown_less_mean(fitted, records)[0] if coordinate in NARROW else np.zeros(values.size)
+    force = unknown_less_mean(fitted, records)[0] if coordinate in REFINED_COORDINATES else np.zeros(values.size)
     for symmetry in symmetries if np.ptp(values[used]) > 0 else ():
         size = np.abs(values) if symmetry in {"even", "odd"} else values
         knots = _knots(coordinate, symmetry, size[used], known)
-        if coordinate in NARROW:
+        if coordinate in REFINED_COORDINATES:
             turns = directions(fitted) if symmetry == "directional" else np.ones(values.size)
             knots = _where_it_bends(knots, size[used], (force * turns)[used])
         if len(knots) > 2:
@@ -140,7 +140,7 @@ def coordinate_values(coordinate: str, fitted: Fit, records: Sequence[Record], k
     """What the effect sees as this coordinate at all samples (n,), one record after another, in its unit [SI]."""
     machine = fitted.candidate.machine
     slow, turn = slow_and_turn(known)
-    far = max(FAR, 10 * known.thrust) if coordinate == "command" else FAR
+    far = max(MAX_COORDINATE, 10 * known.thrust) if coordinate == "command" else MAX_COORDINATE
     line = Measured(coordinate, (-far, far), (-far, far), slow=slow, turn=turn)  # type: ignore[arg-type]
     seen = [
         replay(
@@ -179,15 +179,17 @@ def _where_it_bends(knots: Sequence[float], values: Array, force: Array) -> list
     (n,) [SI]: a rail's joint is narrow, and may be anywhere on a long way. For straight lines between knots, their
     density goes best with the curvature to the power of 2/5 (C. de Boor, A Practical Guide to Splines, 1978, chapter
     XII). The even ones where it bends all over, as a spring does."""
-    ends = np.linspace(knots[0], knots[-1], BINS * len(knots) + 1)
+    ends = np.linspace(knots[0], knots[-1], BINS_PER_KNOT * len(knots) + 1)
     bins = np.clip(np.searchsorted(ends, values, side="right") - 1, 0, ends.size - 2)
     counts, sums = (np.bincount(bins, of, ends.size - 1) for of in (None, force))
     seen = np.flatnonzero(counts)
     middle = 0.5 * (ends[1:] + ends[:-1])
     mean = np.interp(middle, middle[seen], sums[seen] / counts[seen])
-    smooth = np.convolve(np.pad(mean, BINS, mode="edge"), np.ones(BINS) / BINS, "same")[BINS:-BINS]
+    smooth = np.convolve(np.pad(mean, BINS_PER_KNOT, mode="edge"), np.ones(BINS_PER_KNOT) / BINS_PER_KNOT, "same")[
+        BINS_PER_KNOT:-BINS_PER_KNOT
+    ]
     curved = np.abs(np.gradient(np.gradient(smooth)))
-    if np.sum(np.sort(curved)[-curved.size // PLACES :]) < 0.5 * np.sum(curved):
+    if np.sum(np.sort(curved)[-curved.size // WAY_PARTS :]) < 0.5 * np.sum(curved):
         return list(knots)
     bent = curved**0.4
     density = bent / max(float(bent.mean()), 1e-300) + 1.0

@@ -25,7 +25,7 @@ Integers = NDArray[np.int64]
 SMOOTHNESS: Final = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1)  # weights of the bends, in a hat function's mean energy
 LEVEL: Final = 1e-4  # weight of the forces themselves beside that of their bends
 LEAST_SHARE: Final = 0.02  # of the whole gap, from which on a type of motion is reported by itself
-SHOWN: Final = 20.0  # samples' worth of a hat function from which on other types show it
+MIN_SHOWN_SAMPLES: Final = 20.0  # samples' worth of a hat function from which on other types show it
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def summed(curve: Curve, columns: Array, e: Array, motion: Integers, kind: Integ
     of_sample = kind[motion]
     shown = np.zeros(e.size, bool)
     for number in range(int(kind.max()) + 1):
-        elsewhere = size[of_sample != number].sum(axis=0) > SHOWN
+        elsewhere = size[of_sample != number].sum(axis=0) > MIN_SHOWN_SAMPLES
         shown |= (of_sample == number) & (size @ elsewhere > 0.5 * size.sum(axis=1))
     grams, slopes = by_motion(columns, e, motion)
     part, by = by_motion(columns * shown[:, None], e, motion)

@@ -44,7 +44,7 @@ SUBSTEPS: Final = 2  # of a sample interval, the force of which is a straight li
 BLOCK: Final = 8  # samples that `responses` filters at once
 STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
 FORGOTTEN: Final = 1e-4  # of a wrong start, below which it is not felt any more
-LONGEST: Final = 200_000  # samples for which a wrong start is followed
+MAX_START_SAMPLES: Final = 200_000  # samples for which a wrong start is followed
 FREE: Final = 1e3  # units of a wrong start: its deviation where no faster filter tells it
 FADED: Final = 1e-100  # [m], [m/s], ...: of a state in `responses`, below which there is none
 TOGETHER: Final = 8  # columns that it filters at once, so that its intermediate arrays stay small
@@ -90,7 +90,7 @@ class Predictor:
         for as many of the samples as feel it; 0 for the first ones, which do not count."""
         if samples not in self._starts_seen:
             slowest = float(np.max(np.abs(np.linalg.eigvals(self.closed))))
-            felt = min(STARTING + int(np.ceil(np.log(FORGOTTEN) / np.log(slowest))), LONGEST)
+            felt = min(STARTING + int(np.ceil(np.log(FORGOTTEN) / np.log(slowest))), MAX_START_SAMPLES)
             wrong, seen = np.zeros((self.C.size, 2)), np.empty((min(felt, samples), 2))
             wrong[[0, 1], [0, 1]] = -self.start_units
             _released(self.closed, self.C, wrong, seen)

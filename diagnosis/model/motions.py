@@ -22,7 +22,8 @@ from models.records.tables.sizes import RecordError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LONGEST: Final = 415.0  # loop times: long motions are cut into pieces of about this, so that none outweighs the others
+# Loop times: long motions are cut into pieces of about this, so that none outweighs the others.
+PIECE_LOOP_TIMES: Final = 415.0
 SHORTEST: Final = 5.5  # loop times: shorter motions are joined to the one before
 FEWEST: Final = 6  # motions that a diagnosis needs, because some are held out of every fit
 SAME: Final = 5.0  # deviations of the reading: tolerance between the references of equal motions
@@ -81,7 +82,7 @@ def pieces(records: Sequence[Record], loop: float = REFERENCE.loop) -> tuple[Pie
             end for i, end in enumerate(ends) if i == 0 or end - ends[i - 1] > SHORTEST * loop / ts or end == ends[-1]
         ]
         for start, stop in pairwise(ends):
-            parts = max(1, round((stop - start) * ts / (LONGEST * loop)))
+            parts = max(1, round((stop - start) * ts / (PIECE_LOOP_TIMES * loop)))
             edges = np.linspace(start, stop, parts + 1).astype(int)
             for a, b in pairwise(edges):
                 found.append(_piece(record, number, int(a), int(b)))

@@ -25,11 +25,12 @@ from models.variation import Origin, Variation, known_apart, varied
 Array = NDArray[np.float64]
 
 NOWHERE: Final = np.zeros(0, np.int64)
-FAR: Final = 3.0  # bound of a parameter, in prior standard deviations
-FURTHER: Final = 8.0  # bound of those in LOOSE: a drive or a preload may have been changed without a note in the file
+PRIOR_BOUND_STDS: Final = 3.0  # bound of a parameter, in prior standard deviations
+# Bound of those in LOOSE: a drive or a preload may have been changed without a note in the file.
+LOOSE_BOUND_STDS: Final = 8.0
 BELOW_NYQUIST: Final = 0.99  # of the Nyquist frequency, to which a re-fit may move a mode's frequency at most
-LOADED: Final = 20.0  # bound of the mass and of a mode's frequency: a load may have been left on the table
-MOST: Final = 1.0  # relative deviation of a value at most, as of a stated tolerance
+MASS_BOUND_STDS: Final = 20.0  # bound of the mass and of a mode's frequency: a load may have been left on the table
+MAX_RELATIVE_STD: Final = 1.0  # relative deviation of a value at most, as of a stated tolerance
 ABSOLUTE: Final = ("plant.dead_time", "drive.offset")  # values whose deviation is not a share of them
 UNKNOWN_DELAY: Final = 0.5  # sample times: deviation of a dead time that a file neglects; drives take one or two
 TOLERANCES: Final = {  # of the file that each parameter's prior is from, and the unit of its deviation
@@ -87,9 +88,9 @@ def parameters(machine: Machine, records: int) -> Parameters:
     rows = list(_rows(machine, records))
     names, usual, deviation = zip(*rows, strict=True)
     wide = np.array(deviation)
-    far = np.where(np.isin(names, LOOSE), FURTHER, FAR)
-    far[np.isin(names, ["payload_mass", "mode_frequency"])] = LOADED
-    high = np.maximum(far * np.array(usual), FAR * wide)
+    far = np.where(np.isin(names, LOOSE), LOOSE_BOUND_STDS, PRIOR_BOUND_STDS)
+    far[np.isin(names, ["payload_mass", "mode_frequency"])] = MASS_BOUND_STDS
+    high = np.maximum(far * np.array(usual), PRIOR_BOUND_STDS * wide)
     low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
     start, limit = np.array(names) == "initial_friction_state", np.array(names) == "presliding_limit"
     if machine.drive.travel > 0:  # a contact that would slip beyond the travel is a spring
@@ -97,7 +98,7 @@ def parameters(machine: Machine, records: int) -> Parameters:
         high[limit] = np.minimum(high[limit], within)
     mode = np.array(names) == "mode_frequency"
     high[mode] = np.minimum(high[mode], below_nyquist(machine))
-    longer = np.exp(np.minimum(FAR * wide[limit], high[limit]))  # the limits are fitted, too
+    longer = np.exp(np.minimum(PRIOR_BOUND_STDS * wide[limit], high[limit]))  # the limits are fitted, too
     high[start] = np.tile(np.array(machine.friction.limit) * longer, records)
     low[start] = -high[start]
     return Parameters(machine, records, names, wide, low, high)
@@ -119,7 +120,9 @@ def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
     def each(name: str, usual: float, path: str, count: int = 1) -> Iterator[tuple[str, float, float]]:
         one = stated.get(path)
         said = (0.0,) * count if one is None else one.deviations if path in ABSOLUTE else one.relative
-        yield from ((name, usual, max(usual, min(std, np.inf if path in ABSOLUTE else MOST))) for std in said)
+        yield from (
+            (name, usual, max(usual, min(std, np.inf if path in ABSOLUTE else MAX_RELATIVE_STD))) for std in said
+        )
 
     flexible = [f"plant.modes.{i + 1}" for i in plant.flexible]
     for i, mode in enumerate(plant.modes, start=1):

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 BAND: Final = (1.0, 4.0)  # in units of the frequency to which the loop controls the table
 WITHIN: Final = (0.2, 0.8)  # of half the sampling rate, where that band is beyond it
 BLOCK: Final = 24.0  # loop times of a spectrum: its lines are much narrower than the band
-LEAST: Final = 32  # samples of such a block at least
+MIN_BLOCK_SAMPLES: Final = 32  # samples of such a block at least
 MOVING: Final = 10  # blocks with motion from which on those at rest do not count
 
 
@@ -62,7 +62,7 @@ def steady_variance(innovations: Array, record: Record, loop: float) -> float:
     loop [s]: `units.loop_time`."""
     half = 0.5 / record.sample_time
     low, high = (np.array(BAND) / (2 * np.pi * loop)).clip(max=np.array(WITHIN) * half)
-    length = max(round(BLOCK * loop / record.sample_time), LEAST)
+    length = max(round(BLOCK * loop / record.sample_time), MIN_BLOCK_SAMPLES)
     e, course = innovations[STARTING:], record.reference[STARTING:]
     count = e.size // length
     if count < 2:

@@ -22,12 +22,13 @@ from models.records.record import Column, Record
 Array = NDArray[np.float64]
 
 LATEST: Final = 8  # samples by which a column may be added late, or early
-SURELY: Final = 0.1  # of the difference, up to which what a column leaves shows that it is there, however small it is
+# Of the difference, up to which what a column leaves shows that it is there, however small it is.
+MAX_LEFT_SHARE: Final = 0.1
 COPY: Final = 0.99  # correlation with the command from which on a column is the command in another unit
 OMITTED: Final = 0.01  # gain of a feedforward below which it does not act
-SMALL: Final = 0.02  # part of a column's range by which it departs from what it mostly is
+MIN_DEPARTURE_SHARE: Final = 0.02  # part of a column's range by which it departs from what it mostly is
 SHORTEST: Final = 10  # samples of one level that count as a pulse, or as what is between two
-MOSTLY: Final = 0.95  # of the samples that such levels have to cover, the others being edges
+MIN_LEVELS_SHARE: Final = 0.95  # of the samples that such levels have to cover, the others being edges
 AS_GOOD: Final = 1.05  # times what pulses leave, up to which a column that the file has is preferred
 
 
@@ -124,8 +125,8 @@ def _columns(record: Record, made: Array, begin: int, noise: float) -> Iterator[
         leaves, gain, delay = min(fits, key=lambda one: one[0])
         acts = gain * _late(values, delay)
         missing = acts - values if column.mapped else acts
-        large = SMALL * max(abs(gain), column.mapped) * float(np.ptp(values))
-        if leaves > SURELY * float(np.std(difference[inside])):
+        large = MIN_DEPARTURE_SHARE * max(abs(gain), column.mapped) * float(np.ptp(values))
+        if leaves > MAX_LEFT_SHARE * float(np.std(difference[inside])):
             large = max(noise, large)
         if large <= 0:
             continue
@@ -180,7 +181,7 @@ def _pulses(difference: Array, begin: int, noise: float) -> Added | None:
     edges = [begin, *cuts.tolist(), n]
     levels = [(a, b) for a, b in pairwise(edges) if b - a >= SHORTEST]
     covered = sum(b - a for a, b in levels)
-    if cuts.size == 0 or covered < MOSTLY * (n - begin):
+    if cuts.size == 0 or covered < MIN_LEVELS_SHARE * (n - begin):
         return None
     course, counts = np.full(n, np.nan), np.zeros(n, bool)
     for a, b in levels:

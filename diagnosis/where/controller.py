@@ -34,11 +34,11 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-LONGEST: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
-SHIFTS: Final = range(-LONGEST, LONGEST + 1)
+MAX_SHIFT_SAMPLES: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
+SHIFTS: Final = range(-MAX_SHIFT_SAMPLES, MAX_SHIFT_SAMPLES + 1)
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
-DELAYED: Final = 3  # delays of the reference [samples], from 0 on, beside which another part of the law is tried
+TRIED_DELAYS: Final = 3  # delays of the reference [samples], from 0 on, beside which another part of the law is tried
 SMOOTH: Final = 200  # samples in motion, from which on a reference shows whether it was rounded
 OFTEN: Final = 0.1  # of the samples in motion, up to which fourth differences that are not 0 are a path's corners
 AGAINST: Final = -0.5  # how two neighbouring fourth differences go together, from which on they are rounding
@@ -243,17 +243,17 @@ def _difference(record: Record, made: Array, begin: int, rating: float = math.in
 
 
 def _between_jumps(feedforward: Array, size: float) -> NDArray[np.bool_]:
-    """Which samples (n,) are farther than LONGEST from a jump of the feedforward by more than size [N]: what is added
-    behind a controller is logged as it was asked for, which at an edge is not yet as it acts. The record's ends, at
-    which a logger may have filtered with less than its window, are left out as in `_rms`."""
+    """Which samples (n,) are farther than MAX_SHIFT_SAMPLES from a jump of the feedforward by more than size [N]: what
+    is added behind a controller is logged as it was asked for, which at an edge is not yet as it acts. The record's
+    ends, at which a logger may have filtered with less than its window, are left out as in `_rms`."""
     jumps = np.abs(np.diff(feedforward, prepend=feedforward[:1])) > size
-    near = np.convolve(jumps, np.ones(2 * LONGEST + 1), "same") > 0
-    near[:LONGEST] = near[-LONGEST:] = True
+    near = np.convolve(jumps, np.ones(2 * MAX_SHIFT_SAMPLES + 1), "same") > 0
+    near[:MAX_SHIFT_SAMPLES] = near[-MAX_SHIFT_SAMPLES:] = True
     return np.asarray(~near)
 
 
 def _rms(record: Record, made: Array, begin: int) -> float:
-    return float(np.sqrt(np.mean(_difference(record, made, begin)[LONGEST:-LONGEST] ** 2)))
+    return float(np.sqrt(np.mean(_difference(record, made, begin)[MAX_SHIFT_SAMPLES:-MAX_SHIFT_SAMPLES] ** 2)))
 
 
 def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Iterator[tuple[str, float]]:
@@ -302,11 +302,11 @@ def _other_acceleration(record: Record, machine: Machine, begin: int) -> Iterato
     if control.cascade is None or not control.fed_forward:
         return
     bare = replace(control, cascade=replace(control.cascade, acceleration_feedforward=0.0))
-    for delay in dict.fromkeys((control.reference_delay, *range(DELAYED))):
+    for delay in dict.fromkeys((control.reference_delay, *range(TRIED_DELAYS))):
         alone = replay(record, bare.feedback, delay)
         part = replay(record, control.feedback, delay) - alone
         other = f"a reference delay of {_samples(delay)} instead of {control.reference_delay} and "
-        for shift in range(-LONGEST, LONGEST + 1):
+        for shift in range(-MAX_SHIFT_SAMPLES, MAX_SHIFT_SAMPLES + 1):
             if shift:
                 late = f"{_samples(abs(shift))} {'later' if shift > 0 else 'sooner'}"
                 words = f"{other if delay != control.reference_delay else ''}the acceleration feedforward {late}"

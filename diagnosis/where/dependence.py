@@ -32,7 +32,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-LEAST: Final = 3.0  # deviations of the noise's own chi-square, from which on there is something above the floor
+# Deviations of the noise's own chi-square, from which on there is something above the floor.
+MIN_EXCESS_STDS: Final = 3.0
 
 
 def of_innovations(
@@ -55,7 +56,7 @@ def of_innovations(
 
     energy, noise = energies(projection.e, samples), energies(np.sqrt(floor), samples)
     excess = float(energy.sum() - noise.sum())
-    if excess > LEAST * float(np.sqrt(2 * np.sum(floor**2))):
+    if excess > MIN_EXCESS_STDS * float(np.sqrt(2 * np.sum(floor**2))):
         energy = energy * (excess / float(energy.sum()))
     return Target(products, energy, RIDGES)
 

@@ -25,7 +25,8 @@ Integers = NDArray[np.int64]
 
 PHASES: Final = ("start", "accelerate", "cruise", "decelerate", "settle", "dwell", "excitation")
 BEGINNING: Final = 0.1  # fraction of a motion that is its start
-EVEN: Final = 0.05  # fraction of a motion's largest acceleration below which its speed counts as constant
+# Fraction of a motion's largest acceleration below which its speed counts as constant.
+MAX_STEADY_ACCELERATION_SHARE: Final = 0.05
 LOOK: Final = 2.8  # loop times: the reference moves where it changes within them by more than STEADY
 STEADY: Final = 0.5  # deviations of the reading
 DRAWS: Final = 400  # bootstrap samples
@@ -133,7 +134,7 @@ def _within(speed: Array) -> Integers:
     """accelerate, cruise or decelerate for each sample (n,) of a motion."""
     bend = np.gradient(np.abs(speed))
     phase = np.full(speed.size, PHASES.index("cruise"))
-    limit = EVEN * float(np.max(np.abs(bend)))
+    limit = MAX_STEADY_ACCELERATION_SHARE * float(np.max(np.abs(bend)))
     phase[bend > limit] = PHASES.index("accelerate")
     phase[bend < -limit] = PHASES.index("decelerate")
     return phase

@@ -38,9 +38,9 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-# Random walks of the unknown force, in the machine's usual white force a sample.
-SLOW: Final = 0.05
-FAST: Final = 3.75
+# Random walks of the unknown force, in the machine's usual white force a sample: one that follows it slowly, one fast.
+SLOW_WALK: Final = 0.05
+FAST_WALK: Final = 3.75
 WALKS: Final = tuple(np.geomspace(0.025, 25.0, 13))  # the likeliest of them is taken
 REACH: Final = 4000  # samples to either side over which the smoother's response to one reading is computed
 DOUBLINGS: Final = 40  # of the horizon in the smoother's covariance recursion: 2^40 samples are as good as infinite
@@ -93,7 +93,7 @@ class UnknownForce:
 
 def unknown_force(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece]) -> UnknownForce:
     """The force [N] that the fitted model lacks in the records, whose motions are the pieces."""
-    slow, fast = smoothed_force(fitted, records, SLOW), smoothed_force(fitted, records, FAST)
+    slow, fast = smoothed_force(fitted, records, SLOW_WALK), smoothed_force(fitted, records, FAST_WALK)
     likely = smoothed_force(fitted, records, likeliest_walk(fitted, records))
     noise = noise_deviation(fitted.candidate, records[0].sample_time, likely)
     return UnknownForce(slow, fast, likely, noise, noise_floor(fitted, records, pieces, likely))
@@ -219,12 +219,12 @@ def noise_floor(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece],
 def _from_innovations(fitted: Fit, records: Sequence[Record]) -> Floor:
     """A fast unknown force absorbs everything else, so that what it leaves of the readings is the scale's noise."""
     candidate, ts = fitted.candidate, records[0].sample_time
-    model = unweighted_predictor(candidate, ts, FAST)
+    model = unweighted_predictor(candidate, ts, FAST_WALK)
     residual = []
     for i, record in enumerate(records):
         residual.append(innovations(model, *_seen(model, fitted, record, i))[STARTING:])
     size = float(np.sqrt(np.mean(np.concatenate(residual) ** 2))) / model.deviation
-    force = size * noise_deviation(candidate, ts, smoothed_force(fitted, records, SLOW))
+    force = size * noise_deviation(candidate, ts, smoothed_force(fitted, records, SLOW_WALK))
     return Floor("innovations", force, size * noise(candidate.machine), size, 0, 0, None)
 
 

@@ -43,14 +43,14 @@ from diagnosis.where.energy import (
     shares,
     wavelengths,
 )
-from diagnosis.where.force import FAST, UnknownForce, borne_out, own_course, smoother_response, unknown_force
+from diagnosis.where.force import FAST_WALK, UnknownForce, borne_out, own_course, smoother_response, unknown_force
 from diagnosis.where.side import Side, sides
 from diagnosis.which.scan import NuisanceProjection, partial_out
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-FEW: Final = 200  # samples in motion below which nothing is said about the scatter
+MIN_MOVING_SAMPLES: Final = 200  # samples in motion below which nothing is said about the scatter
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def _energy(fitted: Fit, records: Sequence[Record], unknown: UnknownForce, sampl
     kinds = [str(kind) for kind in samples.kinds]
     both = samples.kind * len(PHASES) + samples.phase
     pairs = [f"{kind} | {phase}" for kind in kinds for phase in PHASES]
-    response = smoother_response(fitted.candidate, ts, FAST)[0]
+    response = smoother_response(fitted.candidate, ts, FAST_WALK)[0]
     position = np.concatenate([path.path.at_samples for path in fitted.paths])
     between = wavelengths(position)
     return EnergyShares(
@@ -203,7 +203,7 @@ def _scatter(
     """On what the size of the innovations depends while the table moves; at rest it depends on how the scale rounds."""
     size = np.abs(fitted.innovations)
     moving = replace(samples, counts=samples.counts & (samples.phase < PHASES.index("settle")))
-    if np.count_nonzero(moving.counts) < FEW:
+    if np.count_nonzero(moving.counts) < MIN_MOVING_SAMPLES:
         return ()
     change = np.concatenate([np.abs(np.diff(record.command, prepend=record.command[0])) for record in records])
     of = [Coordinate("command_change", "N", change, logarithmic=True)]

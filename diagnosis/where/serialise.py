@@ -15,7 +15,7 @@ from diagnosis.model.units import noise
 from diagnosis.where.controller import Replayed
 from diagnosis.where.coordinates import Explained, periodogram, pitches
 from diagnosis.where.energy import PHASES, Shares, bands
-from diagnosis.where.force import FAST, smoother_response
+from diagnosis.where.force import FAST_WALK, smoother_response
 from diagnosis.where.locate import Where
 from diagnosis.where.sentences import added_in_words, statements
 from diagnosis.where.side import force_or_reading
@@ -238,7 +238,7 @@ def _spectrum(where: Where, candidate: Candidate, records: Sequence[Record]) -> 
     frequency = parts[0][0][1:]
     sizes = np.array([record.position.size for record in records], float)
     power = np.average([part[1][1:] for part in parts], axis=0, weights=sizes)
-    response = smoother_response(candidate, ts, FAST)[0]
+    response = smoother_response(candidate, ts, FAST_WALK)[0]
     floor = 2 * ts * noise(candidate.machine) ** 2 * np.abs(np.fft.rfft(response)) ** 2
     there = np.interp(frequency, np.fft.rfftfreq(response.size, ts), floor)
     edges = np.unique(np.geomspace(1, frequency.size, LINES).astype(int) - 1)

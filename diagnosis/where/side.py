@@ -21,7 +21,7 @@ from diagnosis.model.parameters import initial_state
 from diagnosis.model.residual import shifted
 from diagnosis.where.coordinates import Coordinate, by_motion, folds, hat_functions, held_out
 from diagnosis.where.energy import Samples
-from diagnosis.which.scan import BINS, NuisanceProjection
+from diagnosis.which.scan import MAX_SPECTRUM_BINS, NuisanceProjection
 from models.effects.priors import REFERENCE, Units
 from models.records.record import Record
 from models.simulation.effect_kernel import replay
@@ -161,7 +161,7 @@ def _fine_pitch(
 ) -> tuple[float, int]:
     """(the period [m] within a range that agrees best with an error of the reading, number of periods searched)."""
     extent, begin = max(float(np.ptp(record.position)) for record in records), 0
-    width = max(within[0] / 6, 2 * max(extent, 2 * within[1]) / BINS)
+    width = max(within[0] / 6, 2 * max(extent, 2 * within[1]) / MAX_SPECTRUM_BINS)
     count = int(2 ** np.ceil(np.log2(2 * max(extent, 2 * within[1]) / width)))
     power = np.zeros(count // 2 + 1)
     for i, record in enumerate(records):

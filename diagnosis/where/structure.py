@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Columns = Callable[[Array], list[Array]]  # what the commands are linear in, by the free numbers
 Fit = tuple[list[float], Array, float]  # the free numbers, the columns' factors, and the rms [N] left
 
-MOST: Final = 5_000  # samples that are fitted, those in which the reference moves most
+MAX_FITTED_SAMPLES: Final = 5_000  # samples that are fitted, those in which the reference moves most
 LATEST: Final = 8  # samples by which the reference may wait
 FILTERS: Final = (0.0, 0.1, 0.3, 1.0, 2.0, 5.0, 10.0, 30.0)  # samples: a search for a filter begins at these times
 SAME: Final = 1.05  # times what another structure leaves, up to which a simpler one is as good
@@ -126,7 +126,7 @@ def _part(record: Record, begin: int) -> slice:
     """The samples that are fitted: those in which the reference moves most, and twice as many as do not count."""
     n = record.position.size
     moved = np.cumsum(np.abs(np.diff(record.reference, prepend=record.reference[0])))
-    length = min(n, max(MOST, 2 * begin))
+    length = min(n, max(MAX_FITTED_SAMPLES, 2 * begin))
     first = int(np.argmax(moved[length - 1 :] - moved[: n - length + 1]))
     return slice(first, first + length)
 

@@ -30,7 +30,7 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 REACH: Final = 400  # samples over which a pulse leaves its mark
-FEW: Final = 500  # samples of repeated motions
+MIN_REPEATED_SAMPLES: Final = 500  # samples of repeated motions, below which nothing is said
 SELDOM: Final = 2.0  # times the lateness of repeated motions that all may show: more is another law
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
@@ -67,7 +67,7 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
         [found[i] for i in group if found[i].start >= STARTING] for group in repeated(found, records, noise(machine))
     ]
     alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
-    if sum(one.step.size for one in alike) < FEW:
+    if sum(one.step.size for one in alike) < MIN_REPEATED_SAMPLES:
         return Lateness(0.0, 0.0, float("inf"))
     slope, spread = _slope(alike, left)
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]

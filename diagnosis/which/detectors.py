@@ -22,7 +22,7 @@ from diagnosis.model.parallel import parallel_map
 from diagnosis.model.units import noise
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.kinds import with_free_forms
-from diagnosis.which.random_force import NEAR, is_about, strongest_random_force
+from diagnosis.which.random_force import SAME_FREQUENCY_RATIOS, is_about, strongest_random_force
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
 from models.effects.base import parameters
@@ -30,7 +30,8 @@ from models.effects.motor import TimingJitter
 from models.effects.protocol import ControllerMismatch
 from models.effects.structure import FloorVibration
 
-AFAR: Final = (0.5, 1.5, 5.0)  # times the largest usual size: where a law is tried that is not linear on the way there
+# Times the largest usual size: where a law is tried that is not linear on the way there.
+NONLINEAR_SIZE_FACTORS: Final = (0.5, 1.5, 5.0)
 SIMULATED_PART: Final = 0.02  # of the commands are late in a simulation at least, so that a few records tell the mean
 
 
@@ -95,7 +96,7 @@ def _from_afar(seen: View, proposal: Proposal) -> Proposal:
         return proposal
     (item,) = items
     signs = (1.0, -1.0) if item.low < 0 else (1.0,)
-    sizes = [sign * far * item.high for sign in signs for far in AFAR]
+    sizes = [sign * far * item.high for sign in signs for far in NONLINEAR_SIZE_FACTORS]
     tried = [replace(effect, **{item.name: size}) for size in sizes]
     costs = list(parallel_map(lambda one: cost_with(seen.fitted, one, seen.baseline.records), tried))
     best = int(np.argmin(costs))
@@ -138,7 +139,9 @@ def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:
     groups = repeated(baseline.pieces, records, noise(fitted.candidate.nominal))
     if sum(map(len, groups)) < criteria.min_equal_motions:
         return False
-    near = scipy.signal.butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / records[0].sample_time, output="sos")
+    near = scipy.signal.butter(
+        2, np.array(SAME_FREQUENCY_RATIOS) * frequency, "bandpass", fs=1 / records[0].sample_time, output="sos"
+    )
     band = [scipy.signal.sosfiltfilt(near, one.innovations) for one in fitted.residuals]
     power, apart = (np.concatenate(list(one)) ** 2 for one in (band, scatter(groups, baseline.pieces, band)))
     alike = ~np.isnan(apart)

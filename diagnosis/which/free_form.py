@@ -25,7 +25,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-WIDER: Final = 10.0  # times a usual range, at either end, that the members of a free form have their shapes in
+# Times a usual range, at either end, that the members of a free form have their shapes in.
+SHAPE_RANGE_FACTOR: Final = 10.0
 MEMBERS: Final = 24  # of a free form at most
 PER_DECADE: Final = 3  # members, where that many suffice for the whole range
 HARMONICS: Final = 3  # of a period
@@ -81,7 +82,7 @@ def members(effect: Effect) -> tuple[Effect, ...]:
         times = range(1, HARMONICS + 1)
         return tuple(replace(effect, **{period.name: n * size if period.is_frequency else size / n}) for n in times)
     shapes = [item for item in items if item.role == "shape"]
-    spans = [(item.low / WIDER, item.high * WIDER) for item in shapes]
+    spans = [(item.low / SHAPE_RANGE_FACTOR, item.high * SHAPE_RANGE_FACTOR) for item in shapes]
     axes = [
         [(item.name, float(point)) for point in np.geomspace(*span, count)]
         for item, span, count in zip(shapes, spans, _counts(spans), strict=True)

@@ -34,18 +34,20 @@ NAME: Final = FloorVibration.name  # by which random forces are told
 BANDWIDTHS: Final = (0.1, 0.01)  # Hz; the first is that of the search, the others are tried at the line found
 # At these relative frequencies the same force must gain less, or it only follows a slow force.
 ASIDE: Final = (0.7, 1.4)
-WHITER: Final = (2.0, 4.0, 8.0)  # times the white force, which must gain less as well: it has all frequencies
-BETWEEN: Final = (10**-0.25, 10**0.25)  # of the levels that are tried, which are half a decade apart
-LEAST: Final = 0.125  # of the white force: the smallest level that is tried
-NARROWEST: Final = 0.01  # of the longest record's line: a narrower force keeps its phase for as long as records last
-WIDEST: Final = 0.1  # of a force's frequency: a wider one is no line
-OFF: Final = 3.0  # lines of a record by which a smoothed spectrum may put a force beside its frequency
-FEW: Final = 20  # samples to which no sine is fitted
-CYCLES: Final = 10.0  # of a force over which a sine is fitted to it
-SURE: Final = 100.0  # of -2 log likelihood: what gains more is found more finely than the grid is
-MOST: Final = 0.02  # of the friction: the largest, unless FEWEST reach further
-FEWEST: Final = 4  # levels, half a decade apart
-NEAR: Final = (0.8, 1.25)  # frequencies, relative, between which a force counts as being about one
+WHITER_FACTORS: Final = (2.0, 4.0, 8.0)  # times the white force, which must gain less as well: it has all frequencies
+LEVEL_FACTORS: Final = (10**-0.25, 10**0.25)  # of the levels that are tried, which are half a decade apart
+MIN_LEVEL_SHARE: Final = 0.125  # of the white force: the smallest level that is tried
+# Of the longest record's line: a narrower force keeps its phase for as long as records last.
+MIN_BANDWIDTH_LINES: Final = 0.01
+MAX_RELATIVE_BANDWIDTH: Final = 0.1  # of a force's frequency: a wider one is no line
+# Lines of a record by which a smoothed spectrum may put a force beside its frequency.
+MAX_FREQUENCY_OFFSET_LINES: Final = 3.0
+MIN_SINE_SAMPLES: Final = 20  # samples to which no sine is fitted
+SINE_FIT_CYCLES: Final = 10.0  # of a force over which a sine is fitted to it
+MIN_REFINED_GAIN: Final = 100.0  # of -2 log likelihood: what gains more is found more finely than the grid is
+MAX_FRICTION_SHARE: Final = 0.02  # of the friction: the largest, unless MIN_LEVELS reach further
+MIN_LEVELS: Final = 4  # levels, half a decade apart
+SAME_FREQUENCY_RATIOS: Final = (0.8, 1.25)  # frequencies, relative, between which a force counts as being about one
 WITHIN: Final = 0.9  # of half the sampling rate: up to there forces about a frequency are looked for
 BELOW_MODES: Final = 0.5  # of the lowest mode's frequency: above, what a wrong mode leaves would pass for one
 TRIED: Final = 3  # frequencies
@@ -54,7 +56,7 @@ STANDS: Final = (
     0.05  # of a contact's length, and of the friction: a reference, and a feedforward, that go less stand still
 )
 SETTLES: Final = 5.5  # loop times after which an axis has come to rest
-ENOUGH: Final = 0.05  # of all samples, at rest and in motion, from which on the two are compared
+MIN_COMPARED_SHARE: Final = 0.05  # of all samples, at rest and in motion, from which on the two are compared
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class RandomForce:
 
 def is_about(frequency: float, other: float) -> bool:
     """Whether two frequencies [Hz] are so near to each other that a force about one may be due to the other."""
-    return NEAR[0] < frequency / other < NEAR[1]
+    return SAME_FREQUENCY_RATIOS[0] < frequency / other < SAME_FREQUENCY_RATIOS[1]
 
 
 def with_sines(candidate: Candidate) -> Candidate:
@@ -91,7 +93,7 @@ def strongest_random_force(
     beside = _aside(best.resonance, fitted, records)
     if best.gain > max(map(_whole, beside)):
         best = _finer(best, fitted, records)
-        if best.gain - max(map(_whole, beside)) > SURE:
+        if best.gain - max(map(_whole, beside)) > MIN_REFINED_GAIN:
             best = _climbed(best, fitted, records)
         beside = [*_aside(best.resonance, fitted, records), *_of_whiter_forces(fitted, records)]
     line = best.resonance
@@ -113,7 +115,7 @@ def _finer(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> Random
     best = max(
         found, *(_strongest(fitted, records, frequency, one) for one in BANDWIDTHS[1:]), key=lambda one: one.gain
     )
-    between = [replace(best.resonance, level=factor * best.resonance.level) for factor in BETWEEN]
+    between = [replace(best.resonance, level=factor * best.resonance.level) for factor in LEVEL_FACTORS]
     tried = [RandomForce(one, _whole(_reductions(fitted, records, one))) for one in between]
     return max(best, *tried, key=lambda one: one.gain)
 
@@ -124,13 +126,18 @@ def _climbed(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> Rand
     change, and hardly how large it is: a force of half the size and four times the bandwidth is followed as well."""
 
     width = 1 / max(record.position.size * record.sample_time for record in records)  # Hz: of the longest record's line
-    least, most = (found.resonance.frequency + side * OFF * width for side in (-1, 1))
+    least, most = (found.resonance.frequency + side * MAX_FREQUENCY_OFFSET_LINES * width for side in (-1, 1))
 
     def higher(line: Resonance, hertz: float) -> Resonance:
         return replace(line, frequency=min(max(line.frequency + hertz, least), most))
 
     def narrower(line: Resonance, decades: float) -> Resonance:
-        return replace(line, bandwidth=min(max(line.bandwidth * 10**-decades, NARROWEST * width), WIDEST * most))
+        return replace(
+            line,
+            bandwidth=min(
+                max(line.bandwidth * 10**-decades, MIN_BANDWIDTH_LINES * width), MAX_RELATIVE_BANDWIDTH * most
+            ),
+        )
 
     if least <= 0:
         return found
@@ -138,7 +145,7 @@ def _climbed(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> Rand
     line = replace(best.resonance, level=_level(best.resonance.frequency, fitted, records) or best.resonance.level)
     seen = RandomForce(line, _whole(_reductions(fitted, records, line)))
     seen = _uphill(seen, narrower, (1.0, 0.25), fitted, records)
-    return seen if seen.gain > SURE else best
+    return seen if seen.gain > MIN_REFINED_GAIN else best
 
 
 def _level(frequency: float, fitted: Fit, records: Sequence[Record]) -> float:
@@ -150,9 +157,9 @@ def _level(frequency: float, fitted: Fit, records: Sequence[Record]) -> float:
     for record in records:
         inside = slice(begin + STARTING, begin + record.position.size)
         begin = inside.stop
-        if inside.stop - inside.start < max(1 / (frequency * record.sample_time), FEW):
+        if inside.stop - inside.start < max(1 / (frequency * record.sample_time), MIN_SINE_SAMPLES):
             continue
-        parts = max(int((inside.stop - inside.start) * record.sample_time * frequency / CYCLES), 1)
+        parts = max(int((inside.stop - inside.start) * record.sample_time * frequency / SINE_FIT_CYCLES), 1)
         pieces = (np.array_split(one[inside], parts) for one in (columns, fitted.innovations))
         for shape, left in zip(*pieces, strict=True):
             gram = shape.T @ shape
@@ -226,7 +233,7 @@ def evenness(gained: Array, resting: NDArray[np.bool_]) -> tuple[float, float]:
         return 0.0, math.inf
     shares = np.array([np.mean(resting), 1 - np.mean(resting)])
     expected = shares * float(np.sum(gained))
-    if np.min(shares) < ENOUGH or np.min(expected) <= 0:
+    if np.min(shares) < MIN_COMPARED_SHARE or np.min(expected) <= 0:
         return 0.0, math.inf
     parts, chance = np.array([np.sum(gained[resting]), np.sum(gained[~resting])]), 4 * np.sqrt(expected)
     return float(np.min((parts - chance) / expected)), float(np.min((parts + chance) / expected))
@@ -235,9 +242,9 @@ def evenness(gained: Array, resting: NDArray[np.bool_]) -> tuple[float, float]:
 def levels(white: float, friction: float) -> tuple[float, ...]:
     """The levels [N] that are tried, half a decade apart: from what the usual white force [N] hides to a part of the
     friction [N]."""
-    least = LEAST * white
-    count = math.floor(2 * math.log10(max(MOST * friction / least, 1.0))) + 1
-    return tuple(least * 10 ** (0.5 * i) for i in range(max(count, FEWEST)))
+    least = MIN_LEVEL_SHARE * white
+    count = math.floor(2 * math.log10(max(MAX_FRICTION_SHARE * friction / least, 1.0))) + 1
+    return tuple(least * 10 ** (0.5 * i) for i in range(max(count, MIN_LEVELS)))
 
 
 def _strongest(fitted: Fit, records: Sequence[Record], frequency: float, bandwidth: float) -> RandomForce:
@@ -259,7 +266,9 @@ def steadiness(
 ) -> float:
     """Median over mean [1] of the power of innovations (n,) about a frequency [Hz]: a floor shakes at rest, too. loop
     [s]: the machine's `units.loop_time`."""
-    near = scipy.signal.butter(2, np.array(NEAR) * frequency, "bandpass", fs=1 / sample_time, output="sos")
+    near = scipy.signal.butter(
+        2, np.array(SAME_FREQUENCY_RATIOS) * frequency, "bandpass", fs=1 / sample_time, output="sos"
+    )
     power = []
     for one in innovations:
         band = scipy.signal.sosfiltfilt(near, one)
@@ -275,11 +284,11 @@ def _reductions(fitted: Fit, records: Sequence[Record], resonance: Resonance) ->
 
 
 def _of_whiter_forces(fitted: Fit, records: Sequence[Record]) -> list[list[Array]]:
-    """`_reductions` by white forces of WHITER times the fit's, up to the one from which on a larger one gains less. A
-    drive whose force scatters a little more than its model's had a floor vibration of 39 mN in place of 10 mN of
-    noise: of all lines, that gains the most to which the loop is most sensitive."""
+    """`_reductions` by white forces of WHITER_FACTORS times the fit's, up to the one from which on a larger one gains
+    less. A drive whose force scatters a little more than its model's had a floor vibration of 39 mN in place of 10 mN
+    of noise: of all lines, that gains the most to which the loop is most sensitive."""
     candidate, found = fitted.candidate, list[list[Array]]()
-    for factor in WHITER:
+    for factor in WHITER_FACTORS:
         roughness = tuple(factor * candidate.roughness_of(i) for i in range(len(records)))
         reduced = _reduced_by(replace(candidate, roughness=roughness), fitted, records)
         if found and _whole(reduced) < _whole(found[-1]):
@@ -336,7 +345,9 @@ def _highest(machine: Machine, usual: float, sample_time: float) -> float:
     """Up to which frequency [Hz] a random force is looked for: the usual one or, as what shakes belongs to the site and
     not to the machine, a part of the lowest mode's; within what records of this sample time [s] hold."""
     modes = [machine.plant.modes[i].frequency for i in machine.plant.flexible]
-    return min(max(usual, BELOW_MODES * min(modes, default=np.inf)), WITHIN / NEAR[1] / 2 / sample_time)
+    return min(
+        max(usual, BELOW_MODES * min(modes, default=np.inf)), WITHIN / SAME_FREQUENCY_RATIOS[1] / 2 / sample_time
+    )
 
 
 def _usual_power(bins: Array, power: Array, low: float, high: float) -> Array:

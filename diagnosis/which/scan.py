@@ -44,7 +44,7 @@ MIN_ORTHOGONAL_FRACTION: Final = 0.3
 """A column is reused in another fit only if at least this share of its energy is orthogonal to the fit's own
 parameters: of what they mostly explain, too little remains for it to be the same in both."""
 HIGHEST: Final = 0.8  # of half the sampling rate: above, the samples hold too little of an oscillation to name it
-BINS: Final = 1 << 24  # A spectrum over a coordinate has no more: 0.13 GB.
+MAX_SPECTRUM_BINS: Final = 1 << 24  # A spectrum over a coordinate has no more: 0.13 GB.
 PADDED: Final = {"position": 8, "reading": 2, "command": 2, "time": 2}
 """Times its coordinate's extent over which a spectrum is taken, so that a line is found between its bins."""
 
@@ -378,9 +378,9 @@ def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded:
     """The periods between low and high at which sines of a coordinate agree the most with weights (n,), over all spans
     [unit of the coordinate], of each decade the first few: what is left of long waves would hide all short ones.
     padded: times its extent that the spectrum is taken over; from 4 on the lines of a peak count once [1]. Periods
-    below about BINS^-1 of the extent are not searched for: memory is bounded."""
+    below about MAX_SPECTRUM_BINS^-1 of the extent are not searched for: memory is bounded."""
     extent = max(float(np.ptp(coordinate)) for coordinate, _ in spans)
-    width = max(low / 8, padded * max(extent, 2 * high) / BINS)
+    width = max(low / 8, padded * max(extent, 2 * high) / MAX_SPECTRUM_BINS)
     count = int(2 ** np.ceil(np.log2(padded * max(extent, 2 * high) / width)))
     if (1 / low - 1 / high) * count * width < LINES:  # a range too narrow for a spectrum
         return [float(1 / wave) for wave in np.linspace(1 / high, 1 / low, LINES)]

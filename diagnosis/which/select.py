@@ -26,7 +26,7 @@ from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import started, weighed
 from diagnosis.which.detectors import detect, view
 from diagnosis.which.kinds import beside_free_forms, periods_shown
-from diagnosis.which.random_force import SURE, as_seen, is_about
+from diagnosis.which.random_force import MIN_REFINED_GAIN, as_seen, is_about
 from diagnosis.which.scan import HIGHEST, Columns
 from diagnosis.which.stage import Proposal, Stage
 from models.effects.base import Effect, parameters
@@ -122,7 +122,7 @@ class RecordSearch:
             fitted = started(fitted, records)
         if fitted.candidate.rough and not self.baseline.biased:  # whose weights are not those of the records
             fitted = weighed(fitted, records, self.criteria, lambda: self.baseline.null.usual)
-        if trial.proposal.decided and trial.proposal.gain > SURE:
+        if trial.proposal.decided and trial.proposal.gain > MIN_REFINED_GAIN:
             fitted = as_seen(fitted, records)
         return replace(trial, fitted=fitted)
 

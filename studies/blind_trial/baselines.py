@@ -19,7 +19,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.model.fit import weights
 from diagnosis.model.motions import numbered
 from diagnosis.model.residual import columns
-from diagnosis.where.force import SLOW, smoothed_force
+from diagnosis.where.force import SLOW_WALK, smoothed_force
 from diagnosis.which.scan import NuisanceProjection, partial_out, quadratures
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
@@ -111,7 +111,7 @@ def _sparse(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
     """The classes of the functions that thresholded least squares keeps, by the variance they explain."""
     from pysindy import STLSQ
 
-    force = np.concatenate(smoothed_force(found.baseline.nominal, found.baseline.records, SLOW).values)
+    force = np.concatenate(smoothed_force(found.baseline.nominal, found.baseline.records, SLOW_WALK).values)
     library = [
         _library(one, seen) for one, seen in zip(found.baseline.records, found.baseline.nominal.paths, strict=True)
     ]

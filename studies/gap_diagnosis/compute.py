@@ -25,7 +25,7 @@ from diagnosis.handover.files import Content
 from diagnosis.handover.overrun import OVERRUN, as_told, overrun
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine, without_effects
-from diagnosis.model.motions import LONGEST, Piece
+from diagnosis.model.motions import PIECE_LOOP_TIMES, Piece
 from diagnosis.model.parameters import moved, priors
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
@@ -244,7 +244,7 @@ def _results(
         "quick": options.quick,
         "truth": given.truth,
         "records": _with_motions(given.shown, found.baseline.pieces),
-        "motion_part_s": LONGEST * loop_time(found.baseline.machine),
+        "motion_part_s": PIECE_LOOP_TIMES * loop_time(found.baseline.machine),
         "shifts": _shifts(found),
         "friction_elements": _friction_elements(found),
         "criteria": [

@@ -11,7 +11,7 @@ import pytest
 from diagnosis import refit as refit_module
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import one_step
-from diagnosis.model.parameters import FURTHER, applied, parameters
+from diagnosis.model.parameters import LOOSE_BOUND_STDS, applied, parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit_within, shifts, wrong_values
 from models.effects.base import Effect
@@ -61,7 +61,7 @@ def test_what_is_re_fitted_keeps_to_the_tolerance_of_the_machine_file() -> None:
     loose = replace(MACHINE, tolerance=Tolerance(offset=3.0))
     usual, wide = parameters(MACHINE, 1), parameters(loose, 1)
     (at,) = usual.of("amplifier_offset")
-    assert [usual.deviation[at], wide.deviation[at], wide.high[at]] == [0.2, 3.0, FURTHER * 3.0]
+    assert [usual.deviation[at], wide.deviation[at], wide.high[at]] == [0.2, 3.0, LOOSE_BOUND_STDS * 3.0]
     rest = np.setdiff1d(np.arange(usual.count), at)
     assert np.array_equal(usual.high[rest], wide.high[rest])
     theta = np.zeros(wide.count)

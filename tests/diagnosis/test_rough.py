@@ -140,7 +140,7 @@ def test_a_line_gains_no_more_than_a_larger_white_force_where_that_is_what_is_th
     fitted = within_rating(MACHINE, records)
     own = partial_out(fitted, numbered(pieces(records), records))
     beside = strongest_random_force(fitted, records, own)
-    monkeypatch.setattr(random_force, "WHITER", ())
+    monkeypatch.setattr(random_force, "WHITER_FACTORS", ())
     alone = strongest_random_force(fitted, records, own)
     assert beside is not None
     assert alone is not None

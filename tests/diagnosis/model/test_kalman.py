@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.model.kalman import (
-    LONGEST,
+    MAX_START_SAMPLES,
     STARTING,
     SUBSTEPS,
     Predictor,
@@ -150,7 +150,7 @@ def test_the_smoother_finds_the_unknown_force_better_than_the_filter() -> None:
 def test_a_table_that_moves_when_its_record_begins_leaves_white_innovations(starting_walk: float | None) -> None:
     """However slow the filter: from rest at the first reading, it takes thousands of samples to settle."""
     model = _model(walk=1e-5, white_force=1e-3, starting_walk=starting_walk)
-    seen = model.start_seen(LONGEST)
+    seen = model.start_seen(MAX_START_SAMPLES)
     length = len(seen)
     assert length > 3000
     begin = (3e-7, 1e-4)

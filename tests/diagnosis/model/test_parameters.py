@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 from diagnosis.experiments.schedules import strokes
 from diagnosis.handover.final_fit import at_bounds, with_more_room
 from diagnosis.model.fit import _step_bounds
-from diagnosis.model.parameters import FAR, FURTHER, LOADED, applied, bounded, moved, parameters, priors
+from diagnosis.model.parameters import (
+    LOOSE_BOUND_STDS,
+    MASS_BOUND_STDS,
+    PRIOR_BOUND_STDS,
+    applied,
+    bounded,
+    moved,
+    parameters,
+    priors,
+)
 from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit
 from models.friction import elements
@@ -131,7 +140,7 @@ def test_no_dead_time_goes_below_zero(dead_time: float, share: float) -> None:
     layout = parameters(machine, 1)
     theta = np.where(layout.of("dead_time")[0] == np.arange(layout.count), share * 1e-3, 0.0)
     found = applied(layout, bounded(layout, theta)).plant.dead_time
-    assert 0.0 <= found <= dead_time + FURTHER * layout.deviation[layout.of("dead_time")][0] * (1 + 1e-12)
+    assert 0.0 <= found <= dead_time + LOOSE_BOUND_STDS * layout.deviation[layout.of("dead_time")][0] * (1 + 1e-12)
 
 
 def test_a_dead_time_that_is_neglected_may_be_any_that_a_drive_has() -> None:
@@ -178,7 +187,7 @@ def test_a_stated_deviation_widens_a_prior_and_never_narrows_it() -> None:
     assert np.array_equal(sure.high, usual.high)
     (at,) = usual.of("payload_mass")
     assert vague.deviation[at] == pytest.approx(0.2)
-    assert vague.high[at] == pytest.approx(max(LOADED * usual.deviation[at], FAR * 0.2))
+    assert vague.high[at] == pytest.approx(max(MASS_BOUND_STDS * usual.deviation[at], PRIOR_BOUND_STDS * 0.2))
     assert lost.deviation[at] == 1.0
     others = np.arange(usual.count) != at
     assert np.array_equal(vague.deviation[others], usual.deviation[others])
@@ -203,5 +212,5 @@ def test_each_contact_has_the_prior_that_the_file_knows_it_by() -> None:
     layout = parameters(MACHINE.with_value("friction.limit", limit, Provenance("identified", "x", std=each)), 2)
     own, start = layout.of("presliding_limit"), layout.of("initial_friction_state")
     assert layout.deviation[own] == pytest.approx([0.3, *[MACHINE.tolerance.limit] * (len(limit) - 1)])
-    assert layout.high[start[0]] == pytest.approx(limit[0] * np.exp(FAR * 0.3))
-    assert layout.high[start[1]] == pytest.approx(limit[1] * np.exp(FAR * MACHINE.tolerance.limit))
+    assert layout.high[start[0]] == pytest.approx(limit[0] * np.exp(PRIOR_BOUND_STDS * 0.3))
+    assert layout.high[start[1]] == pytest.approx(limit[1] * np.exp(PRIOR_BOUND_STDS * MACHINE.tolerance.limit))

@@ -15,7 +15,7 @@ from diagnosis.model.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
 from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches, since_turn
 from diagnosis.where.energy import PHASES, Samples, label_samples, shares, wavelengths
-from diagnosis.where.force import FAST, REACH, SLOW, steady_deviation
+from diagnosis.where.force import FAST_WALK, REACH, SLOW_WALK, steady_deviation
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import Topic, statements
 from diagnosis.where.serialise import pictures, to_json
@@ -53,7 +53,7 @@ def samples(motions: int, length: int) -> Samples:
     )
 
 
-@pytest.mark.parametrize("walk", [SLOW * WHITE_FORCE, 0.05])
+@pytest.mark.parametrize("walk", [SLOW_WALK * WHITE_FORCE, 0.05])
 def test_the_band_holds_a_force_that_walks_as_assumed(walk: float) -> None:
     """The reading of a force that walks by exactly `walk`, through the linear table: 95 % within 1.96 deviations."""
     machine, n = table(), 20000
@@ -71,7 +71,7 @@ def test_the_band_holds_a_force_that_walks_as_assumed(walk: float) -> None:
     assert np.mean(np.abs(error) < 1.96) == pytest.approx(0.95, abs=0.03)
 
 
-@pytest.mark.parametrize("walk", [SLOW * WHITE_FORCE, FAST * WHITE_FORCE])
+@pytest.mark.parametrize("walk", [SLOW_WALK * WHITE_FORCE, FAST_WALK * WHITE_FORCE])
 def test_the_steady_deviation_is_the_sum_of_what_each_noise_does(walk: float) -> None:
     """By the smoother's answers to one reading, one push and one step of the force, far from the ends."""
     plant, ts = table().plant, table().sample_time

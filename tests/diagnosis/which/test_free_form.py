@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from diagnosis.which.free_form import HARMONICS, MEMBERS, WIDER, members, ridge_regression
+from diagnosis.which.free_form import HARMONICS, MEMBERS, SHAPE_RANGE_FACTOR, members, ridge_regression
 from diagnosis.which.scan import FOLDS, NuisanceProjection
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import every
@@ -28,8 +28,8 @@ def test_its_shapes_go_far_beyond_their_usual_range(law: Stribeck | DwellBreakaw
     for item in parameters(type(law)):
         sizes = [getattr(one, item.name) for one in members(law)]
         if item.role == "shape":
-            assert min(sizes) == pytest.approx(item.low / WIDER)
-            assert max(sizes) == pytest.approx(item.high * WIDER)
+            assert min(sizes) == pytest.approx(item.low / SHAPE_RANGE_FACTOR)
+            assert max(sizes) == pytest.approx(item.high * SHAPE_RANGE_FACTOR)
         else:
             assert set(sizes) == {getattr(law, item.name)}
 

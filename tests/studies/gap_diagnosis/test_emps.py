@@ -17,7 +17,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.handover.files import judged
 from diagnosis.how_far import errors_of
-from diagnosis.model.parameters import FAR, FURTHER, LOADED
+from diagnosis.model.parameters import LOOSE_BOUND_STDS, MASS_BOUND_STDS, PRIOR_BOUND_STDS
 from diagnosis.model.residual import smooth
 from diagnosis.refit import refit_within
 from models.effects.friction_laws import DirectionalFriction, ViscousFriction
@@ -255,7 +255,11 @@ def test_weighed_as_this_drive_needs_it_nothing_runs_to_its_bound(results: dict[
     assert float(told) == pytest.approx(results["white_force_N"]["taken"], rel=0.03)
     assert not [row["name"] for row in results["shifts"] if abs(row["moved"]) > 2.0]
     bounds = {row["name"]: row["bound"] for row in results["shifts"]}
-    assert (bounds["presliding_limit"], bounds["amplifier_offset"], bounds["payload_mass"]) == (FAR, FURTHER, LOADED)
+    assert (bounds["presliding_limit"], bounds["amplifier_offset"], bounds["payload_mass"]) == (
+        PRIOR_BOUND_STDS,
+        LOOSE_BOUND_STDS,
+        MASS_BOUND_STDS,
+    )
     distance = next(row["parameters"]["distance"] for row in results["which"])
     assert max(distance["value"], distance["std"]) > 1e-6  # far from determined, so that the bound says nothing
     assert distance["value"] < 1e-4
